@@ -1,0 +1,39 @@
+"""The plants of the chapter as equations: one file a system, no physics engine."""
+
+from __future__ import annotations
+
+from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.plants.arm import ARM, ArmParameters
+from grosmc_mj.plants.cart_pendulum import CART_PENDULUM, CartPendulumParameters
+from grosmc_mj.plants.servo import SERVO, ServoParameters
+from grosmc_mj.plants.system import AnalyticPlant, Signal, System, Variant
+
+SYSTEMS: dict[str, System] = {system.name: system for system in (SERVO, CART_PENDULUM, ARM)}
+
+
+def find_system(name: str) -> System:
+    """The system of that name.
+
+    Raises:
+        ModelError: If there is none.
+    """
+    try:
+        return SYSTEMS[name]
+    except (KeyError, TypeError):
+        raise ModelError(unknown_name("system", name, SYSTEMS)) from None
+
+
+__all__ = [
+    "ARM",
+    "CART_PENDULUM",
+    "SERVO",
+    "SYSTEMS",
+    "AnalyticPlant",
+    "ArmParameters",
+    "CartPendulumParameters",
+    "ServoParameters",
+    "Signal",
+    "System",
+    "Variant",
+    "find_system",
+]

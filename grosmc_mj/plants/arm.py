@@ -1,0 +1,144 @@
+"""The 1-DOF arm of section 4.3: eq. (57)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grosmc_mj.errors import ModelError
+from grosmc_mj.jitable import jitable
+from grosmc_mj.plants.system import Column, Signal, System, Variant, require_positive
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True)
+class ArmParameters:
+    """Numbers of eq. (57), with M(q) = J + m l^2 + M_c (1 + sin q).
+
+    The nominal model has J + m l^2 = 0.04 and M_c = 0.06 kg m^2, which is the chapter's
+    M(q) = 0.1 + 0.06 sin q.
+
+    Attributes:
+        m: Payload at the end of the link [kg].
+        l: Length of the link [m].
+        g: Gravity [m/s^2].
+        J: Inertia at the joint that no edit of the link changes [kg m^2].
+        M_c: Inertia A r^2/2 that the cable reflects to the joint [kg m^2].
+        printed: 1 for C(q, q') = 0.03 cos q as printed, 0 for the energy-true
+            C = 0.03 cos(q) q'.
+    """
+
+    m: float
+    l: float
+    g: float
+    J: float
+    M_c: float
+    printed: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("arm", m=self.m, l=self.l, g=self.g, J=self.J)
+
+    @classmethod
+    def from_model(cls, model: mujoco.MjModel, variant: Variant) -> ArmParameters:
+        """Read m, l, g, J and M_c back from a compiled model.
+
+        Raises:
+            ModelError: If the payload is not on the link's x axis, or the drum is not above the
+                joint at the eyelet's radius.
+        """
+        link, joint = model.body("link"), model.joint("joint")
+        eyelet, drum = model.site("eyelet").pos, model.site("drum").pos - model.body("hub").pos
+        r = float(eyelet[0])
+        if np.any(link.ipos[1:]) or np.any(link.pos):
+            raise ModelError("arm: the payload must lie on the x axis of a link at the joint")
+        if np.any(eyelet[1:]) or not np.allclose(drum, [0, 0, r], rtol=0, atol=1e-12):
+            raise ModelError(
+                f"arm: the eyelet {eyelet} and the drum {drum} must be at the same radius, one "
+                "along the link and one above the joint, or M(q) is not 0.1 + 0.06 sin q"
+            )
+        hub = model.body("hub")
+        return cls(
+            m=float(link.mass[0]),
+            l=float(link.ipos[0]),
+            g=float(-model.opt.gravity[2]),
+            J=float(model.dof_armature[joint.dofadr[0]] + hub.inertia[1] + link.inertia[1]),
+            M_c=float(model.tendon_armature[model.tendon("cable").id]) * r * r / 2,
+            printed=float(variant == "printed"),
+        )
+
+
+@jitable
+def inertia(q: float, p: Any) -> float:
+    """M(q) of eq. (57)."""
+    return p.J + p.m * p.l * p.l + p.M_c * (1 + math.sin(q))
+
+
+@jitable
+def coriolis(q: float, dq: float, p: Any) -> float:
+    """C(q, q') of eq. (57): M'(q)/2 as printed; energy needs M'(q) q'/2."""
+    half_slope = 0.5 * p.M_c * math.cos(q)
+    return half_slope if p.printed != 0.0 else half_slope * dq
+
+
+@jitable
+def drift(x: Any, p: Any) -> Column:
+    """f(x) of eq. (57): -(C q' + G)/M; x = [q, q'], q = 0 horizontal."""
+    gravity = p.m * p.g * p.l * math.cos(x[0])
+    return (x[1], -(coriolis(x[0], x[1], p) * x[1] + gravity) / inertia(x[0], p))
+
+
+@jitable
+def input_matrix(x: Any, p: Any) -> Column:
+    """g(x) of eq. (57); the input is the joint torque tau."""
+    return (0.0, 1 / inertia(x[0], p))
+
+
+@jitable
+def disturbance(x: Any, w: Any, p: Any) -> Column:
+    """Accelerations under wrenches on hub (w[0:6]) and link (w[6:12]).
+
+    The joint is along -y, and the payload at (l cos q, l sin q) from it in the x-z plane; the
+    hub's centre of mass is on the axis. The chapter's d(t) is minus a torque about the joint.
+    """
+    s, c = math.sin(x[0]), math.cos(x[0])
+    Q = p.l * (c * w[8] - s * w[6]) - w[4] - w[10]
+    return (0.0, Q / inertia(x[0], p))
+
+
+@jitable
+def singular(x: Any) -> bool:
+    """Whether the eyelet has reached the drum: the cable has length zero at q = pi/2."""
+    return x[0] >= math.pi / 2 or x[0] <= -1.5 * math.pi
+
+
+@jitable
+def linearizable(x: Any) -> bool:
+    """Wherever the plant is regular, since 1/M(q) > 0."""
+    return not singular(x)
+
+
+ARM = System(
+    name="arm",
+    title="1-DOF arm",
+    positions=(Signal("joint angle", "q", "rad"),),
+    velocities=(Signal("joint rate", "q̇", "rad/s"),),
+    input=Signal("torque", "τ", "N m"),
+    output=0,
+    joints=("joint",),
+    actuator="torque",
+    bodies=("hub", "link"),
+    variants=("printed", "corrected"),
+    read_parameters=ArmParameters.from_model,
+    drift=drift,
+    input_matrix=input_matrix,
+    disturbance=disturbance,
+    singular=singular,
+    singularity="q >= pi/2, where the cable has length zero",
+    linearizable=linearizable,
+    region="q < pi/2",
+)
