@@ -1,0 +1,111 @@
+"""The optimum that the chapter makes robust: LQR and its nominal trajectory."""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from grosmc_mj.errors import ArgumentError, GainError
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import control
+
+Array = NDArray[np.float64]
+
+
+class LqrDesign(NamedTuple):
+    """An LQR design for x' = A x + B u.
+
+    Attributes:
+        A: State matrix, (n, n).
+        B: Input matrix, (n, m).
+        Q: State weight, (n, n).
+        R: Input weight, (m, m).
+        K: Gain of u = -K x, (m, n): R^-1 B' P of eq. (5).
+        P: Solution of the Riccati equation (6), (n, n).
+    """
+
+    A: Array
+    B: Array
+    Q: Array
+    R: Array
+    K: Array
+    P: Array
+
+    @property
+    def closed_loop(self) -> Array:
+        """A - B K of eqs. (7), (30) and (50), (n, n)."""
+        return self.A - self.B @ self.K
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A - B K [1/s], (n,)."""
+        return np.linalg.eigvals(self.closed_loop).astype(complex)
+
+    def optimal_cost(self, x0: ArrayLike) -> float:
+        """J* = x0' P x0 / 2, the least value of the index (4)."""
+        x0 = np.asarray(x0, float)
+        return float(0.5 * x0 @ self.P @ x0)
+
+    def optimal_trajectory(self, x0: ArrayLike, time: Array) -> Array:
+        """x*(t) = exp((A - B K) t) x0 of eqs. (7), (30) and (50), exact at every instant.
+
+        The rows known so far give as many more through one exponential, so N instants take
+        log2 N of them.
+
+        Args:
+            x0: Start, (n,).
+            time: Equally spaced instants from 0 [s], (N,).
+
+        Returns:
+            x*, (N, n).
+
+        Raises:
+            ArgumentError: If the instants are not equally spaced from 0.
+        """
+        time = np.asarray(time, float)
+        h = time[1] - time[0] if len(time) > 1 else 0.0
+        if not np.allclose(time, np.arange(len(time)) * h, rtol=1e-9, atol=0):
+            raise ArgumentError("the optimal trajectory needs equally spaced instants from t = 0")
+        rows = np.asarray(x0, float)[None]
+        while len(rows) < len(time):
+            transition = scipy.linalg.expm(self.closed_loop * (h * len(rows)))
+            rows = np.concatenate([rows, rows @ transition.T])
+        return rows[: len(time)]
+
+
+def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
+    """Design the optimal law (5) for the index (4) from the Riccati equation (6).
+
+    Args:
+        A: State matrix, (n, n).
+        B: Input matrix, (n, m).
+        Q: Positive semidefinite weight of the state, (n, n).
+        R: Positive definite weight of the input, (m, m) or a number.
+
+    Raises:
+        GainError: If shapes do not fit, Q or R is not definite as needed, or (A, B) is not
+            stabilizable.
+    """
+    A, B, Q, R = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (A, B, Q, R))
+    n, m = len(A), B.shape[-1]
+    shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}
+    for name, (matrix, shape) in shapes.items():
+        if matrix.shape != shape:
+            raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
+        if not np.all(np.isfinite(matrix)):
+            raise GainError(f"LQR: {name} must be finite, is {matrix.tolist()}")
+    if np.linalg.eigvalsh(Q).min() < -1e-12 * max(1.0, float(np.abs(Q).max())):
+        raise GainError(f"LQR: Q must be positive semidefinite, is {Q.tolist()}")
+    if np.linalg.eigvalsh(R).min() <= 0:
+        raise GainError(f"LQR: R must be positive definite, is {R.tolist()}")
+    try:
+        K, P, _ = control.lqr(A, B, Q, R)
+    except Exception as error:  # python-control and slycot raise several kinds
+        raise GainError(f"LQR: no stabilizing solution of the Riccati equation: {error}") from error
+    return LqrDesign(A, B, Q, R, np.asarray(K), np.asarray(P))
