@@ -1,0 +1,1 @@
+"""The closed loop on analytic plants and in MuJoCo."""

@@ -1,0 +1,95 @@
+"""A plant whose motion MuJoCo computes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import mujoco
+
+from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
+from grosmc_mj.plants import AnalyticPlant, System, Variant, find_system
+from grosmc_mj.simulation.edits import BodyEdit, apply_edits
+from grosmc_mj.simulation.models import compile_spec, load_spec
+
+Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoPlant:
+    """A system's MJCF model, possibly with edited bodies, another timestep or integrator.
+
+    Attributes:
+        system: Names and equations of the system.
+        spec: The nominal model; never changed.
+        edits: Edits of the nominal model.
+        timestep: Physics timestep [s]; None for the model's own.
+        integrator: MuJoCo's integrator; None for the model's own.
+    """
+
+    system: System
+    spec: mujoco.MjSpec
+    edits: tuple[BodyEdit, ...] = ()
+    timestep: float | None = None
+    integrator: Integrator | None = None
+
+    @classmethod
+    def load(
+        cls,
+        name: str,
+        *,
+        edits: tuple[BodyEdit, ...] = (),
+        timestep: float | None = None,
+        integrator: Integrator | None = None,
+    ) -> MujocoPlant:
+        """The plant of a shipped model.
+
+        Raises:
+            ModelError: If the name or an edit is not valid.
+        """
+        return cls(find_system(name), load_spec(name), tuple(edits), timestep, integrator)
+
+    def __post_init__(self) -> None:
+        if self.timestep is not None and not 0 < self.timestep < 1:
+            raise ArgumentError(f"timestep {self.timestep:g} s must lie between 0 and 1 s")
+        if self.integrator is not None and self.integrator not in get_args(Integrator):
+            raise ModelError(unknown_name("integrator", self.integrator, get_args(Integrator)))
+
+    def edited(self, *edits: BodyEdit) -> MujocoPlant:
+        """The nominal model with these edits; earlier edits are replaced, never compounded."""
+        return replace(self, edits=edits)
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model."""
+        return self.model_with_userdata(0)
+
+    def model_with_userdata(self, size: int) -> mujoco.MjModel:
+        """The compiled model with room for ``size`` numbers in mjData.userdata.
+
+        Raises:
+            ModelError: If MuJoCo refuses the model or its joints are not the system's.
+        """
+        spec = apply_edits(self.spec, self.edits)
+        spec.nuserdata = size
+        if self.timestep is not None:
+            spec.option.timestep = self.timestep
+        if self.integrator is not None:
+            spec.option.integrator = getattr(
+                mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
+            )
+        model = compile_spec(spec)
+        # MuJoCo would silently start a diverged simulation again.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        joints = tuple(model.joint(i).name for i in range(model.njnt))
+        if joints != self.system.joints or model.nu != 1:
+            raise ModelError(
+                f"{self.system.name}: the model has joints {joints} and {model.nu} inputs, must "
+                f"have {self.system.joints} and the input {self.system.actuator!r}"
+            )
+        return model
+
+    def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
+        """The analytic twin, with the numbers of the compiled model as it is edited."""
+        return AnalyticPlant.from_model(self.system, self.model, variant)

@@ -1,0 +1,133 @@
+"""Checking the arguments of a simulation and laying out its problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.problem import Plant, Problem
+
+Item = TypeVar("Item")
+Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
+
+ANALYTIC_TIMESTEP = 1e-3
+
+
+def prepare(
+    plant: Plant | Sequence[Plant],
+    controller: Controller | Sequence[Controller],
+    x0: ArrayLike,
+    *,
+    duration: float,
+    control_period: float | None = None,
+    timestep: float | None = None,
+    disturbances: Disturbances = (),
+    record: bool = True,
+    threads: int = 0,
+) -> tuple[Problem, bool]:
+    """The problem that the arguments of ``simulate`` describe, and whether it is a single run.
+
+    Raises:
+        ArgumentError: If an argument does not fit.
+    """
+    plants, controllers = _sequence(plant), _sequence(controller)
+    lists = _disturbance_lists(disturbances)
+    starts = np.atleast_2d(np.asarray(x0, float))
+    counts = {len(plants), len(controllers), len(lists), len(starts)} - {1}
+    single = not counts and np.ndim(x0) == 1 and plants[0] is plant and controllers[0] is controller
+    if len(counts) > 1 or 0 in counts:
+        raise ArgumentError(
+            f"{len(plants)} plants, {len(controllers)} controllers, {len(lists)} disturbance "
+            f"lists and {len(starts)} starts: each must be 1 or the number of simulations"
+        )
+    nsim = max(counts, default=1)
+    system, kind = plants[0].system, type(plants[0])
+    if any(p.system is not system or type(p) is not kind for p in plants):
+        raise ArgumentError("all plants of a batch must be of one system and of one kind")
+    if any(c.law is not controllers[0].law for c in controllers):
+        raise ArgumentError("all controllers of a batch must have the same law")
+    n = len(system.states)
+    if starts.ndim != 2 or starts.shape[1] != n or not np.all(np.isfinite(starts)):
+        names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
+        raise ArgumentError(
+            f"x0 = {np.asarray(x0).tolist()} must be {n} finite numbers for {system.name}: {names}"
+        )
+    h = _timestep(plants, timestep)
+    period = h if control_period is None else float(control_period)
+    stride = round(period / h) if math.isfinite(period) else 0
+    if stride < 1 or not math.isclose(stride * h, period, rel_tol=1e-9):
+        raise ArgumentError(
+            f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
+            f"{max(1, stride) * h:g} s, or another timestep"
+        )
+    if not (math.isfinite(duration) and duration > 0):
+        raise ArgumentError(f"duration {duration:g} s must be finite and positive")
+    if threads < 0:
+        raise ArgumentError(f"threads = {threads} must be 0 (all cores) or more")
+    steps = math.ceil(duration / h * (1 - 1e-12))
+    instants = np.arange(steps) * h
+    tables = [wrench_table(items, system.bodies, instants) for items in lists]
+    nothing = np.zeros((steps, 6 * len(system.bodies)))
+    wrenches = [nothing if table is None else table for table in tables]
+    problem = Problem(
+        plants=_repeat(plants, nsim),
+        controllers=_repeat(controllers, nsim),
+        x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, n))),
+        steps=steps,
+        stride=stride,
+        timestep=h,
+        control_period=period,
+        wrenches=np.stack(wrenches) if any(table is not None for table in tables) else None,
+        record=record,
+        threads=threads,
+    )
+    return problem, single
+
+
+def _sequence(items: Item | Sequence[Item]) -> tuple[Item, ...]:
+    """A tuple of what may be one item or several."""
+    return tuple(items) if isinstance(items, Sequence) else (items,)
+
+
+def _repeat(items: tuple[Item, ...], count: int) -> tuple[Item, ...]:
+    """One item for each simulation."""
+    return items * count if len(items) == 1 else items
+
+
+def _disturbance_lists(disturbances: Disturbances) -> list[list[Disturbance]]:
+    """One list of disturbances for all simulations, or one for each."""
+    if disturbances and all(isinstance(item, Sequence) for item in disturbances):
+        lists = [list(item) for item in disturbances if isinstance(item, Sequence)]
+    else:
+        lists = [[item for item in disturbances if not isinstance(item, Sequence)]]
+    for item in (item for items in lists for item in items):
+        if not isinstance(item, Disturbance):
+            raise ArgumentError(f"{item!r} is no Disturbance")
+    return lists
+
+
+def _timestep(plants: tuple[Plant, ...], timestep: float | None) -> float:
+    """The one physics timestep of all plants."""
+    if isinstance(plants[0], AnalyticPlant):
+        h = ANALYTIC_TIMESTEP if timestep is None else float(timestep)
+        if not (math.isfinite(h) and h > 0):
+            raise ArgumentError(f"timestep {h:g} s must be finite and positive")
+        return h
+    steps = {float(p.model.opt.timestep) for p in plants if isinstance(p, MujocoPlant)}
+    if len(steps) > 1:
+        raise ArgumentError(f"the plants have different timesteps: {sorted(steps)} s")
+    h = steps.pop()
+    if timestep is not None and timestep != h:
+        raise ArgumentError(
+            f"timestep {timestep:g} s is not the model's {h:g} s: load the plant with it"
+        )
+    return h

@@ -1,0 +1,99 @@
+"""A simulation that has been checked and is ready to run, and what an engine returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.plants import AnalyticPlant, System
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.records import record_dtype
+
+Array = NDArray[np.float64]
+Plant = AnalyticPlant | MujocoPlant
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One or many simulations of one system under one law.
+
+    Attributes:
+        plants: One per simulation, all analytic or all in MuJoCo.
+        controllers: One per simulation, with the same law.
+        x0: Starts, (nsim, n).
+        steps: Number of timesteps.
+        stride: Timesteps in a control period.
+        timestep: [s].
+        control_period: [s].
+        wrenches: Disturbances at each timestep, (1 or nsim, steps, 6 * bodies), or None.
+        record: Whether every timestep is kept, or the last only.
+        threads: For the native engine; 0 for all cores.
+    """
+
+    plants: tuple[Plant, ...]
+    controllers: tuple[Controller, ...]
+    x0: Array
+    steps: int
+    stride: int
+    timestep: float
+    control_period: float
+    wrenches: Array | None
+    record: bool
+    threads: int
+
+    @property
+    def system(self) -> System:
+        """The system of all the plants."""
+        return self.plants[0].system
+
+    @property
+    def controller(self) -> Controller:
+        """The first controller; the others differ in their numbers only."""
+        return self.controllers[0]
+
+    @property
+    def memory_dtype(self) -> np.dtype[np.void]:
+        """Layout of the law's memory."""
+        return record_dtype(self.controller.memory())
+
+    def wrench(self, run: int) -> Array | None:
+        """Disturbances of one simulation, (steps, 6 * bodies)."""
+        return None if self.wrenches is None else self.wrenches[min(run, len(self.wrenches) - 1)]
+
+
+@dataclass(eq=False)
+class Record:
+    """Rows of all simulations as an engine writes them.
+
+    Attributes:
+        x: States after each kept step, (nsim, rows, n).
+        u: Commands of each kept step, (nsim, rows).
+        memory: Memory of the law in each kept step, flat, (nsim, rows, size).
+        status: ``Status`` values, (nsim,).
+        valid: Number of valid steps, (nsim,).
+        physics: mjSTATE_FULLPHYSICS after each kept step, (nsim, rows, size), or None.
+        start: The same before the first step, (nsim, size), or None.
+    """
+
+    x: Array
+    u: Array
+    memory: Array
+    status: NDArray[np.int64]
+    valid: NDArray[np.int64]
+    physics: Array | None = None
+    start: Array | None = None
+
+    @classmethod
+    def empty(cls, problem: Problem) -> Record:
+        """Room for everything that the problem wants kept."""
+        nsim, rows = len(problem.x0), problem.steps if problem.record else 1
+        return cls(
+            x=np.zeros((nsim, rows, problem.x0.shape[1])),
+            u=np.zeros((nsim, rows)),
+            memory=np.zeros((nsim, rows, problem.memory_dtype.itemsize // 8)),
+            status=np.zeros(nsim, np.int64),
+            valid=np.full(nsim, problem.steps, np.int64),
+        )

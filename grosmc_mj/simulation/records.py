@@ -1,0 +1,45 @@
+"""Dataclasses of numbers as C structures: what compiled code sees of parameters and memory."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.errors import ArgumentError
+
+
+def record_dtype(value: Any) -> np.dtype[np.void]:
+    """Structured dtype of a dataclass of numbers, arrays and further such dataclasses.
+
+    Every field is a float64, so that the structure is also a flat run of numbers.
+
+    Raises:
+        ArgumentError: If a field is of another kind.
+    """
+    members = []
+    for item in fields(value):
+        member = getattr(value, item.name)
+        if is_dataclass(member):
+            members.append((item.name, record_dtype(member)))
+        elif isinstance(member, (int, float, np.floating)):
+            members.append((item.name, np.float64))
+        elif isinstance(member, np.ndarray):
+            members.append((item.name, np.float64, member.shape))
+        else:
+            raise ArgumentError(
+                f"{type(value).__name__}.{item.name} is a {type(member).__name__}; laws take "
+                "numbers, arrays and dataclasses of them"
+            )
+    return np.dtype(members)
+
+
+def pack(value: Any) -> NDArray[np.float64]:
+    """The numbers of such a dataclass in the order of its fields, flat."""
+    parts: list[Any] = []
+    for item in fields(value):
+        member = getattr(value, item.name)
+        parts.append(pack(member) if is_dataclass(member) else np.ravel(member))
+    return np.concatenate(parts).astype(float) if parts else np.zeros(0)

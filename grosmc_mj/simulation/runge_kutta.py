@@ -1,0 +1,47 @@
+"""One step of the analytic plants under held input and wrench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import System
+
+
+@cache
+def runge_kutta_step(system: System) -> Callable[..., None]:
+    """The classical fourth-order step of x' = f(x) + g(x) u + d(x, w), jitable.
+
+    Returns:
+        A function (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h; the last three
+        are scratch space, (n,).
+    """
+    drift, input_matrix, disturbance = system.drift, system.input_matrix, system.disturbance
+    n = len(system.states)
+
+    @jitable
+    def slope_at(x: Any, u: float, w: Any, p: Any, slope: Any) -> None:
+        f, g, d = drift(x, p), input_matrix(x, p), disturbance(x, w, p)
+        for i in range(n):
+            slope[i] = f[i] + g[i] * u + d[i]
+
+    @jitable
+    def step(
+        x: Any, u: float, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any
+    ) -> None:
+        for i in range(n):
+            stage[i] = x[i]
+            total[i] = 0.0
+        for k in range(4):
+            weight = 2.0 if k == 1 or k == 2 else 1.0
+            reach = h if k == 2 else 0.5 * h
+            slope_at(stage, u, w, p, slope)
+            for i in range(n):
+                total[i] += weight * slope[i]
+                stage[i] = x[i] + reach * slope[i]
+        for i in range(n):
+            x[i] += h / 6.0 * total[i]
+
+    return step

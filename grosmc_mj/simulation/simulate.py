@@ -1,0 +1,159 @@
+"""The one entry: close the loop of a controller and a plant, once or thousands of times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.prepare import Disturbances, prepare
+from grosmc_mj.simulation.problem import Plant, Problem, Record
+from grosmc_mj.simulation.python_engine import run_python
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+
+Array = NDArray[np.float64]
+Engine = Literal["native", "python"]
+
+
+def simulate(
+    plant: Plant | Sequence[Plant],
+    controller: Controller | Sequence[Controller],
+    x0: ArrayLike,
+    *,
+    duration: float,
+    control_period: float | None = None,
+    timestep: float | None = None,
+    disturbances: Disturbances = (),
+    engine: Engine = "native",
+    record: bool = True,
+    threads: int = 0,
+) -> Trajectory:
+    """Run the closed loop with a sampled law and a zero-order hold.
+
+    A sequence of plants, controllers or disturbance lists, or an x0 with two axes, makes a
+    batch; what is given once serves every simulation of it.
+
+    Args:
+        plant: An analytic plant or one in MuJoCo, or several of one system and kind.
+        controller: A controller, or several with the same law and different numbers.
+        x0: Start, (n,) or (nsim, n), in the order and units of ``plant.system.states``.
+        duration: [s]; rounded up to whole timesteps.
+        control_period: Time between two samples of the law [s]; the timestep by default. It
+            must be a multiple of the timestep.
+        timestep: Of an analytic plant [s], 1 ms by default; a model in MuJoCo has its own.
+        disturbances: Wrenches, for all simulations or one list for each.
+        engine: ``native`` compiles law and loop; ``python`` runs any callable law.
+        record: Whether to keep every timestep, or only start and end.
+        threads: For the native engine; 0 for all cores.
+
+    Returns:
+        The trajectory; that of a batch has one more axis in front.
+
+    Raises:
+        ArgumentError: If an argument does not fit.
+        DivergenceError: If a single run diverges. In a batch the status says so.
+        UndefinedLawError: If a single run reaches a state where its law or plant is undefined.
+    """
+    problem, single = prepare(
+        plant,
+        controller,
+        x0,
+        duration=duration,
+        control_period=control_period,
+        timestep=timestep,
+        disturbances=disturbances,
+        record=record,
+        threads=threads,
+    )
+    if engine == "native":
+        from grosmc_mj.simulation.native_engine import run_native
+
+        result = run_native(problem)
+    elif engine == "python":
+        result = run_python(problem)
+    else:
+        raise ArgumentError(unknown_name("engine", engine, ("native", "python")))
+    trajectory = _trajectory(problem, result)
+    if not single:
+        return trajectory
+    _raise_if_ended_early(trajectory, problem)
+    return trajectory[0]
+
+
+def _trajectory(problem: Problem, record: Record) -> Trajectory:
+    """What the engine wrote, with names, as a batch."""
+    n, rows = problem.x0.shape[1], record.u.shape[1]
+    time = np.arange(problem.steps + 1) * problem.timestep
+    for run in np.flatnonzero(record.status):
+        _repeat_last(problem, record, run)
+    memory = record.memory.view(problem.memory_dtype)[..., 0]
+    names = memory.dtype.names or ()
+    state = np.empty((len(problem.x0), rows + 1, n))
+    state[:, 0], state[:, 1:] = problem.x0, record.x
+    physics = None
+    if record.physics is not None and record.start is not None:
+        physics = np.concatenate([record.start[:, None], record.physics], axis=1)
+    wrench = problem.wrenches
+    if wrench is not None:
+        wrench = np.broadcast_to(wrench, (len(state), *wrench.shape[1:]))
+        wrench = wrench if problem.record else wrench[:, -1:]
+    return Trajectory(
+        system=problem.system,
+        time=time if problem.record else time[[0, -1]],
+        state=state,
+        command=record.u,
+        input=_applied(problem, record.u),
+        sliding=memory["s"] if "s" in names else None,
+        weighed=memory["v"],
+        wrench=wrench,
+        physics=physics,
+        status=np.array([Status(value) for value in record.status], object),
+        valid_until=record.valid * problem.timestep,
+    )
+
+
+def _repeat_last(problem: Problem, record: Record, run: int) -> None:
+    """Repeat the last valid row of a run that ended early."""
+    valid = int(record.valid[run]) if problem.record else 0
+    record.x[run, valid:] = record.x[run, valid - 1] if valid else problem.x0[run]
+    for rows in (record.u, record.memory):
+        rows[run, valid:] = rows[run, valid - 1] if valid else 0.0
+    if record.physics is not None and record.start is not None:
+        last = record.physics[run, valid - 1] if valid else record.start[run]
+        record.physics[run, valid:] = last
+
+
+def _applied(problem: Problem, u: Array) -> Array:
+    """Commands within the actuator's range, as MuJoCo applies them."""
+    plants = problem.plants
+    limited = [isinstance(p, MujocoPlant) and bool(p.model.actuator_ctrllimited[0]) for p in plants]
+    if not any(limited):
+        return u
+    low, high = np.full((2, len(plants)), [[-np.inf], [np.inf]])
+    for i, plant in enumerate(plants):
+        if limited[i] and isinstance(plant, MujocoPlant):
+            low[i], high[i] = plant.model.actuator_ctrlrange[0]
+    return np.clip(u, low[:, None], high[:, None])
+
+
+def _raise_if_ended_early(trajectory: Trajectory, problem: Problem) -> None:
+    """Raise the error of a single run that did not reach its end."""
+    status, end = trajectory.status[0], float(trajectory.valid_until[0])
+    if status is Status.COMPLETED:
+        return
+    run, system, name = trajectory[0], trajectory.system, problem.controller.name
+    where = f"{system.name} under {name} at t = {end:g} s"
+    if status is Status.DIVERGED:
+        raise DivergenceError(
+            f"{where}: the state grew without bound; try a smaller control period or timestep",
+            end,
+            run,
+        )
+    if status is Status.SINGULAR_PLANT:
+        raise UndefinedLawError(f"{where}: the plant is singular at {system.singularity}", end, run)
+    raise UndefinedLawError(f"{where}: the law is undefined outside {system.region}", end, run)
