@@ -1,0 +1,179 @@
+"""How well the analytic plants and MuJoCo agree, under edits and wrenches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.plants import AnalyticPlant, Variant, find_system
+from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+
+Array = NDArray[np.float64]
+
+# Bodies whose length may be edited too, and bounds of the random states: |q| of the arm stays
+# off its singularity at pi/2.
+_EDITED = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link"}
+_POSITION_BOUND = {"servo": np.pi, "cart_pendulum": np.pi, "arm": 1.5}
+_RATE_BOUND, _INPUT_BOUND, _WRENCH_BOUND = 5.0, 5.0, 2.0
+# Largest difference of accelerations, over the largest term, that counts as agreement: rounding
+# of terms that cancel, with room for other machines.
+AGREEMENT_BOUND = 1e-10
+# Long enough for differences to grow, short enough to keep the arm off its singularity.
+_DURATION = 0.25
+
+
+class Agreement(NamedTuple):
+    """Largest differences between an analytic plant and MuJoCo.
+
+    Attributes:
+        system: Name of the system.
+        variant: ``printed`` or ``corrected``.
+        edit: What was changed in the model, for people.
+        acceleration: Largest difference over the largest term, at random states, inputs and
+            wrenches [1].
+        trajectory: Largest difference of an open-loop trajectory under an input and wrenches
+            [rad or m].
+        states: Number of random states.
+    """
+
+    system: str
+    variant: str
+    edit: str
+    acceleration: float
+    trajectory: float
+    states: int
+
+
+def agreements(
+    system: str, *, seed: int = 0, states: int = 1000, edits: int = 3
+) -> list[Agreement]:
+    """Compare every variant of a system with MuJoCo, nominal and under random edits.
+
+    Args:
+        system: Name of the system.
+        seed: Of the random states, inputs, wrenches and edits.
+        states: Random states of each comparison.
+        edits: Number of random edits (mass x0.25 to x4, length x0.5 to x4).
+
+    Raises:
+        ModelError: If there is no such system.
+    """
+    generator = np.random.default_rng(seed)
+    nominal = MujocoPlant.load(find_system(system).name)
+    changes: list[tuple[BodyEdit, ...]] = [()]
+    for _ in range(edits):
+        mass, length = 2 ** generator.uniform(-2, 2), 2 ** generator.uniform(-1, 2)
+        changes.append((BodyEdit(_EDITED[system], mass, length),))
+    found = []
+    for change in changes:
+        physics = nominal.edited(*change)
+        sample = generator.spawn(1)[0]
+        for variant in nominal.system.variants:
+            random = np.random.default_rng(sample.bit_generator.seed_seq)  # pyright: ignore
+            found.append(_compare(physics, variant, random, states))
+    return found
+
+
+def _compare(
+    physics: MujocoPlant, variant: Variant, random: np.random.Generator, states: int
+) -> Agreement:
+    """One variant against one model."""
+    plant, system = physics.analytic(variant), physics.system
+    words = [
+        f"{e.body}: mass x{e.mass_scale:.3g}, length x{e.length_scale:.3g}" for e in physics.edits
+    ]
+    return Agreement(
+        system=system.name,
+        variant=variant,
+        edit="; ".join(words) or "nominal",
+        acceleration=acceleration_difference(physics, plant, random, states),
+        trajectory=_trajectory_difference(physics, plant),
+        states=states,
+    )
+
+
+def acceleration_difference(
+    physics: MujocoPlant, plant: AnalyticPlant, random: np.random.Generator, states: int
+) -> float:
+    """Largest difference of the accelerations, over the largest of their terms in each state.
+
+    The terms are drift, g(x) u and the wrenches' share, of all coordinates.
+
+    Args:
+        physics: Gives qacc.
+        plant: Gives x'.
+        random: Draws states, inputs and wrenches.
+        states: How many.
+    """
+    model, system, n = physics.model, plant.system, plant.system.degrees_of_freedom
+    data, p = mujoco.MjData(model), plant.parameters
+    bodies = [model.body(name).id for name in system.bodies]
+    bound, worst = _POSITION_BOUND[system.name], 0.0
+    for _ in range(states):
+        x = np.concatenate([random.uniform(-bound, bound, n), random.uniform(-1, 1, n)])
+        x[n:] *= _RATE_BOUND
+        u = random.uniform(-_INPUT_BOUND, _INPUT_BOUND)
+        w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(bodies))
+        data.qpos, data.qvel, data.ctrl[0] = x[:n], x[n:], u
+        data.xfrc_applied[bodies] = w.reshape(-1, 6)
+        mujoco.mj_forward(model, data)
+        terms = np.array(
+            [
+                system.drift(x, p),
+                np.multiply(system.input_matrix(x, p), u),
+                system.disturbance(x, w, p),
+            ]
+        )[:, n:]
+        difference = np.abs(terms.sum(axis=0) - data.qacc).max()
+        worst = max(worst, float(difference / np.abs(terms).max()))
+    return worst
+
+
+@dataclass(frozen=True)
+class _Constant:
+    """Numbers of a constant input."""
+
+    u: float
+
+
+def _constant_input(t: float, x: object, memory: object, p: _Constant) -> float:
+    """An open-loop law."""
+    return p.u
+
+
+def _trajectory_difference(physics: MujocoPlant, plant: AnalyticPlant) -> float:
+    """Largest difference of the positions under a constant input and a sine on every body."""
+    system = plant.system
+    law = Controller("open loop", _constant_input, _Constant(0.1), Memory)
+    pushes = [
+        Disturbance(body, (0.05, 0.0, 0.05, 0.0, 0.02, 0.0), SineFrom(10.0))
+        for body in system.bodies
+    ]
+    x0 = np.zeros(len(system.states))
+    x0[system.output] = 0.2
+    h = float(physics.model.opt.timestep)
+    # The python engine: a law for one comparison is not worth compiling.
+    runs = [
+        simulate(
+            each,
+            law,
+            x0,
+            duration=_DURATION,
+            control_period=h,
+            timestep=h,
+            engine="python",
+            disturbances=pushes,
+        )
+        for each in (physics, plant)
+    ]
+    n = system.degrees_of_freedom
+    return float(np.abs(runs[0].state[:, :n] - runs[1].state[:, :n]).max())

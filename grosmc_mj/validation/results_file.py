@@ -1,0 +1,139 @@
+"""validation.json: everything that was measured, and all that is needed to measure it again."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import grosmc_mj
+from grosmc_mj.errors import SetupError
+from grosmc_mj.validation.agreement import Agreement
+from grosmc_mj.validation.cases import Case
+from grosmc_mj.validation.runs import RunResult, Settings
+
+SCHEMA_VERSION = 1
+_PACKAGES = ("mujoco", "dm_control", "numpy", "scipy", "control", "numba", "matplotlib")
+
+
+def document(
+    results: Sequence[RunResult],
+    agreements: Sequence[Agreement],
+    settings: Settings,
+    selected: Sequence[Case],
+    seed: int,
+    differences: Sequence[str] | None,
+    *,
+    complete: bool,
+) -> dict[str, Any]:
+    """The content of validation.json.
+
+    Args:
+        results: Runs, in order.
+        agreements: Analytic against physics plant.
+        settings: As resolved.
+        selected: Cases that were asked for.
+        seed: Of the random states of the agreements.
+        differences: Results that are not as recorded; None if they could not be compared.
+        complete: Whether everything that was asked for is in it.
+    """
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "complete": complete,
+        "versions": versions(),
+        "git_revision": git_revision(),
+        "seed": seed,
+        "configuration": {
+            **asdict(settings),
+            "cases": [_case(case) for case in selected],
+        },
+        "as_recorded": None if differences is None else not differences,
+        "differences": list(differences or ()),
+        "runs": [_run(result) for result in results],
+        "agreement": [agreement._asdict() for agreement in agreements],
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that the numbers depend on."""
+    found = {"python": platform.python_version(), "grosmc_mj": grosmc_mj.__version__}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def git_revision() -> str | None:
+    """The checkout's revision, with ``-dirty`` if it has changes; None outside a checkout."""
+    folder = Path(__file__).parent
+    try:
+        top = _git(folder, "rev-parse", "--show-toplevel")
+        if Path(top).resolve() != Path(grosmc_mj.__file__).resolve().parents[1]:
+            return None
+        return _git(folder, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    """One line that git answers."""
+    command = ["git", "-C", str(folder), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def _case(case: Case) -> dict[str, Any]:
+    """A case as plain values."""
+    return {
+        "system": case.system,
+        "case": case.name,
+        "title": case.title,
+        "source": case.source,
+        "x0": list(case.x0),
+        "duration": case.duration,
+        "edits": [asdict(edit) for edit in case.edits],
+        "disturbances": [
+            {"body": d.body, "wrench": list(d.wrench), "profile": repr(d.profile)}
+            for d in case.disturbances
+        ],
+    }
+
+
+def _run(result: RunResult) -> dict[str, Any]:
+    """One run as plain values."""
+    return {
+        "system": result.case.system,
+        "case": result.case.name,
+        "plant": result.plant,
+        "controller": result.controller.name,
+        "equations": result.controller.source,
+        "gains": dict(result.controller.gains),
+        "status": result.status.name.lower(),
+        "ended": result.ended,
+        "valid_until": {"value": float(result.trajectory.valid_until), "unit": "s"},
+        "metrics": {name: metric._asdict() for name, metric in result.metrics.items()},
+    }
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON aside and rename it, so that a file is either whole or not there.
+
+    Raises:
+        SetupError: If it cannot be written.
+    """
+    aside = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        aside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        aside.replace(path)
+    except OSError as error:
+        aside.unlink(missing_ok=True) if path.parent.is_dir() else None
+        raise SetupError(
+            f"cannot write {path}: {error.strerror}; free the disk or choose another --out"
+        ) from error

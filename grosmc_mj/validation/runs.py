@@ -1,0 +1,152 @@
+"""Running the cases: every plant and every controller of a system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal, get_args
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
+from grosmc_mj.plants import SYSTEMS, Variant, find_system
+from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.validation.cases import Case, cases, find_case
+from grosmc_mj.validation.designs import chapter_controller, controller_names
+from grosmc_mj.validation.metrics import Comparison, Metric, compare_with_optimum, measure
+
+PlantName = Literal["printed", "corrected", "physics"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the cases are run.
+
+    Attributes:
+        engine: ``native`` or ``python``.
+        control_period: [s]; the chapter prints none.
+        timestep: Physics timestep [s]; None for the models' own.
+        integrator: MuJoCo's integrator; None for the models' own.
+    """
+
+    engine: Engine = "native"
+    control_period: float = 1e-3
+    timestep: float | None = None
+    integrator: Integrator | None = None
+
+    def __post_init__(self) -> None:
+        if self.engine not in get_args(Engine):
+            raise ArgumentError(unknown_name("engine", self.engine, get_args(Engine)))
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """One case on one plant under one controller.
+
+    Attributes:
+        case: The case.
+        plant: ``printed``, ``corrected`` or ``physics``.
+        controller: With the numbers of its design.
+        trajectory: Up to the end or to where the run stopped being valid.
+        comparison: The run beside the optimum that its law was designed for.
+        metrics: By name.
+        ended: Empty, or why the run ended early.
+    """
+
+    case: Case
+    plant: PlantName
+    controller: Controller
+    trajectory: Trajectory
+    comparison: Comparison
+    metrics: Mapping[str, Metric]
+    ended: str = ""
+
+    @property
+    def key(self) -> str:
+        """Name of the run in files: system/case/plant/controller."""
+        return "/".join((self.case.system, self.case.name, self.plant, self.controller.name))
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self.trajectory.status  # pyright: ignore[reportReturnType]
+
+
+def select_cases(systems: tuple[str, ...], case: str | None) -> list[Case]:
+    """The cases of the named systems (all, if none is named), or the one case of each.
+
+    Raises:
+        ModelError: If a system is unknown.
+        ArgumentError: If a system has no such case.
+    """
+    names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
+    if case is None:
+        return [each for name in names for each in cases(name)]
+    return [find_case(name, case) for name in names]
+
+
+def plant_names(system: str) -> list[PlantName]:
+    """Plants that a system has: its analytic variants, then physics."""
+    return [*find_system(system).variants, "physics"]
+
+
+def plan(selected: list[Case]) -> list[tuple[Case, PlantName, str]]:
+    """Every run of the cases: the case, the plant and the controller's name."""
+    return [
+        (case, plant, controller)
+        for case in selected
+        for plant in plant_names(case.system)
+        for controller in controller_names(case.system)
+    ]
+
+
+def run_all(selected: list[Case], settings: Settings) -> Iterator[RunResult]:
+    """Run all of ``plan(selected)``, one by one."""
+    for case, plant, controller in plan(selected):
+        yield run_case(case, plant, controller, settings)
+
+
+def run_case(case: Case, plant: PlantName, controller: str, settings: Settings) -> RunResult:
+    """Run one case; a run that ends early is a result like any other.
+
+    The controller is designed from the nominal equations: the printed ones for the printed
+    plant, the corrected ones for the corrected plant and for physics.
+    """
+    law = _controller(case.system, controller, "printed" if plant == "printed" else "corrected")
+    ended = ""
+    try:
+        run = simulate(
+            _plant(case, plant, settings),
+            law,
+            case.x0,
+            duration=case.duration,
+            control_period=settings.control_period,
+            timestep=settings.timestep if plant != "physics" else None,
+            disturbances=case.disturbances,
+            engine=settings.engine,
+        )
+    except DivergenceError as error:
+        run, ended = error.trajectory, str(error)
+    comparison = compare_with_optimum(run, law)
+    metrics = measure(run, law, comparison, case.onset)
+    return RunResult(case, plant, law, run, comparison, metrics, ended)
+
+
+def _plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
+    """The plant of a case, with its edits."""
+    physics = MujocoPlant.load(
+        case.system,
+        edits=case.edits,
+        timestep=settings.timestep,
+        integrator=settings.integrator,
+    )
+    return physics if plant == "physics" else physics.analytic(plant)
+
+
+@cache
+def _controller(system: str, name: str, variant: Variant) -> Controller:
+    """A controller for the nominal plant of a variant."""
+    return chapter_controller(name, MujocoPlant.load(system).analytic(variant))

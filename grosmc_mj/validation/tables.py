@@ -1,0 +1,145 @@
+"""Tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich import box
+from rich.table import Table
+
+from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.validation.agreement import Agreement
+from grosmc_mj.validation.benchmark import Throughput
+from grosmc_mj.validation.metrics import Metric
+from grosmc_mj.validation.runs import RunResult
+
+# Header and metric of each column of numbers.
+_COLUMNS = (
+    ("max|x1\n-x1*|", "deviation"),
+    ("settled\n[s]", "settling_time"),
+    ("over-\nshoot %", "overshoot"),
+    ("RMS\nx1", "rms_error"),
+    ("max\n|s|", "max_sliding"),
+    ("RMS\ns", "rms_sliding"),
+    ("J of\nu_c", "cost_continuous"),
+    ("J of\nall u", "cost_whole"),
+    ("\nJ*", "cost_optimal"),
+    ("var. of\nu per s", "total_variation"),
+    ("max\n|u|", "max_input"),
+)
+_CART = ("cart\n[m]", "cart_travel")
+
+
+def number(value: float) -> str:
+    """A number in at most six characters, with three significant digits where they fit."""
+    if value == 0 or 0.01 <= abs(value) < 9999.5:
+        return f"{value:.3g}" if abs(value) < 999.5 else f"{value:.0f}"
+    return f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e")
+
+
+def _cell(metric: Metric | None) -> str:
+    """A metric in a table."""
+    if metric is None:
+        return ""
+    if metric.value is None:
+        return "never" if metric.note == "not reached" else "-"
+    return number(metric.value)
+
+
+def _table(title: str = "") -> Table:
+    """An empty table in the house's style."""
+    return Table(
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+        title=title or None,
+        title_justify="left",
+        title_style="bold",
+    )
+
+
+def results_table(results: Sequence[RunResult]) -> Table:
+    """The runs of one system."""
+    system = results[0].trajectory.system
+    output, u = system.positions[system.output], system.input
+    table = _table(f"{system.title}: x1 in {output.unit}, u in {u.unit}")
+    columns = [*_COLUMNS, _CART] if system.name == "cart_pendulum" else _COLUMNS
+    for header in ("case", "plant", "law"):
+        table.add_column(header, no_wrap=True)
+    for header, _ in columns:
+        table.add_column(header, justify="right", no_wrap=True)
+    shown = ""
+    for result in results:
+        if shown and shown != result.case.name:
+            table.add_section()
+        label = "" if shown == result.case.name else result.case.name
+        shown, law = result.case.name, result.controller.name
+        style = "bold" if law == "grosmc" else ""
+        if result.status is not Status.COMPLETED:
+            law, style = law + " (!)", "red"
+        cells = [_cell(result.metrics.get(name)) for _, name in columns]
+        table.add_row(label, result.plant, law, *cells, style=style)
+    return table
+
+
+def results_tables(results: Sequence[RunResult]) -> list[Table]:
+    """All runs, a table for each system."""
+    systems = dict.fromkeys(result.case.system for result in results)
+    return [results_table([r for r in results if r.case.system == name]) for name in systems]
+
+
+LEGEND = (
+    "x1*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
+    "not within the run). J: index of each law over the run, with the continuous part of the "
+    "input alone and with all of it; J* its least value."
+)
+
+
+def endings(results: Sequence[RunResult]) -> list[str]:
+    """One line for each run that ended early."""
+    return [f"(!) {result.key}: {result.ended}" for result in results if result.ended]
+
+
+def gains_table(results: Sequence[RunResult]) -> Table:
+    """The gains of each controller, and where its law stands in the chapter."""
+    table = _table()
+    for header in ("system", "designed on", "law", "equations", "gains"):
+        table.add_column(header, no_wrap=header != "gains")
+    seen = set()
+    for result in results:
+        equations = "printed" if result.plant == "printed" else "corrected"
+        key = (result.case.system, equations, result.controller.name)
+        if key in seen:
+            continue
+        seen.add(key)
+        gains = ", ".join(f"{n} = {v:.4g}" for n, v in result.controller.gains.items())
+        table.add_row(*key, result.controller.source, gains)
+    return table
+
+
+def agreement_table(rows: Sequence[Agreement]) -> Table:
+    """Analytic plants against MuJoCo."""
+    table = _table()
+    for header in ("system", "equations", "model"):
+        table.add_column(header, no_wrap=True)
+    for header in ("acceleration difference\nover largest term", "trajectory difference\n[m, rad]"):
+        table.add_column(header, justify="right", no_wrap=True)
+    for row in rows:
+        numbers = (f"{row.acceleration:.1e}", f"{row.trajectory:.1e}")
+        table.add_row(row.system, row.variant, row.edit, *numbers)
+    return table
+
+
+def throughput_table(rows: Sequence[Throughput], integrator: str) -> Table:
+    """What the benchmark measured."""
+    title = f"cart_pendulum, {integrator}, a sample of the law at every timestep"
+    table = _table(title)
+    table.add_column("loop", no_wrap=True)
+    for header in ("simulations", "steps/s", "ratio"):
+        table.add_column(header, justify="right", no_wrap=True)
+    table.add_column("to", no_wrap=True)
+    for row in rows:
+        table.add_row(
+            row.loop, str(row.simulations), f"{row.rate:.3g}", f"{row.ratio:.3f}", row.baseline
+        )
+    return table
