@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -109,11 +110,25 @@ class Bench:
     rounds: Annotated[int, arg(metavar="N")] = 15
 
 
+@dataclass(frozen=True)
+class Readme:
+    """Write the table of results in a README anew from a validation.json.
+
+    Attributes:
+        readme: The file with the table between its two marks.
+        results: What validate wrote.
+    """
+
+    readme: Path = Path("README.md")
+    results: Path = Path("renders/validation.json")
+
+
 Command = (
     Annotated[Validate, subcommand("validate")]
     | Annotated[List, subcommand("list")]
     | Annotated[Compare, subcommand("compare")]
     | Annotated[Bench, subcommand("bench")]
+    | Annotated[Readme, subcommand("readme")]
 )
 
 _ABOUT = (
@@ -153,7 +168,7 @@ def _parse(arguments: Sequence[str] | None) -> Any:
     try:
         with contextlib.redirect_stderr(said):
             return tyro.cli(
-                Command,  # pyright: ignore[reportArgumentType]
+                Command,
                 prog=PROGRAM,
                 description=_ABOUT,
                 args=arguments,
@@ -162,13 +177,28 @@ def _parse(arguments: Sequence[str] | None) -> Any:
     except SystemExit as stop:
         if not stop.code:
             raise
-        words = said.getvalue().translate(dict.fromkeys(map(ord, "╭╮╰╯│─┃━"), " "))
-        raise ArgumentError(words) from None
+        raise ArgumentError(_condense(said.getvalue())) from None
+
+
+def _condense(box: str) -> str:
+    """What a framed message says, without its title and the help that it repeats."""
+    lines = [line.strip("│ ") for line in box.splitlines()[1:]]
+    parts = re.split(r"─{3,}", " ".join(lines).strip("╰╯─ "))
+    kept = [part.strip() for part in parts if part.strip() and "helptext:" not in part]
+    hint = f"for help: {PROGRAM} --help"
+    words = [part for part in kept if not part.startswith("For full helptext")]
+    return "; ".join([*words, hint])
 
 
 def _run(command: Any) -> int:
     """Carry out a command."""
-    actions = {Validate: _validate, List: _list, Compare: _compare, Bench: _bench}
+    actions = {
+        Validate: _validate,
+        List: _list,
+        Compare: _compare,
+        Bench: _bench,
+        Readme: _readme,
+    }
     return actions[type(command)](command)
 
 
@@ -218,7 +248,7 @@ def _validate(command: Validate) -> int:
     found: list[Any] = []
     differing: list[str] | None = None
     figures: list[Path] = []
-    target = command.out / "validation.json"
+    console, target = _console(), command.out / "validation.json"
     complete = False
     try:
         with _progress(len(plan(selected)) + len(systems) + len(PICTURES)) as advance:
@@ -243,7 +273,6 @@ def _validate(command: Validate) -> int:
     finally:
         # What was computed is shown and kept, whatever happened since.
         if results:
-            console = _console()
             for table in tables.results_tables(results):
                 console.print(table)
                 console.print()
@@ -333,6 +362,14 @@ def _bench(command: Bench) -> int:
     for integrator in [command.integrator] if command.integrator else ["RK4", "implicitfast"]:
         rows = benchmark(integrator, command.rounds)  # pyright: ignore[reportArgumentType]
         console.print(tables.throughput_table(rows, integrator))
+    return DONE
+
+
+def _readme(command: Readme) -> int:
+    """The README's table."""
+    from grosmc_mj.validation.readme_table import write_table
+
+    write_table(command.readme, command.results)
     return DONE
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
@@ -17,8 +18,6 @@ from grosmc_mj.control.memory import Memory, SurfaceMemory
 from grosmc_mj.control.surface import surface_matrix
 from grosmc_mj.errors import GainError
 from grosmc_mj.plants import AnalyticPlant
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

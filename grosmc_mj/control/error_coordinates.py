@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.differentiate
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
@@ -67,9 +68,7 @@ class ErrorCoordinates:
 
         return error_dynamics
 
-    def along(
-        self, time: ArrayLike, x: ArrayLike, reference_parameters: Any
-    ) -> NDArray[np.float64]:
+    def along(self, time: ArrayLike, x: ArrayLike, reference_parameters: Any) -> Array:
         """z at every sample of a trajectory: time (N,), x (N, n); returns (N, 2)."""
         x = np.asarray(x, float)
         position = self.system.output
@@ -77,7 +76,7 @@ class ErrorCoordinates:
         y_r = np.array([self.reference(t, reference_parameters) for t in np.asarray(time, float)])
         return self.sign * (x[:, [position, velocity]] - y_r[:, :2])
 
-    def jacobian(self, parameters: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def jacobian(self, parameters: Any) -> tuple[Array, Array]:
         """(A, B) of the linearization of z' about z = 0 with the other coordinates at rest.
 
         Args:
@@ -90,7 +89,7 @@ class ErrorCoordinates:
         velocity = position + self.system.degrees_of_freedom
         y_r, dy_r, _ = self.reference(0.0, parameters.reference)
 
-        def rate(zu: NDArray[np.float64]) -> NDArray[np.float64]:
+        def rate(zu: Array) -> Array:
             """z1'' at columns of (z1, z2, u)."""
 
             def one(z1: float, z2: float, u: float) -> float:

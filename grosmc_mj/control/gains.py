@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError, GainError
 
@@ -67,15 +67,16 @@ class SwitchingGains(NamedTuple):
 def switching_gains(
     error: ErrorCoordinates,
     nominal: Any,
-    K: NDArray[np.float64],
+    K: Array,
     uncertainty: Uncertainty,
     *,
     linearizing: bool,
 ) -> SwitchingGains:
     """Gains that keep s' s <= -eta |s| for every plant of the declared family.
 
-    With z1'' = alpha + E u on the nominal plant, alpha* + E* u + d on the true one, the nominal
-    continuous law u_0 and u = u_0 + u_dis,
+    With z1'' = alpha + E u by the model that the law is designed for (the nominal plant or, for
+    a linear law, its linearization), alpha* + E* u + d on the true plant, the continuous law u_0
+    and u = u_0 + u_dis,
 
         s'/(G B) = (alpha* - alpha) + (E* - E) u_0 + d + E* u_dis.
 
@@ -99,6 +100,7 @@ def switching_gains(
     Raises:
         GainError: If a plant of the family reverses or loses the input: no gain helps then.
     """
+    A, B = error.jacobian(nominal)
     n, position = len(error.system.states), error.system.output
     velocity = position + error.system.degrees_of_freedom
     gamma0, gamma1, ratio = 0.0, 0.0, math.inf
@@ -109,7 +111,10 @@ def switching_gains(
             x = np.zeros(n)
             x[position] = y_r + error.sign * z[0]
             x[velocity] = dy_r + error.sign * z[1]
-            alpha, E = error.dynamics(0.0, x, nominal)
+            if linearizing:
+                alpha, E = error.dynamics(0.0, x, nominal)
+            else:
+                alpha, E = float(A[1] @ z), float(B[1, 0])
             alpha_true, E_true = error.dynamics(0.0, x, true)
             r = E_true / E
             if not r > 1e-9:
@@ -142,7 +147,7 @@ def _family(nominal: Any, scales: Mapping[str, tuple[float, float]]) -> list[Any
     ]
 
 
-def _states(region: tuple[float, float]) -> list[NDArray[np.float64]]:
+def _states(region: tuple[float, float]) -> list[Array]:
     """The grid of error states without the origin, and a small circle about it."""
     axes = [np.linspace(-bound, bound, _STATES) for bound in region]
     grid = [np.array(z) for z in itertools.product(*axes) if any(z)]

@@ -9,13 +9,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GainError
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     import control
-
-Array = NDArray[np.float64]
 
 
 class LqrDesign(NamedTuple):
@@ -107,5 +106,18 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
     try:
         K, P, _ = control.lqr(A, B, Q, R)
     except Exception as error:  # python-control and slycot raise several kinds
-        raise GainError(f"LQR: no stabilizing solution of the Riccati equation: {error}") from error
-    return LqrDesign(A, B, Q, R, np.asarray(K), np.asarray(P))
+        raise GainError(_unsolvable(A, B, Q, error)) from error
+    design = LqrDesign(A, B, Q, R, np.asarray(K), np.asarray(P))
+    # A pole on the axis is one that Q does not see; rounding puts it within this of zero.
+    if design.poles.real.max() > -1e-9 * max(1.0, float(np.abs(A).max())):
+        raise GainError(_unsolvable(A, B, Q, f"closed-loop poles {design.poles.tolist()}"))
+    return design
+
+
+def _unsolvable(A: Array, B: Array, Q: Array, why: object) -> str:
+    """One line about a pair without a stabilizing optimum."""
+    return (
+        f"LQR: no stabilizing solution of the Riccati equation for A = {A.tolist()}, "
+        f"B = {B.tolist()}, Q = {Q.tolist()}: (A, B) must be stabilizable and (A, Q) detectable "
+        f"({why})"
+    )

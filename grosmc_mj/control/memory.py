@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
 
 
 @dataclass
@@ -34,7 +35,7 @@ class SurfaceMemory(Memory):
     """
 
     s: float = 0.0
-    z0: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    z0: Array = field(default_factory=lambda: np.zeros(2))
     integral: float = 0.0
     rate: float = 0.0
     t: float = 0.0

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 
@@ -38,7 +39,7 @@ def integral_surface(t: float, z: Any, memory: Any, p: Any) -> float:
     return s
 
 
-def surface_matrix(G: ArrayLike | None, B: NDArray[np.float64]) -> NDArray[np.float64]:
+def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     """G of the surface, by default B+ = (B'B)^-1 B', which makes G B the identity.
 
     Raises:

@@ -10,7 +10,15 @@ import numpy as np
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants.system import Column, Signal, System, Variant, require_positive
+from grosmc_mj.plants.system import (
+    Column,
+    Signal,
+    System,
+    Variant,
+    require_nonnegative,
+    require_positive,
+    require_unmodelled_absent,
+)
 
 if TYPE_CHECKING:
     import mujoco
@@ -42,15 +50,17 @@ class ArmParameters:
 
     def __post_init__(self) -> None:
         require_positive("arm", m=self.m, l=self.l, g=self.g, J=self.J)
+        require_nonnegative("arm", M_c=self.M_c)
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, variant: Variant) -> ArmParameters:
         """Read m, l, g, J and M_c back from a compiled model.
 
         Raises:
-            ModelError: If the payload is not on the link's x axis, or the drum is not above the
-                joint at the eyelet's radius.
+            ModelError: If the payload is not on the link's x axis, the drum is not above the
+                joint at the eyelet's radius, or the model has what eq. (57) has no term for.
         """
+        require_unmodelled_absent("arm", model, ("joint",), "torque")
         link, joint = model.body("link"), model.joint("joint")
         eyelet, drum = model.site("eyelet").pos, model.site("drum").pos - model.body("hub").pos
         r = float(eyelet[0])

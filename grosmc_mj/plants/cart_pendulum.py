@@ -10,7 +10,14 @@ import numpy as np
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants.system import Column, Signal, System, Variant, require_positive
+from grosmc_mj.plants.system import (
+    Column,
+    Signal,
+    System,
+    Variant,
+    require_positive,
+    require_unmodelled_absent,
+)
 
 if TYPE_CHECKING:
     import mujoco
@@ -42,8 +49,10 @@ class CartPendulumParameters:
         """Read M, m, L and g back from a compiled model.
 
         Raises:
-            ModelError: If the pole is not a uniform rod about its hinge.
+            ModelError: If the pole is not a uniform rod about its hinge, or the model has what
+                eq. (40) has no term for.
         """
+        require_unmodelled_absent("cart_pendulum", model, ("slider", "hinge"), "force")
         pole = model.body("pole")
         M, m, L = float(model.body("cart").mass[0]), float(pole.mass[0]), float(pole.ipos[2])
         rod = m * L * L / 3

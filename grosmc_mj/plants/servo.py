@@ -5,8 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from grosmc_mj.errors import ModelError
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants.system import Column, Signal, System, Variant, require_positive
+from grosmc_mj.plants.system import (
+    Column,
+    Signal,
+    System,
+    Variant,
+    require_nonnegative,
+    require_positive,
+    require_unmodelled_absent,
+)
 
 if TYPE_CHECKING:
     import mujoco
@@ -28,10 +39,18 @@ class ServoParameters:
 
     def __post_init__(self) -> None:
         require_positive("servo", J=self.J, Kt=self.Kt)
+        require_nonnegative("servo", B=self.B)
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, _variant: Variant) -> ServoParameters:
-        """Read J, B and K_t back from a compiled model."""
+        """Read J, B and K_t back from a compiled model.
+
+        Raises:
+            ModelError: If the rotor's centre of mass is off the shaft.
+        """
+        require_unmodelled_absent("servo", model, ())
+        if np.any(model.body("rotor").ipos[[0, 2]]):
+            raise ModelError("servo: the rotor's centre of mass must lie on the shaft")
         shaft = model.joint("shaft")
         return cls(
             # The shaft is along -y, a principal axis of the disc.

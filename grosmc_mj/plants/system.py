@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 
 if TYPE_CHECKING:
@@ -120,13 +121,13 @@ class AnalyticPlant:
         return cls(system, parameters, variant)
 
     def derivative(
-        self, x: ArrayLike, u: float = 0.0, wrench: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
+        self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
+    ) -> Array:
         """x' = f(x) + g(x) u + d(x, w).
 
         Args:
             x: State, (n,).
-            u: Input, in the unit of ``system.input``.
+            u: Input, one number in the unit of ``system.input``.
             wrench: [force, torque] in N and N m of each of ``system.bodies``, in world axes at
                 the centre of mass, (6 * len(bodies),); None for no wrench.
 
@@ -137,13 +138,15 @@ class AnalyticPlant:
             ArgumentError: If a shape is wrong.
         """
         n, nw = len(self.system.states), 6 * len(self.system.bodies)
-        x = np.asarray(x, float)
+        x, u = np.asarray(x, float), np.asarray(u, float)
         w = np.zeros(nw) if wrench is None else np.asarray(wrench, float).ravel()
         if x.shape != (n,) or w.shape != (nw,):
             raise ArgumentError(
                 f"{self.system.name}: x has shape {x.shape} and the wrench {w.shape}, "
                 f"must be ({n},) and ({nw},)"
             )
+        if u.shape != ():
+            raise ArgumentError(f"{self.system.name}: u has shape {u.shape}, must be one number")
         p = self.parameters
         return (
             np.array(self.system.drift(x, p))
@@ -151,7 +154,7 @@ class AnalyticPlant:
             + np.array(self.system.disturbance(x, w, p))
         )
 
-    def output(self, x: ArrayLike) -> NDArray[np.float64]:
+    def output(self, x: ArrayLike) -> Array:
         """y = h(x), the controlled coordinate; x is (..., n)."""
         return np.asarray(x, float)[..., self.system.output]
 
@@ -165,3 +168,36 @@ def require_positive(owner: str, **values: float) -> None:
     for name, value in values.items():
         if not (np.isfinite(value) and value > 0):
             raise ModelError(f"{owner}: {name} = {value:g} must be finite and positive")
+
+
+def require_nonnegative(owner: str, **values: float) -> None:
+    """Refuse physical numbers that are not finite or are negative.
+
+    Raises:
+        ModelError: Naming the first such number.
+    """
+    for name, value in values.items():
+        if not (np.isfinite(value) and value >= 0):
+            raise ModelError(f"{owner}: {name} = {value:g} must be finite and not negative")
+
+
+def require_unmodelled_absent(
+    owner: str, model: mujoco.MjModel, joints: tuple[str, ...], actuator: str | None = None
+) -> None:
+    """Refuse what the chapter's equations have no term for.
+
+    That is sideways gravity, damping of the named joints and, if an actuator is named, a gear
+    other than one.
+
+    Raises:
+        ModelError: Naming what was found.
+    """
+    if np.any(model.opt.gravity[:2]):
+        raise ModelError(f"{owner}: gravity {model.opt.gravity} must point along -z")
+    for name in joints:
+        damping = float(model.dof_damping[model.joint(name).dofadr[0]])
+        if damping:
+            raise ModelError(f"{owner}: joint {name!r} has damping {damping:g}, must have none")
+    if actuator is not None and float(model.actuator(actuator).gear[0]) != 1:
+        gear = float(model.actuator(actuator).gear[0])
+        raise ModelError(f"{owner}: actuator {actuator!r} has gear {gear:g}, must have 1")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Callable
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -20,10 +20,12 @@ from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
+# Packages whose version stands for their source.
+_VERSIONED = ("math", "mujoco", "numba", "numpy")
 
-@intrinsic
-def pointer(typing_context: Any, address: Any) -> Any:
-    """An address held in an integer as a pointer, inside compiled code."""
+
+def _pointer(typing_context: Any, address: Any) -> Any:
+    """Type and code of ``pointer``."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
@@ -31,23 +33,46 @@ def pointer(typing_context: Any, address: Any) -> Any:
     return types.voidptr(address), generate
 
 
+# Inside compiled code: an address held in an integer as a pointer.
+pointer: Any = intrinsic(_pointer)
+
+
 def fingerprint(function: Callable[..., Any]) -> str:
-    """Hash of a function's code, of what it closes over and of the globals it uses."""
+    """Hash of a function's code and of all that it reaches.
+
+    That is what it closes over, its defaults and the globals that it uses: functions by their
+    code, in turn, and values by their value.
+    """
     seen: dict[int, int] = {}
 
     def describe(value: Any) -> str:
-        if isinstance(value, FunctionType):
+        # A function that numba has compiled stands for its source.
+        value = getattr(value, "py_func", value)
+        if isinstance(value, FunctionType) and value.__module__.split(".")[0] not in _VERSIONED:
             if id(value) in seen:
                 return f"seen {seen[id(value)]}"
             seen[id(value)] = len(seen)
-            cells = [cell.cell_contents for cell in value.__closure__ or ()]
-            used = [value.__globals__[n] for n in names(value.__code__) if n in value.__globals__]
-            return f"{value.__qualname__}({code(value.__code__)}|{describe(cells + used)})"
+            block, scope = value.__code__, value.__globals__
+            found = [cell.cell_contents for cell in value.__closure__ or ()]
+            found += [scope.get(name) for name in names(block)]
+            used = [opened(each, block) for each in found]
+            reached = describe([used, value.__defaults__, value.__kwdefaults__])
+            return f"{value.__qualname__}({code(block)}|{reached})"
         if isinstance(value, (list, tuple)):
             return f"[{','.join(describe(item) for item in value)}]"
-        if isinstance(value, (int, float, str, bool, np.dtype, type(None))):
+        if isinstance(value, dict):
+            return describe([list(item) for item in value.items()])
+        if isinstance(value, (np.ndarray, np.generic)):
+            return f"{value.dtype}{value.shape}{value.tobytes().hex()}"
+        if isinstance(value, (int, float, complex, str, bytes, np.dtype, type(None))):
             return repr(value)
-        return getattr(value, "__name__", type(value).__name__)
+        return f"{type(value).__name__} {getattr(value, '__name__', '')}"
+
+    def opened(value: Any, block: CodeType) -> Any:
+        """What a function uses of a module, in place of the module."""
+        if isinstance(value, ModuleType) and value.__name__.split(".")[0] not in _VERSIONED:
+            return [(name, getattr(value, name, None)) for name in names(block)]
+        return value
 
     def names(block: CodeType) -> list[str]:
         inner = [c for c in block.co_consts if isinstance(c, CodeType)]
@@ -68,12 +93,12 @@ class _FingerprintCache(FunctionCache):
         return (sig, codegen.magic_tuple(), fingerprint(self._py_func))
 
 
-def compile_c(function: Callable[..., Any], *arguments: Any) -> CFunc:
+def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
     """Compile a function of the given numba argument types, returning nothing, to a C function.
 
     Division by zero gives an infinity, as in C: no exception can leave a C callback.
     """
-    compiled = CFunc(function, (arguments, types.void), {}, {"error_model": "numpy"})
+    compiled: Any = CFunc(function, (arguments, types.void), {}, {"error_model": "numpy"})
     # Without a folder that could hold a cache, compile each time.
     with contextlib.suppress(RuntimeError):
         compiled._cache = _FingerprintCache(function)

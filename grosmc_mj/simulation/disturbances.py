@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name
 
-Array = NDArray[np.float64]
 Profile = Callable[[float], float]
 
 # An instant counts as reached when it is this close [s]: k times h is not exact in binary.
@@ -34,6 +33,10 @@ class Pulse:
     start: float
     stop: float
 
+    def __post_init__(self) -> None:
+        if not self.start < self.stop:
+            raise ArgumentError(f"pulse from {self.start:g} to {self.stop:g} s never acts")
+
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
         return float(self.start - _INSTANT <= t < self.stop - _INSTANT)
@@ -52,6 +55,10 @@ class SineFrom:
     frequency: float
     onset: float = 0.0
     phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.frequency, self.onset, self.phase))):
+            raise ArgumentError(f"{self} must have finite frequency, onset and phase")
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
@@ -80,7 +87,10 @@ class Disturbance:
     label: str = ""
 
     def __post_init__(self) -> None:
-        wrench = np.asarray(self.wrench, float)
+        try:
+            wrench = np.asarray(self.wrench, float)
+        except (TypeError, ValueError):
+            wrench = np.zeros(0)
         if wrench.shape != (6,) or not np.all(np.isfinite(wrench)):
             raise ArgumentError(
                 f"wrench on {self.body!r} is {self.wrench}, must be six finite numbers "
@@ -112,7 +122,7 @@ def wrench_table(
             raise ArgumentError(unknown_name("body", disturbance.body, bodies))
         try:
             values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
-        except TypeError as error:
+        except (TypeError, ValueError) as error:
             raise ArgumentError(
                 f"profile of the disturbance on {disturbance.body!r} must take t [s] and return "
                 f"a number: {error}"

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.simulation.models import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 
@@ -48,7 +49,7 @@ def apply_edits(spec: mujoco.MjSpec, edits: Iterable[BodyEdit]) -> mujoco.MjSpec
             mesh under a length edit.
     """
     edits = tuple(edits)
-    nominal, edited = spec.compile(), spec.copy()
+    nominal, edited = compile_spec(spec), spec.copy()
     names = [edit.body for edit in edits]
     for name in names:
         if names.count(name) > 1:
@@ -72,7 +73,7 @@ def _scale_inertia(body: mujoco.MjsBody, nominal: object, edit: BodyEdit) -> Non
     a, b = edit.mass_scale, edit.length_scale
     body.explicitinertial = True
     body.mass = a * mass
-    body.inertia = a * b**2 * nominal.inertia  # pyright: ignore[reportAttributeAccessIssue]
+    body.inertia = a * (b * b) * nominal.inertia  # pyright: ignore[reportAttributeAccessIssue]
     body.ipos = b * nominal.ipos  # pyright: ignore[reportAttributeAccessIssue]
     body.iquat = nominal.iquat  # pyright: ignore[reportAttributeAccessIssue]
     body.fullinertia = np.full(6, np.nan)

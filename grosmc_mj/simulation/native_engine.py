@@ -9,7 +9,7 @@ import numpy as np
 
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.native_analytic import analytic_kernel
-from grosmc_mj.simulation.native_physics import NativeBatch
+from grosmc_mj.simulation.native_batch import NativeBatch
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.records import pack
 from grosmc_mj.simulation.trajectory import Status
@@ -28,11 +28,24 @@ def _run_analytic(problem: Problem) -> Record:
     nothing = np.zeros(6 * len(problem.system.bodies))
 
     def run_one(run: int) -> None:
-        wrench = problem.wrench(run)
-        w = np.ascontiguousarray(nothing if wrench is None else wrench)
-        x = problem.x0[run].copy()
-        memory = pack(problem.controllers[run].memory())
-        end = np.array([problem.steps, Status.COMPLETED.value], np.int64)
+        plant, controller, wrench = (
+            problem.plants[run],
+            problem.controllers[run],
+            problem.wrench(run),
+        )
+        assert isinstance(plant, AnalyticPlant)
+        arrays = (
+            problem.x0[run].copy(),
+            pack(controller.memory()),
+            pack(controller.parameters),
+            pack(plant.parameters),
+            np.ascontiguousarray(nothing if wrench is None else wrench),
+            record.x[run],
+            record.u[run],
+            record.memory[run],
+            np.array([problem.steps, Status.COMPLETED.value], np.int64),
+        )
+        # ``arrays`` keeps the memory alive that the kernel gets by address.
         kernel(
             problem.steps,
             problem.stride,
@@ -40,17 +53,9 @@ def _run_analytic(problem: Problem) -> Record:
             int(problem.record),
             problem.timestep,
             problem.control_period,
-            x.ctypes.data,
-            memory.ctypes.data,
-            pack(problem.controllers[run].parameters).ctypes.data,
-            pack(problem.plants[run].parameters).ctypes.data,  # pyright: ignore
-            w.ctypes.data,
-            record.x[run].ctypes.data,
-            record.u[run].ctypes.data,
-            record.memory[run].ctypes.data,
-            end.ctypes.data,
+            *(array.ctypes.data for array in arrays),
         )
-        record.valid[run], record.status[run] = end
+        record.valid[run], record.status[run] = arrays[-1].astype(np.int64)
 
     threads = problem.threads or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.records import record_dtype
 
-Array = NDArray[np.float64]
 Plant = AnalyticPlant | MujocoPlant
 
 

@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant, Problem, Record
 from grosmc_mj.simulation.records import pack
 from grosmc_mj.simulation.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.trajectory import Status
 
-Array = NDArray[np.float64]
 # State, step under held input and wrench (False if it diverged), and the physics state.
 Stepper = tuple[Array, Callable[[float, Array], bool], Callable[[], Array | None]]
 
@@ -24,7 +24,12 @@ LARGEST = mujoco.mjMAXVAL
 
 
 def run_python(problem: Problem) -> Record:
-    """Run every simulation of the problem, one after the other."""
+    """Run every simulation of the problem, one after the other.
+
+    Raises:
+        SetupError: If somebody else's control callback is installed.
+    """
+    refuse_foreign_callback()
     record = Record.empty(problem)
     for run in range(len(problem.x0)):
         _run_one(problem, run, record)

@@ -6,8 +6,8 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 
 
@@ -36,7 +36,7 @@ def record_dtype(value: Any) -> np.dtype[np.void]:
     return np.dtype(members)
 
 
-def pack(value: Any) -> NDArray[np.float64]:
+def pack(value: Any) -> Array:
     """The numbers of such a dataclass in the order of its fields, flat."""
     parts: list[Any] = []
     for item in fields(value):

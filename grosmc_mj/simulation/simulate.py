@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -16,7 +17,6 @@ from grosmc_mj.simulation.problem import Plant, Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
-Array = NDArray[np.float64]
 Engine = Literal["native", "python"]
 
 
@@ -89,7 +89,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
     """What the engine wrote, with names, as a batch."""
     n, rows = problem.x0.shape[1], record.u.shape[1]
     time = np.arange(problem.steps + 1) * problem.timestep
-    for run in np.flatnonzero(record.status):
+    for run in np.flatnonzero(record.status).tolist():
         _repeat_last(problem, record, run)
     memory = record.memory.view(problem.memory_dtype)[..., 0]
     names = memory.dtype.names or ()

@@ -8,9 +8,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.plants import System
-
-Array = NDArray[np.float64]
 
 
 class Status(Enum):

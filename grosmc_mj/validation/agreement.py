@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
@@ -16,8 +15,6 @@ from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
-
-Array = NDArray[np.float64]
 
 # Bodies whose length may be edited too, and bounds of the random states: |q| of the arm stays
 # off its singularity at pi/2.

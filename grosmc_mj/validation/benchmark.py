@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import statistics
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.simulation.native_physics import NativeBatch
+from grosmc_mj.simulation.native_batch import NativeBatch
 from grosmc_mj.simulation.simulate import prepare
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.designs import chapter_controller
@@ -146,7 +147,10 @@ def _loops(plant: MujocoPlant) -> Sequence[_Loop]:
 def _suite_loop(baseline: str) -> list[_Loop]:
     """dm_control's cartpole under a constant action; nothing where dm_control is missing."""
     try:
-        from dm_control import suite
+        with warnings.catch_warnings():
+            # Without a display its renderer warns; nothing is rendered here.
+            warnings.simplefilter("ignore")
+            from dm_control import suite
     except ImportError:
         return []
     environment = suite.load("cartpole", "balance", task_kwargs={"random": 0})

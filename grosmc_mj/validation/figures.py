@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.validation.runs import PlantName, RunResult
 
-Array = NDArray[np.float64]
 Runs = Mapping[tuple[str, PlantName, str], RunResult]
 
 # Okabe and Ito's colours, told apart by the colour-blind; films use the same.
@@ -33,7 +33,7 @@ _PLANTS: Mapping[PlantName, str] = {
     "corrected": "corrected equations",
     "printed": "printed equations",
 }
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 11,
     "axes.grid": True,

@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 # The usual 2 % band, of the initial error.
 SETTLING_BAND = 0.02

@@ -1,0 +1,146 @@
+"""The law as a C callback that MuJoCo calls itself at each step.
+
+All that a simulation needs lies in its own mjData.userdata: a header, the law's memory and the
+law's numbers. So one callback serves every simulation of a batch, on any thread.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+from numba.core import types
+
+from grosmc_mj.control.laws import Law
+from grosmc_mj.errors import SetupError
+from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import System
+from grosmc_mj.simulation.compilation import compile_c, pointer
+from grosmc_mj.simulation.problem import Problem
+from grosmc_mj.simulation.records import record_dtype
+from grosmc_mj.simulation.trajectory import Status
+
+# Marks the userdata of our own simulations: the callback is process-wide.
+MAGIC = 0.47114711
+_lock = threading.RLock()
+
+
+def userdata_dtype(problem: Problem) -> np.dtype[Any]:
+    """Layout of mjData.userdata: the callback's header, the law's memory, the law's numbers.
+
+    The header has: countdown, the calls until the next sample; samples, taken so far;
+    calls_per_sample; control_period [s]; stop, a ``Status`` value; x, the state for the law.
+    """
+    names = ("magic", "countdown", "samples", "calls_per_sample", "control_period", "stop")
+    header = [*((name, np.float64) for name in names), ("x", np.float64, problem.x0.shape[1:])]
+    return np.dtype(
+        [
+            ("header", np.dtype(header)),
+            ("memory", problem.memory_dtype),
+            ("parameters", record_dtype(problem.controller.parameters)),
+        ]
+    )
+
+
+@cache
+def _data_dtype() -> np.dtype[Any]:
+    """Where mjData keeps the pointers that the callback follows.
+
+    The offsets are read off a live mjData, so that they are those of the installed MuJoCo.
+    """
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><size nuserdata='1'/><worldbody><body><joint name='j'/><geom size='1'/></body>"
+        "</worldbody><actuator><motor joint='j'/></actuator></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    wanted = {
+        getattr(data, name).ctypes.data: name for name in ("qpos", "qvel", "ctrl", "userdata")
+    }
+    offsets, offset = {}, 0
+    # Every array's pointer is a field of the struct, so the search ends inside it.
+    while wanted:
+        word = ctypes.c_uint64.from_address(data._address + offset).value
+        if word in wanted:
+            offsets[wanted.pop(word)] = offset
+        offset += 8
+    return np.dtype(
+        {"names": list(offsets), "formats": [np.int64] * 4, "offsets": list(offsets.values())}
+    )
+
+
+@cache
+def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) -> Any:
+    """Compile the control callback of one law, as a ctypes function."""
+    law, singular, data_dtype = jitable(law), system.singular, _data_dtype()
+    n = system.degrees_of_freedom
+    singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
+
+    def control(model: Any, data_address: Any) -> None:
+        data = numba.carray(data_address, (1,), data_dtype)[0]
+        userdata = numba.carray(pointer(data.userdata), (1,), userdata_dtype)[0]
+        header = userdata.header
+        if header.magic != MAGIC:
+            return
+        header.countdown -= 1.0
+        if header.countdown > 0.0 or header.stop != 0.0:
+            return
+        header.countdown = header.calls_per_sample
+        qpos = numba.carray(pointer(data.qpos), (n,), np.float64)
+        qvel = numba.carray(pointer(data.qvel), (n,), np.float64)
+        ctrl = numba.carray(pointer(data.ctrl), (1,), np.float64)
+        x, memory = header.x, userdata.memory
+        for i in range(n):
+            x[i] = qpos[i]
+            x[i + n] = qvel[i]
+        u = 0.0
+        if singular(x):
+            header.stop = singular_plant
+        else:
+            u = law(header.samples * header.control_period, x, memory, userdata.parameters)
+            if memory.undefined != 0.0:
+                header.stop = undefined_law
+                u = 0.0
+        header.samples += 1.0
+        ctrl[0] = u
+
+    compiled = compile_c(control, types.voidptr, types.voidptr)
+    prototype: Any = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+    callback = prototype(compiled.address)
+    callback.compiled = compiled  # keeps the machine code alive
+    return callback
+
+
+def refuse_foreign_callback() -> None:
+    """Refuse to run while somebody else's callback would set the control.
+
+    Raises:
+        SetupError: If one is installed.
+    """
+    if mujoco.get_mjcb_control() is not None:
+        raise SetupError(
+            "a MuJoCo control callback is already installed in this process and would overrule "
+            "the law: remove it with mujoco.set_mjcb_control(None)"
+        )
+
+
+@contextmanager
+def installed(callback: Any) -> Iterator[None]:
+    """Have MuJoCo call ``callback`` for control, in this block only.
+
+    Raises:
+        SetupError: If somebody else's callback is installed.
+    """
+    with _lock:
+        refuse_foreign_callback()
+        mujoco.set_mjcb_control(callback)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_control(None)

@@ -1,0 +1,180 @@
+"""A batch of closed loops in MuJoCo, recorded or not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.simulation.control_callback import (
+    MAGIC,
+    control_callback,
+    installed,
+    refuse_foreign_callback,
+    userdata_dtype,
+)
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.records import pack
+from grosmc_mj.simulation.trajectory import Status
+
+# Rows in one call: bounds the memory of a recorded chunk and the wait for Ctrl-C.
+_RECORDED_ROWS, _UNRECORDED_ROWS = 100_000, 1_000_000
+_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+_WRENCH = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+
+
+class NativeBatch:
+    """All simulations of a problem in a ``mujoco.batch.Batch``, ready to step."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile the callback and lay out every simulation's state and userdata.
+
+        Raises:
+            SetupError: If somebody else's control callback is installed.
+        """
+        refuse_foreign_callback()
+        self._problem = problem
+        self._dtype = userdata_dtype(problem)
+        self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
+        size, nsim = self._dtype.itemsize // 8, len(problem.x0)
+        compiled = {
+            plant: plant.model_with_userdata(size)
+            for plant in dict.fromkeys(problem.plants)
+            if isinstance(plant, MujocoPlant)
+        }
+        models = [compiled[plant] for plant in problem.plants if isinstance(plant, MujocoPlant)]
+        self._batch = Batch(models[0], nsim, problem.threads)
+        if len(compiled) > 1:
+            self._batch.set_models(models)
+        self._bodies = [models[0].body(name).id for name in problem.system.bodies]
+        n = problem.system.degrees_of_freedom
+        self._batch.bind("qpos")[:] = problem.x0[:, :n]
+        self._batch.bind("qvel")[:] = problem.x0[:, n:]
+        self._userdata = self._batch.bind("userdata")
+        self._userdata[:] = self._initial_userdata(models)
+
+    def _initial_userdata(self, models: list[mujoco.MjModel]) -> Array:
+        """Headers, fresh memories and numbers of all simulations, (nsim, size)."""
+        problem = self._problem
+        userdata = np.zeros(len(problem.x0), self._dtype)
+        header = userdata["header"]
+        header["magic"], header["control_period"] = MAGIC, problem.control_period
+        # RK4 calls back in each of its four stages; the law samples in the first.
+        rk4 = np.array([m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 for m in models])
+        header["calls_per_sample"] = np.where(rk4, 4, 1) * problem.stride
+        flat = userdata.view(np.float64).reshape(len(userdata), -1)
+        for row, controller in zip(flat, problem.controllers, strict=True):
+            row[self._memory :] = np.concatenate(
+                [pack(controller.memory()), pack(controller.parameters)]
+            )
+        return flat
+
+    @property
+    def _memory(self) -> int:
+        """Where the memory begins in userdata, in numbers."""
+        return self._dtype["header"].itemsize // 8
+
+    def advance(self, steps: int) -> None:
+        """Step every simulation, undisturbed and unrecorded."""
+        with installed(self._callback):
+            self._batch.step(nstep=steps)
+
+    def run(self) -> Record:
+        """Run the whole problem."""
+        problem, nsim = self._problem, len(self._problem.x0)
+        record = Record.empty(problem)
+        size = mujoco.mj_stateSize(self._batch.model, _PHYSICS)
+        record.physics = np.zeros((*record.u.shape, size))
+        record.start = self._physics()
+        rolled = problem.record or problem.wrenches is not None
+        chunk = max(1, (_RECORDED_ROWS if rolled else _UNRECORDED_ROWS) // nsim)
+        for first in range(0, problem.steps, chunk):
+            steps = min(chunk, problem.steps - first)
+            if problem.record:
+                self._run_recorded(record, first, steps)
+            else:
+                self._run_unrecorded(record, first, steps)
+        return record
+
+    def _run_recorded(self, record: Record, first: int, steps: int) -> None:
+        """Run the steps of one chunk and write all their rows."""
+        out = self._roll(first, steps, [_PHYSICS, "ctrl", "userdata"])
+        rows = slice(first, first + steps)
+        self._write(record, rows, out[_PHYSICS], out["ctrl"], out["userdata"])
+        problem = self._problem
+        stop = self._stop(out["userdata"])
+        for run in self._newly_ended(record, stop[:, -1]):
+            if record.status[run] == Status.DIVERGED.value:
+                # A simulation that raised a warning steps no further: its time stands still.
+                last = out[_PHYSICS][run, -1, 0]
+                record.valid[run] = max(0, round(last / problem.timestep) - 1)
+            else:
+                record.valid[run] = first + int(np.argmax(stop[run] != 0))
+
+    def _run_unrecorded(self, record: Record, first: int, steps: int) -> None:
+        """Run the steps of one chunk and write where they ended."""
+        problem = self._problem
+        if problem.wrenches is None:
+            self.advance(steps)
+        else:
+            self._roll(first, steps, ["qpos"])
+        ctrl, userdata = self._batch.bind("ctrl")[:, None], self._userdata[:, None]
+        self._write(record, slice(0, 1), self._physics()[:, None], ctrl, userdata)
+        for run in self._newly_ended(record, self._stop(self._userdata)):
+            if record.status[run] == Status.DIVERGED.value:
+                time = float(self._batch.bind("time")[run])
+                record.valid[run] = max(0, round(time / problem.timestep) - 1)
+            else:
+                samples = self._userdata.view(self._dtype)["header"]["samples"][run, 0]
+                record.valid[run] = int(samples - 1) * problem.stride
+
+    def _roll(self, first: int, steps: int, record: list[str | int]) -> dict[Any, Array]:
+        """Step under the chunk's wrenches, recording."""
+        with installed(self._callback):
+            return self._batch.rollout(
+                steps, control=self._wrenches(first, steps), control_spec=_WRENCH, record=record
+            )
+
+    def _write(
+        self, record: Record, rows: slice, physics: Array, ctrl: Array, userdata: Array
+    ) -> None:
+        """Write rows of all simulations."""
+        assert record.physics is not None
+        memory = slice(self._memory, self._memory + record.memory.shape[-1])
+        record.physics[:, rows] = physics
+        record.x[:, rows] = physics[..., 1 : 1 + record.x.shape[-1]]
+        record.u[:, rows] = ctrl[..., 0]
+        record.memory[:, rows] = userdata[..., memory]
+
+    def _physics(self) -> Array:
+        """mjSTATE_FULLPHYSICS of every simulation now, (nsim, size)."""
+        time, qpos, qvel = (self._batch.bind(name) for name in ("time", "qpos", "qvel"))
+        return np.concatenate([time[:, None], qpos, qvel], axis=1)
+
+    def _wrenches(self, first: int, steps: int) -> Array | None:
+        """xfrc_applied of every simulation in a chunk, (nsim, steps, 6 * nbody)."""
+        problem = self._problem
+        if problem.wrenches is None:
+            return None
+        part = problem.wrenches[:, first : first + steps]
+        table = np.zeros((len(part), steps, self._batch.model.nbody, 6))
+        table[:, :, self._bodies] = part.reshape(*part.shape[:2], -1, 6)
+        flat = table.reshape(len(part), steps, -1)
+        return np.broadcast_to(flat, (len(problem.x0), *flat.shape[1:]))
+
+    def _stop(self, userdata: Array) -> Array:
+        """The header's stop in rows of userdata."""
+        names = self._dtype["header"].names or ()
+        return userdata[..., names.index("stop")]
+
+    def _newly_ended(self, record: Record, stop: Array) -> list[int]:
+        """Simulations that ended in this chunk; their status is noted."""
+        running = record.status == Status.COMPLETED.value
+        warned = self._batch.warning.any(axis=tuple(range(1, self._batch.warning.ndim)))
+        record.status[running & (stop != 0)] = stop[running & (stop != 0)]
+        record.status[running & warned] = Status.DIVERGED.value
+        return np.flatnonzero(running & (warned | (stop != 0))).tolist()
