@@ -1,0 +1,259 @@
+"""The equations against MuJoCo: accelerations at a point, and convergence of trajectories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Variant
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.simulation.simulate import Engine, simulate
+
+Array = NDArray[np.float64]
+OpenLoop = Callable[[float], Controller]
+
+# Accelerations at random states
+
+# Two ways to one number differ by rounding of the terms that they add up: some hundred units in
+# the last place where the terms are of one size. Measured, with edits: 7e-16 (servo), 2e-14
+# (pendulum) and 5e-14 (arm, whose cable loses digits near pi/2).
+AGREEMENT = 1e-10
+
+
+def random_state(name: str, rng: np.random.Generator) -> Array:
+    """Any angle and rates of 5 [m/s, rad/s]; for the arm angles below the singular one."""
+    n = SYSTEMS[name].degrees_of_freedom
+    bound = 1.5 if name == "arm" else math.pi
+    return np.concatenate([rng.uniform(-bound, bound, n), rng.normal(0, 5, n)])
+
+
+def disagreement(
+    plant: MujocoPlant,
+    states: int,
+    seed: int,
+    variant: Variant = "corrected",
+    wrenches: bool = True,
+) -> Array:
+    """Largest difference of an acceleration in each sample, over its largest term, (states,).
+
+    The terms are the accelerations in f(x), g(x) u and d(x, w), the largest of all coordinates
+    and of the three; every moving body has a wrench with six components.
+    """
+    model, twin, system = plant.model, plant.analytic(variant), plant.system
+    data, p, n = mujoco.MjData(model), twin.parameters, system.degrees_of_freedom
+    rng, ratios = np.random.default_rng(seed), np.empty(states)
+    for i in range(states):
+        x, u = random_state(system.name, rng), rng.normal(0, 5)
+        w = rng.normal(0, 5 * wrenches, (model.nbody - 1, 6))
+        data.qpos[:], data.qvel[:], data.ctrl[0], data.xfrc_applied[1:] = x[:n], x[n:], u, w
+        mujoco.mj_forward(model, data)
+        terms = [
+            system.drift(x, p),
+            np.multiply(system.input_matrix(x, p), u),
+            system.disturbance(x, w.ravel(), p),
+        ]
+        difference = twin.derivative(x, u, w.ravel())[n:] - data.qacc
+        ratios[i] = np.max(np.abs(difference)) / np.max(np.abs(np.array(terms)[:, n:]))
+    return ratios
+
+
+def random_edits(name: str, rng: np.random.Generator) -> tuple[BodyEdit, ...]:
+    """Mass 0.25 to 4 and length 0.5 to 4 times the nominal, as likely smaller as larger."""
+
+    def scale(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    body = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link"}[name]
+    edits = (BodyEdit(body, scale(0.25, 4), scale(0.5, 4)),)
+    if name == "cart_pendulum":
+        edits += (BodyEdit("cart", scale(0.25, 4)),)
+    return edits
+
+
+def test_mujoco_has_the_accelerations_of_the_corrected_equations(plant: MujocoPlant) -> None:
+    assert disagreement(plant, states=10_000, seed=1).max() < AGREEMENT
+
+
+def test_they_agree_under_every_edit(plant: MujocoPlant) -> None:
+    rng = np.random.default_rng(2)
+    for seed in range(100):
+        edits = random_edits(plant.system.name, rng)
+        worst = disagreement(plant.edited(*edits), states=100, seed=seed).max()
+        assert worst < AGREEMENT, edits
+
+
+def test_the_comparison_notices_one_part_in_a_million(plant: MujocoPlant) -> None:
+    """Equations with the numbers of an almost equal body fail it, in every system."""
+    body = plant.system.bodies[-1]
+    other = plant.edited(BodyEdit(body, mass_scale=1 + 1e-6)).analytic()
+    n = plant.system.degrees_of_freedom
+    x = random_state(plant.system.name, np.random.default_rng(3))
+    data = mujoco.MjData(plant.model)
+    data.qpos[:], data.qvel[:], data.ctrl[0] = x[:n], x[n:], 1.0
+    mujoco.mj_forward(plant.model, data)
+    difference = np.max(np.abs(other.derivative(x, 1.0)[n:] - data.qacc))
+    assert difference > 100 * AGREEMENT * np.max(np.abs(data.qacc))
+
+
+# The printed equations are others
+
+
+def test_printed_pendulum_is_off_by_much_of_the_largest_term() -> None:
+    """Half of the samples are off by more than a tenth of it; the corrected ones by 1e-14."""
+    plant = MujocoPlant.load("cart_pendulum")
+    ratios = disagreement(plant, states=2000, seed=4, variant="printed", wrenches=False)
+    assert np.median(ratios) > 0.1
+    assert np.quantile(ratios, 0.9) > 0.5
+
+
+def test_printed_pendulum_answers_its_input_with_a_fifth_of_the_true_acceleration() -> None:
+    """Upright, the printed a = m/(M+m) makes 0.18 of the acceleration that MuJoCo shows."""
+    plant = MujocoPlant.load("cart_pendulum")
+    data = mujoco.MjData(plant.model)
+    data.ctrl[0] = 1.0
+    mujoco.mj_forward(plant.model, data)
+    printed = plant.analytic("printed").derivative([0.0, 0.0, 0.0, 0.0], 1.0)[3]
+    assert printed / data.qacc[1] == pytest.approx(0.2 * 35 / 39, rel=1e-12)
+
+
+def test_printed_arm_is_off_by_the_missing_rate() -> None:
+    """M (q'' - printed q'') = 0.03 cos(q) q' (1 - q'): nothing at rest and at 1 rad/s only."""
+    plant = MujocoPlant.load("arm")
+    printed, data = plant.analytic("printed"), mujoco.MjData(plant.model)
+    rng = np.random.default_rng(5)
+    rates = np.concatenate([[0.0, 1.0], rng.normal(0, 5, 500)])
+    for q, rate in zip(rng.uniform(-1.5, 1.5, len(rates)), rates, strict=True):
+        data.qpos[0], data.qvel[0] = q, rate
+        mujoco.mj_forward(plant.model, data)
+        difference = data.qacc[0] - printed.derivative([q, rate])[1]
+        inertia = 0.1 + 0.06 * math.sin(q)
+        expected = 0.03 * math.cos(q) * rate * (1 - rate)
+        # Rounding of M q'', at most some 10 N m, and of the cable near pi/2.
+        assert inertia * difference == pytest.approx(expected, abs=1e-11)
+
+
+# Trajectories under a constant input and a constant wrench
+
+DURATION = 1.0
+# Starts, inputs and timesteps [s] at which the error of RK4 is above rounding: the servo is so
+# slow (J/B = 6.6 s) that its steps must be long.
+START = {"servo": (0.2, -1.0), "cart_pendulum": (0.0, 0.4, 0.0, 0.0), "arm": (-0.5, 1.0)}
+INPUT = {"servo": 1.5, "cart_pendulum": 2.0, "arm": 0.1}
+FOURTH = {
+    "servo": (0.2, 0.1, 0.05, 0.025),
+    "cart_pendulum": (0.02, 0.01, 0.005, 0.0025),
+    "arm": (0.1, 0.05, 0.025, 0.0125),
+}
+FIRST = (0.01, 0.005, 0.0025, 0.00125)
+WRENCHES = ((0.1, 0.2, 0.3, 0.4, -0.05, 0.6), (-0.4, 0.3, 0.2, 0.1, 0.06, -0.2))
+
+
+def constant_wrenches(name: str) -> list[Disturbance]:
+    return [Disturbance(body, w) for body, w in zip(SYSTEMS[name].bodies, WRENCHES, strict=False)]
+
+
+@cache
+def end_state(name: str) -> Array:
+    """x after one second by an eighth-order method at a tolerance of 1e-12."""
+    twin = MujocoPlant.load(name).analytic()
+    w = np.concatenate([disturbance.wrench for disturbance in constant_wrenches(name)])
+    run = solve_ivp(
+        lambda t, x: twin.derivative(x, INPUT[name], w),
+        (0.0, DURATION),
+        START[name],
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    return run.y[:, -1]
+
+
+def errors(
+    plants: Sequence[MujocoPlant | AnalyticPlant],
+    timesteps: Sequence[float],
+    controller: Controller,
+    engine: Engine,
+) -> Array:
+    """Largest error of the end state for each plant and its timestep."""
+    name = plants[0].system.name
+    ends = [
+        simulate(
+            plant,
+            controller,
+            START[name],
+            duration=DURATION,
+            timestep=h,
+            disturbances=constant_wrenches(name),
+            engine=engine,
+        ).state[-1]
+        for plant, h in zip(plants, timesteps, strict=True)
+    ]
+    return np.array([np.max(np.abs(end - end_state(name))) for end in ends])
+
+
+def order(timesteps: Sequence[float], found: Array) -> float:
+    """Slope of the error over the timestep, both logarithmic."""
+    # Below this the error of the reference and rounding would be part of the slope.
+    assert found.min() > 5e-11
+    assert found.max() < 0.5
+    return float(np.polyfit(np.log(timesteps), np.log(found), 1)[0])
+
+
+def in_mujoco(name: str, timesteps: Sequence[float], integrator: Integrator) -> list[MujocoPlant]:
+    return [MujocoPlant.load(name, timestep=h, integrator=integrator) for h in timesteps]
+
+
+@pytest.mark.parametrize("engine", ["python", "native"])
+def test_mujoco_with_rk4_converges_to_the_equations_at_order_4(
+    name: str, engine: Engine, open_loop: OpenLoop
+) -> None:
+    steps, controller = FOURTH[name], open_loop(INPUT[name])
+    found = errors(in_mujoco(name, steps, "RK4"), steps, controller, engine)
+    assert 3.7 < order(steps, found) < 4.3
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit"])
+def test_mujocos_other_integrators_converge_to_the_equations_at_order_1(
+    name: str, integrator: Integrator, open_loop: OpenLoop
+) -> None:
+    controller = open_loop(INPUT[name])
+    found = errors(in_mujoco(name, FIRST, integrator), FIRST, controller, "python")
+    assert 0.9 < order(FIRST, found) < 1.1
+
+
+@pytest.mark.parametrize("engine", ["python", "native"])
+def test_simulated_equations_converge_at_order_4(
+    name: str, engine: Engine, open_loop: OpenLoop
+) -> None:
+    steps, controller = FOURTH[name], open_loop(INPUT[name])
+    twins = [MujocoPlant.load(name).analytic()] * len(steps)
+    found = errors(twins, steps, controller, engine)
+    assert 3.7 < order(steps, found) < 4.3
+
+
+def test_equations_and_mujoco_take_the_same_steps(name: str, open_loop: OpenLoop) -> None:
+    """Both use the classical fourth-order rule, so they agree far below its error."""
+    steps, controller = (FOURTH[name][0],), open_loop(INPUT[name])
+    physics = errors(in_mujoco(name, steps, "RK4"), steps, controller, "python")
+    equations = errors([MujocoPlant.load(name).analytic()], steps, controller, "python")
+    assert physics == pytest.approx(equations, abs=1e-12)
+    assert physics[0] > 1e-9
+
+
+def test_printed_equations_never_converge_to_mujoco(open_loop: OpenLoop) -> None:
+    """After a second the printed pendulum and arm are elsewhere, at steps ten times apart."""
+    for name in ("cart_pendulum", "arm"):
+        printed = [MujocoPlant.load(name).analytic("printed")] * 2
+        found = errors(printed, [1e-2, 1e-3], open_loop(INPUT[name]), "python")
+        assert found[1] > 0.02, name
+        assert found[1] == pytest.approx(found[0], rel=1e-4), name
