@@ -1,0 +1,86 @@
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+# A version manager may offer python3.11 and refuse to start it: ask it to run.
+PYTHON ?= $(shell if python3.11 -c '' >/dev/null 2>&1; then echo python3.11; else echo python3; fi)
+WORKERS ?= auto
+ARGS ?=
+
+# Films need these; nothing else does.
+SYSTEM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
+
+INSTALLED := $(VENV)/.installed
+SYSTEM := $(VENV)/.system
+PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
+
+.PHONY: help setup validate record test test-fast lint format typecheck bench clean
+
+help:  ## List the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-10s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@echo 'Variables: ARGS (more arguments), PYTHON (interpreter), WORKERS (test processes)'
+
+setup:  ## Create .venv with the pinned packages; install the system libraries for films
+	@rm -f $(SYSTEM)
+	@$(MAKE) -s $(INSTALLED) $(SYSTEM)
+
+validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics
+	$(BIN)/grosmc-mj validate $(ARGS)
+
+record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the diff
+	$(BIN)/grosmc-mj validate --record $(ARGS)
+
+test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+
+test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m 'not slow and not render' $(ARGS)
+
+lint: $(INSTALLED)  ## Check style, format and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+
+format: $(INSTALLED)  ## Apply the formatter and the linter's safe fixes
+	$(BIN)/ruff check --fix-only .
+	$(BIN)/ruff format .
+
+typecheck: $(INSTALLED)  ## Check the types
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+bench: $(INSTALLED)  ## Measure throughput against MuJoCo's open loop
+	$(BIN)/grosmc-mj bench $(ARGS)
+
+clean:  ## Remove .venv, builds and caches; keep renders/
+	rm -rf $(VENV) build dist .hypothesis .import_linter_cache .pytest_cache .ruff_cache
+	find grosmc_mj tests -name __pycache__ -prune -exec rm -rf {} +
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c '' 2>/dev/null || { \
+	  echo "make: cannot run '$(PYTHON)'; name a Python 3.11 or newer with PYTHON=..." >&2; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "make: grosmc_mj needs Python 3.11 or newer, '$(PYTHON)' is $$($(PYTHON) -V 2>&1); name another with PYTHON=..." >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "make: '$(PYTHON)' cannot create virtual environments; run: apt-get install python3-venv" >&2; exit 2; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
+	@echo 'Installing grosmc_mj and its pinned packages in $(VENV)'
+	@$(PIP) install -qq -c constraints.txt -e '.[dev]'
+	@touch $@
+
+# Never fails: without these libraries all but the films works. `make setup` tries again.
+$(SYSTEM): | $(INSTALLED)
+	@missing=; \
+	for package in $(SYSTEM_PACKAGES); do \
+	  dpkg-query -W -f '$${Status}' $$package 2>/dev/null | grep -q 'ok installed' || missing="$$missing $$package"; \
+	done; \
+	if [ -z "$$missing" ]; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  echo "Installing for films:$$missing"; \
+	  export DEBIAN_FRONTEND=noninteractive; \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing; } >$(VENV)/apt.log 2>&1 || \
+	    echo "Could not install$$missing (see $(VENV)/apt.log): films will not work, all else does"; \
+	else \
+	  echo "Not installed:$$missing. Films need them, nothing else does; as root: apt-get install$$missing"; \
+	fi
+	@touch $@
