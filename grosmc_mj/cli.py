@@ -181,13 +181,14 @@ def _parse(arguments: Sequence[str] | None) -> Any:
 
 
 def _condense(box: str) -> str:
-    """What a framed message says, without its title and the help that it repeats."""
-    lines = [line.strip("│ ") for line in box.splitlines()[1:]]
-    parts = re.split(r"─{3,}", " ".join(lines).strip("╰╯─ "))
-    kept = [part.strip() for part in parts if part.strip() and "helptext:" not in part]
-    hint = f"for help: {PROGRAM} --help"
-    words = [part for part in kept if not part.startswith("For full helptext")]
-    return "; ".join([*words, hint])
+    """What a framed message says, without its title and the help that it repeats.
+
+    The frame is of line-drawing characters or, where the terminal lacks them, of ASCII ones.
+    """
+    lines = [line.strip("│| ") for line in box.splitlines()[1:]]
+    parts = [part.strip("╰╯+─- ") for part in re.split(r"[─-]{5,}", " ".join(lines))]
+    words = [part for part in parts if part and "helptext" not in part]
+    return "; ".join([*words, f"for help: {PROGRAM} --help"])
 
 
 def _run(command: Any) -> int:

@@ -1,0 +1,112 @@
+"""The command line: what it says, its exit codes, and wrong use in one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from grosmc_mj import cli
+
+
+def run(*arguments: str) -> int:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("validate", "servoo"), "did you mean 'servo'?"),
+        (("validate", "--case", "case9"), "valid: nominal, case1, case2"),
+        (("validate", "--engine", "fortran", "servo"), "valid: native, python"),
+        (("validate", "--integrator", "heun", "servo"), "valid: Euler, RK4"),
+        (("validate", "servo", "--control-period", "0.0015"), "no multiple of the timestep 0.001"),
+        (("validate", "servo", "--control-period", "nan"), "no multiple of the timestep"),
+        (("validate", "servo", "--control-period", "-1"), "no multiple of the timestep"),
+        (("validate", "servo", "--control-period", "soon"), "could not convert"),
+        (("validate", "--timestep", "0"), "must lie between 0 and 1 s"),
+        (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
+        (("validate", "--colour", "red"), "--colour"),
+        (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
+        (("frobnicate",), "validate, list, compare, bench"),
+        (("compare",), "SYSTEM"),
+        (("compare", "arm", "--states", "0"), "1 or more"),
+        (("compare", "arm", "--edits", "-1"), "0 or more"),
+        (("compare", "arm", "--seed", "-1"), "0 or more"),
+        (("compare", "leg"), "valid: servo, cart_pendulum, arm"),
+        (("bench", "--rounds", "0"), "1 or more"),
+        (("bench", "--integrator", "heun"), "valid: Euler, RK4"),
+        (("readme", "--readme", "nowhere.md"), "nowhere.md is missing"),
+    ],
+)
+def test_wrong_use_gets_one_line_and_exit_code_2(
+    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.startswith("grosmc-mj: ")
+    assert error.count("\n") == 1
+
+
+def test_an_output_folder_that_cannot_be_written_is_one_line_after_the_results(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    arguments = ("servo", "--case", "nominal", "--out", str(blocked / "renders"))
+    assert run("validate", *arguments) == cli.WRONG
+    said = capsys.readouterr()
+    assert "cannot write" in said.err
+    assert said.err.count("\n") == 1
+    assert "grosmc" in said.out  # what was computed is not lost
+
+
+def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == cli.DONE
+    summary = capsys.readouterr().out
+    for command, words in {
+        "validate": ("SYSTEM", "--case", "--engine", "--control-period", "--timestep", "--out"),
+        "list": (),
+        "compare": ("SYSTEM", "--states", "--edits", "--seed"),
+        "bench": ("--integrator", "--rounds"),
+        "readme": ("--readme", "--results"),
+    }.items():
+        assert command in summary
+        assert run(command, "--help") == cli.DONE
+        text = capsys.readouterr().out
+        for word in words:
+            assert word in text
+
+
+def test_list_shows_systems_cases_plants_and_controllers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("list") == cli.DONE
+    text = capsys.readouterr().out
+    for word in ("servo", "cart_pendulum", "arm", "case1", "physics", "fl-lqr", "grosmc"):
+        assert word in text
+
+
+def test_compare_agrees_and_shows_that_the_printed_equations_do_not(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("compare", "arm", "--states", "50", "--edits", "1") == cli.DONE
+    text = capsys.readouterr().out
+    assert "printed" in text
+    assert "agree with MuJoCo" in text
+
+
+def test_a_closed_pipe_is_no_error() -> None:
+    program = f"{sys.executable} -m grosmc_mj.cli list | head -1"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {program}"], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.startswith("servo")
+    assert "Traceback" not in done.stderr

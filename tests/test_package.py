@@ -1,0 +1,99 @@
+"""The package as a whole: its imports, its README, its records."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import grosmc_mj
+from grosmc_mj.errors import SetupError
+from grosmc_mj.validation.readme_table import BEGIN, END, results_table, write_table
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def python(program: str) -> str:
+    """What a program prints in a process of its own."""
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_import_loads_neither_mujoco_nor_numba() -> None:
+    program = (
+        "import sys, grosmc_mj; "
+        "print([n for n in ('mujoco', 'numba', 'scipy', 'matplotlib') if n in sys.modules])"
+    )
+    assert python(program) == "[]"
+
+
+def test_the_command_line_s_help_loads_neither_mujoco_nor_numba() -> None:
+    program = (
+        "import sys, grosmc_mj.cli; print([n for n in ('mujoco', 'numba') if n in sys.modules])"
+    )
+    assert python(program) == "[]"
+
+
+@pytest.mark.parametrize("name", grosmc_mj.__all__)
+def test_every_public_name_is_there_and_documented(name: str) -> None:
+    assert getattr(grosmc_mj, name).__doc__
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = grosmc_mj.nothing
+
+
+def test_the_readme_s_example_runs_and_is_short() -> None:
+    example = re.search(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert example is not None
+    code = example.group(1)
+    assert len([line for line in code.splitlines() if line.strip()]) == 8
+    assert re.fullmatch(r"pole .*rad, cart .* m away", python(code))
+
+
+def test_the_readme_s_picture_is_in_the_repository() -> None:
+    for picture in re.findall(r"!\[[^\]]*\]\(([^)]*)\)", README.read_text(encoding="utf-8")):
+        assert (README.parent / picture).is_file()
+
+
+def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None:
+    metric = {"value": 0.25, "unit": "rad", "note": ""}
+    never = {"value": None, "unit": "s", "note": "not reached"}
+    run = {
+        "system": "servo",
+        "case": "case1",
+        "plant": "physics",
+        "controller": "lqr",
+        "metrics": {
+            "deviation": metric,
+            "settling_time": never,
+            "max_sliding": {"value": None, "unit": "", "note": "no surface"},
+            "cost_whole": {"value": 3.0, "unit": "1", "note": ""},
+            "cost_optimal": {"value": 2.0, "unit": "1", "note": ""},
+            "max_input": {"value": 2.0, "unit": "A", "note": ""},
+        },
+    }
+    document = {"runs": [run, {**run, "plant": "corrected"}]}
+    rows = results_table(document).splitlines()
+    assert len(rows) == 3
+    assert rows[2] == "| servo | case1 | lqr | 0.25 rad | not reached |  | 1.5 | 2 A |  |"
+    readme, results = tmp_path / "README.md", tmp_path / "validation.json"
+    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    results.write_text(json.dumps(document))
+    write_table(readme, results)
+    write_table(readme, results)
+    assert readme.read_text() == "\n".join(["before", BEGIN, *rows, END, "after", ""])
+
+
+def test_a_readme_without_marks_is_refused_and_kept(tmp_path: Path) -> None:
+    readme, results = tmp_path / "README.md", tmp_path / "validation.json"
+    readme.write_text("nothing here")
+    results.write_text(json.dumps({"runs": []}))
+    with pytest.raises(SetupError, match="has no <!-- results -->"):
+        write_table(readme, results)
+    assert readme.read_text() == "nothing here"
