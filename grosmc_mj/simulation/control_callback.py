@@ -123,11 +123,13 @@ def refuse_foreign_callback() -> None:
     Raises:
         SetupError: If one is installed.
     """
-    if mujoco.get_mjcb_control() is not None:
-        raise SetupError(
-            "a MuJoCo control callback is already installed in this process and would overrule "
-            "the law: remove it with mujoco.set_mjcb_control(None)"
-        )
+    # Under the lock, so that it is not our own callback of another thread.
+    with _lock:
+        if mujoco.get_mjcb_control() is not None:
+            raise SetupError(
+                "a MuJoCo control callback is already installed in this process and would "
+                "overrule the law: remove it with mujoco.set_mjcb_control(None)"
+            )
 
 
 @contextmanager

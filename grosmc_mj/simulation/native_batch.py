@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.simulation.control_callback import (
@@ -105,38 +106,52 @@ class NativeBatch:
         out = self._roll(first, steps, [_PHYSICS, "ctrl", "userdata"])
         rows = slice(first, first + steps)
         self._write(record, rows, out[_PHYSICS], out["ctrl"], out["userdata"])
-        problem = self._problem
         stop = self._stop(out["userdata"])
         for run in self._newly_ended(record, stop[:, -1]):
             if record.status[run] == Status.DIVERGED.value:
-                # A simulation that raised a warning steps no further: its time stands still.
-                last = out[_PHYSICS][run, -1, 0]
-                record.valid[run] = max(0, round(last / problem.timestep) - 1)
+                record.valid[run] = self._diverged_at(out[_PHYSICS][run, -1, 0])
             else:
                 record.valid[run] = first + int(np.argmax(stop[run] != 0))
 
     def _run_unrecorded(self, record: Record, first: int, steps: int) -> None:
         """Run the steps of one chunk and write where they ended."""
-        problem = self._problem
-        if problem.wrenches is None:
-            self.advance(steps)
+        if self._problem.wrenches is None:
+            self._advance_to_first_warning(first, steps)
         else:
             self._roll(first, steps, ["qpos"])
         ctrl, userdata = self._batch.bind("ctrl")[:, None], self._userdata[:, None]
         self._write(record, slice(0, 1), self._physics()[:, None], ctrl, userdata)
         for run in self._newly_ended(record, self._stop(self._userdata)):
             if record.status[run] == Status.DIVERGED.value:
-                time = float(self._batch.bind("time")[run])
-                record.valid[run] = max(0, round(time / problem.timestep) - 1)
+                record.valid[run] = self._diverged_at(self._batch.bind("time")[run])
             else:
                 samples = self._userdata.view(self._dtype)["header"]["samples"][run, 0]
-                record.valid[run] = int(samples - 1) * problem.stride
+                record.valid[run] = int(samples - 1) * self._problem.stride
 
-    def _roll(self, first: int, steps: int, record: list[str | int]) -> dict[Any, Array]:
+    def _advance_to_first_warning(self, first: int, steps: int) -> None:
+        """Advance, but leave a simulation that raises a warning at the step that raised it.
+
+        ``Batch.step`` steps on; ``Batch.rollout`` stops there, so such a chunk is run again.
+        """
+        before, warned = self._batch.state.copy(), self._warned()
+        self.advance(steps)
+        again = np.flatnonzero(self._warned() & ~warned)
+        if len(again):
+            self._batch.state[again] = before[again]
+            self._roll(first, steps, ["qpos"], again)
+
+    def _diverged_at(self, time: float) -> int:
+        """Valid steps of a simulation that raised a warning: its time stands still since."""
+        return max(0, round(time / self._problem.timestep) - 1)
+
+    def _roll(
+        self, first: int, steps: int, record: list[str | int], ids: Any = None
+    ) -> dict[Any, Array]:
         """Step under the chunk's wrenches, recording."""
+        control = self._wrenches(first, steps)
         with installed(self._callback):
             return self._batch.rollout(
-                steps, control=self._wrenches(first, steps), control_spec=_WRENCH, record=record
+                steps, control=control, control_spec=_WRENCH, record=record, ids=ids
             )
 
     def _write(
@@ -171,10 +186,18 @@ class NativeBatch:
         names = self._dtype["header"].names or ()
         return userdata[..., names.index("stop")]
 
+    def _warned(self) -> NDArray[np.bool_]:
+        """Whether each simulation has raised a warning, (nsim,)."""
+        return self._batch.warning.any(axis=tuple(range(1, self._batch.warning.ndim)))
+
     def _newly_ended(self, record: Record, stop: Array) -> list[int]:
-        """Simulations that ended in this chunk; their status is noted."""
+        """Simulations that ended in this chunk; their status is noted.
+
+        One that the callback has stopped drifts on without a law: if it diverges then, that is
+        not why it ended.
+        """
         running = record.status == Status.COMPLETED.value
-        warned = self._batch.warning.any(axis=tuple(range(1, self._batch.warning.ndim)))
-        record.status[running & (stop != 0)] = stop[running & (stop != 0)]
-        record.status[running & warned] = Status.DIVERGED.value
-        return np.flatnonzero(running & (warned | (stop != 0))).tolist()
+        stopped, diverged = running & (stop != 0), running & (stop == 0) & self._warned()
+        record.status[stopped] = stop[stopped]
+        record.status[diverged] = Status.DIVERGED.value
+        return np.flatnonzero(stopped | diverged).tolist()

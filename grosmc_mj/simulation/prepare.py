@@ -55,6 +55,11 @@ def prepare(
         raise ArgumentError("all plants of a batch must be of one system and of one kind")
     if any(c.law is not controllers[0].law for c in controllers):
         raise ArgumentError("all controllers of a batch must have the same law")
+    designed = controllers[0].error.system if controllers[0].error else system
+    if designed is not system:
+        raise ArgumentError(
+            f"{controllers[0].name} is designed for {designed.name}, the plant is {system.name}"
+        )
     n = len(system.states)
     if starts.ndim != 2 or starts.shape[1] != n or not np.all(np.isfinite(starts)):
         names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
@@ -105,14 +110,18 @@ def _repeat(items: tuple[Item, ...], count: int) -> tuple[Item, ...]:
 
 def _disturbance_lists(disturbances: Disturbances) -> list[list[Disturbance]]:
     """One list of disturbances for all simulations, or one for each."""
-    if disturbances and all(isinstance(item, Sequence) for item in disturbances):
-        lists = [list(item) for item in disturbances if isinstance(item, Sequence)]
+    if not isinstance(disturbances, Sequence):
+        raise ArgumentError(f"disturbances = {disturbances!r} must be a list of Disturbance")
+    if disturbances and isinstance(disturbances[0], (list, tuple)):
+        lists = [list(item) if isinstance(item, Sequence) else [item] for item in disturbances]
+        if not all(isinstance(item, (list, tuple)) for item in disturbances):
+            raise ArgumentError("give single Disturbances or one list for each run, not both")
     else:
-        lists = [[item for item in disturbances if not isinstance(item, Sequence)]]
+        lists = [list(disturbances)]
     for item in (item for items in lists for item in items):
         if not isinstance(item, Disturbance):
             raise ArgumentError(f"{item!r} is no Disturbance")
-    return lists
+    return lists  # pyright: ignore[reportReturnType]
 
 
 def _timestep(plants: tuple[Plant, ...], timestep: float | None) -> float:

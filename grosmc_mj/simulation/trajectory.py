@@ -69,8 +69,7 @@ class Trajectory:
 
     def __getitem__(self, run: int) -> Trajectory:
         """One run of a batch, cut where it stopped being valid."""
-        end = int(np.searchsorted(self.time, self.valid_until[run] * (1 + 1e-12))) + 1
-        end = min(max(end, 2), len(self.time))
+        end = int(np.searchsorted(self.time, self.valid_until[run] * (1 + 1e-12), side="right"))
         return Trajectory(
             system=self.system,
             time=self.time[:end],

@@ -14,6 +14,21 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.simulation.trajectory import Trajectory
 
+METRICS = (
+    "deviation",
+    "settling_time",
+    "overshoot",
+    "rms_error",
+    "max_sliding",
+    "rms_sliding",
+    "cost_continuous",
+    "cost_whole",
+    "cost_optimal",
+    "total_variation",
+    "max_input",
+    "cart_travel",
+)
+
 # The usual 2 % band, of the initial error.
 SETTLING_BAND = 0.02
 
@@ -73,6 +88,8 @@ def measure(
         onset: When the first disturbance begins [s].
     """
     time, z = comparison.time, comparison.z
+    if len(time) < 2:
+        return {name: Metric(None, "", "ended at the start") for name in METRICS}
     transient = slice(None)
     if 0 < onset < time[-1]:
         transient = slice(0, int(np.searchsorted(time, onset)) + 1)
@@ -84,9 +101,7 @@ def measure(
         "rms_error": Metric(float(np.sqrt(np.mean(z[:, 0] ** 2))), output),
         **_surface_metrics(run),
         **_costs(run, controller, comparison),
-        "total_variation": Metric(
-            float(np.abs(np.diff(run.input)).sum() / time[-1]) if time[-1] else 0.0, f"{u}/s"
-        ),
+        "total_variation": Metric(float(np.abs(np.diff(run.input)).sum() / time[-1]), f"{u}/s"),
         "max_input": Metric(float(np.abs(run.input).max()), u),
     }
     if run.system.name == "cart_pendulum":
