@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import sys
 import time
@@ -16,7 +17,7 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional, arg, subcommand
 
-from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 
 if TYPE_CHECKING:
     from grosmc_mj.validation.runs import RunResult
@@ -141,7 +142,10 @@ _ABOUT = (
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
     try:
-        code = _run(_parse(arguments))
+        command = _parse(arguments)
+        _import_mujoco()
+        code = _run(command)
+        sys.stdout.flush()
     except GrosmcError as error:
         code = _complain(str(error))
     except KeyboardInterrupt:
@@ -150,7 +154,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # The reader of our output has gone; there is nobody left to tell.
         sys.stderr.close()
         code = DONE
+    except OSError as error:
+        code = _complain(f"{error.filename or 'output'}: {error.strerror}")
+        # What is still buffered cannot be written either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     sys.exit(code)
+
+
+def _import_mujoco() -> None:
+    """Import MuJoCo, which fails in many ways when MUJOCO_GL asks for what is not there.
+
+    Raises:
+        SetupError: If it cannot be imported.
+    """
+    try:
+        import mujoco  # noqa: F401
+    except Exception as error:
+        backend = os.environ.get("MUJOCO_GL")
+        hint = (
+            f"MUJOCO_GL={backend}: unset it, or install what it names" if backend else "reinstall"
+        )
+        raise SetupError(f"MuJoCo cannot be imported ({hint}): {error}") from error
 
 
 def _complain(message: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -110,3 +111,29 @@ def test_a_closed_pipe_is_no_error() -> None:
     )
     assert done.stdout.startswith("servo")
     assert "Traceback" not in done.stderr
+
+
+def test_a_graphics_backend_that_is_not_there_is_one_line() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "grosmc_mj.cli", "list"],
+        env={**os.environ, "MUJOCO_GL": "banana"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == cli.WRONG
+    assert done.stderr.startswith("grosmc-mj: MuJoCo cannot be imported with MUJOCO_GL=banana")
+    assert done.stderr.count("\n") == 1
+
+
+def test_standard_output_on_a_full_disk_is_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "grosmc_mj.cli", "list"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == cli.WRONG
+    assert done.stderr == "grosmc-mj: output: No space left on device\n"

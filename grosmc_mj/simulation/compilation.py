@@ -99,8 +99,13 @@ def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
     Division by zero gives an infinity, as in C: no exception can leave a C callback.
     """
     compiled: Any = CFunc(function, (arguments, types.void), {}, {"error_model": "numpy"})
-    # Without a folder that could hold a cache, compile each time.
+    cache = compiled._cache
+    # Without a folder that could hold a cache, or with a full disk, compile each time.
     with contextlib.suppress(RuntimeError):
         compiled._cache = _FingerprintCache(function)
-    compiled.compile()
+    try:
+        compiled.compile()
+    except OSError:
+        compiled._cache = cache
+        compiled.compile()
     return compiled

@@ -112,8 +112,11 @@ def _save(picture: Picture, runs: Runs, path: Path) -> None:
         for suffix in (".png", ".svg"):
             aside = path.with_name(f".{path.stem}{suffix}")
             metadata = {"Date": None} if suffix == ".svg" else {"Software": None}
-            figure.savefig(aside, format=suffix[1:], metadata=metadata)
-            aside.replace(path.with_suffix(suffix))
+            try:
+                figure.savefig(aside, format=suffix[1:], metadata=metadata)
+                aside.replace(path.with_suffix(suffix))
+            finally:
+                aside.unlink(missing_ok=True)
 
 
 def _result(runs: Runs, case: str, plant: PlantName, controller: str) -> RunResult | None:
