@@ -32,10 +32,10 @@ record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the d
 	$(BIN)/grosmc-mj validate --record $(ARGS)
 
 test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m 'not slow and not render' $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m 'not slow and not render' $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .

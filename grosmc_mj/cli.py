@@ -171,10 +171,8 @@ def _import_mujoco() -> None:
         import mujoco  # noqa: F401
     except Exception as error:
         backend = os.environ.get("MUJOCO_GL")
-        hint = (
-            f"MUJOCO_GL={backend}: unset it, or install what it names" if backend else "reinstall"
-        )
-        raise SetupError(f"MuJoCo cannot be imported ({hint}): {error}") from error
+        hint = f" with MUJOCO_GL={backend} (unset it or install its library)" if backend else ""
+        raise SetupError(f"MuJoCo cannot be imported{hint}: {error}") from error
 
 
 def _complain(message: str) -> int:

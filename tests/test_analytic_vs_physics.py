@@ -9,9 +9,9 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -19,7 +19,6 @@ from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
-Array = NDArray[np.float64]
 OpenLoop = Callable[[float], Controller]
 
 # Accelerations at random states

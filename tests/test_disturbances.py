@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import CartPendulumParameters
@@ -28,7 +28,6 @@ from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
-Array = NDArray[np.float64]
 OpenLoop = Callable[[float], Controller]
 
 PUSH = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)

@@ -12,13 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import ArmParameters, CartPendulumParameters, Variant
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import load_model, load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-
-Array = NDArray[np.float64]
 
 MOVING = [("servo", "rotor"), ("cart_pendulum", "cart"), ("cart_pendulum", "pole"), ("arm", "link")]
 SCALES = [(4.0, 4.0), (0.3, 1.0), (1.0, 0.7), (2.5, 0.4)]

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.plants import (
     ARM,
@@ -29,8 +29,6 @@ from grosmc_mj.plants import (
 )
 from grosmc_mj.plants.cart_pendulum import pole_torque
 from grosmc_mj.simulation.models import load_model, load_spec
-
-Array = NDArray[np.float64]
 
 SERVO_NUMBERS = ServoParameters(J=5.77e-2, B=8.8e-3, Kt=0.667)
 PENDULUM_NUMBERS = CartPendulumParameters(M=1.0, m=0.2, L=0.5, g=9.8)

@@ -78,150 +78,138 @@ class TrackingParameters(SurfaceParameters):
     epsilon: float
 
 
-def integrator_chain() -> tuple[Array, Array]:
-    """(A, B) of z1'' = v, the Brunovsky form of eqs. (24) and (45)."""
-    return np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A nominal plant, what of it is regulated, and the index that weighs it.
+
+    Attributes:
+        plant: The plant that the law believes in.
+        error: The error coordinates z, two of them.
+        reference: Parameters of the reference that ``error`` measures from.
+        Q: Weight of z, positive semidefinite, (2, 2).
+        R: Weight of the input, or of v after linearization; positive.
+    """
+
+    plant: AnalyticPlant
+    error: ErrorCoordinates
+    reference: Any
+    Q: ArrayLike
+    R: ArrayLike
+
+    def linearization_optimum(self) -> LqrDesign:
+        """LQR on the Jacobian linearization about zero error; exact for the linear servo."""
+        return lqr(*self.error.jacobian(self.feedback(np.zeros(2))), self.Q, self.R)
+
+    def chain_optimum(self) -> LqrDesign:
+        """LQR on z1'' = v, the Brunovsky form of eqs. (24) and (45)."""
+        return lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], self.Q, self.R)
+
+    def feedback(self, K: Array) -> FeedbackParameters:
+        """Numbers of a law with this gain, (2,)."""
+        return FeedbackParameters(self.plant.parameters, self.reference, K)
 
 
-def linear_lqr(
-    plant: AnalyticPlant, error: ErrorCoordinates, reference: Any, Q: ArrayLike, R: ArrayLike
-) -> Controller:
-    """LQR (5) on the plant's Jacobian linearization; exact for the linear servo."""
-    design = _jacobian_lqr(plant, error, reference, Q, R)
-    parameters = FeedbackParameters(plant.parameters, reference, design.K[0])
-    source = "eqs. (5)-(6)"
-    return _controller("lqr", laws.state_feedback(error), parameters, error, design, source)
+def linear_lqr(task: Task) -> Controller:
+    """LQR (5) on the plant's linearization."""
+    optimum = task.linearization_optimum()
+    law = laws.state_feedback(task.error)
+    return _controller("lqr", law, task, task.feedback(optimum.K[0]), optimum, "eqs. (5)-(6)")
 
 
-def linearized_lqr(
-    plant: AnalyticPlant,
-    error: ErrorCoordinates,
-    reference: Any,
-    Q: ArrayLike,
-    R: ArrayLike,
-    name: str = "fl-lqr",
-) -> Controller:
+def linearized_lqr(task: Task, name: str = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
-    design = lqr(*integrator_chain(), Q, R)
-    parameters = FeedbackParameters(plant.parameters, reference, design.K[0])
-    source = "eqs. (23)+(28), (44)+(49)"
-    return _controller(name, laws.linearizing_feedback(error), parameters, error, design, source)
+    optimum = task.chain_optimum()
+    law, source = laws.linearizing_feedback(task.error), "eqs. (23)+(28), (44)+(49)"
+    return _controller(name, law, task, task.feedback(optimum.K[0]), optimum, source)
 
 
-def linear_grosmc(
-    plant: AnalyticPlant,
-    error: ErrorCoordinates,
-    reference: Any,
-    Q: ArrayLike,
-    R: ArrayLike,
-    uncertainty: Uncertainty,
-    G: ArrayLike | None = None,
-) -> Controller:
+def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None) -> Controller:
     """GROSMC of section 2, eqs. (8)+(12), with gains from the declared uncertainty.
+
+    Args:
+        task: What is designed for.
+        uncertainty: What the law shall withstand.
+        G: Projection of the surface, (1, 2); B+ by default.
 
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    design = _jacobian_lqr(plant, error, reference, Q, R)
-    parameters = _bounded(plant, error, reference, design, uncertainty, G, linearizing=False)
-    return _controller(
-        "grosmc", laws.grosmc_linear(error), parameters, error, design, "eqs. (8)+(12)"
-    )
+    optimum, law = task.linearization_optimum(), laws.grosmc_linear(task.error)
+    parameters = _bounded(task, optimum, uncertainty, G, linearizing=False)
+    return _controller("grosmc", law, task, parameters, optimum, "eqs. (8)+(12)")
 
 
 def regulating_grosmc(
-    plant: AnalyticPlant,
-    error: ErrorCoordinates,
-    reference: Any,
-    Q: ArrayLike,
-    R: ArrayLike,
-    uncertainty: Uncertainty,
-    G: ArrayLike | None = None,
+    task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None
 ) -> Controller:
     """GROSMC of section 3, eqs. (31)+(37), with gains from the declared uncertainty.
+
+    Args:
+        task: What is designed for.
+        uncertainty: What the law shall withstand.
+        G: Projection of the surface, (1, 2); B+ by default.
 
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    design = lqr(*integrator_chain(), Q, R)
-    parameters = _bounded(plant, error, reference, design, uncertainty, G, linearizing=True)
-    return _controller(
-        "grosmc", laws.grosmc_regulator(error), parameters, error, design, "eqs. (31)+(37)"
-    )
+    optimum, law = task.chain_optimum(), laws.grosmc_regulator(task.error)
+    parameters = _bounded(task, optimum, uncertainty, G, linearizing=True)
+    return _controller("grosmc", law, task, parameters, optimum, "eqs. (31)+(37)")
 
 
-def tracking_grosmc(
-    plant: AnalyticPlant,
-    error: ErrorCoordinates,
-    reference: Any,
-    Q: ArrayLike,
-    R: ArrayLike,
-    k: float,
-    epsilon: float,
-    G: ArrayLike | None = None,
-) -> Controller:
-    """GROSMC of section 4, eqs. (51)+(55), with the gains k and epsilon given.
+def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = None) -> Controller:
+    """GROSMC of section 4, eqs. (51)+(55), with its gains given.
+
+    Args:
+        task: What is designed for.
+        k: Proportional reaching gain [1/s].
+        epsilon: Switching gain, in the unit of s per second.
+        G: Projection of the surface, (1, 2); B+ by default.
 
     Raises:
         GainError: If G B is singular or a gain is not positive.
     """
     if not (k > 0 and epsilon > 0):
         raise GainError(f"k = {k:g} and epsilon = {epsilon:g} must be positive")
-    design = lqr(*integrator_chain(), Q, R)
-    surface = _surface(plant, reference, design, G)
+    optimum, law = task.chain_optimum(), laws.grosmc_tracker(task.error)
+    surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))
-    return _controller(
-        "grosmc", laws.grosmc_tracker(error), parameters, error, design, "eqs. (51)+(55)"
-    )
+    return _controller("grosmc", law, task, parameters, optimum, "eqs. (51)+(55)")
 
 
-def _jacobian_lqr(
-    plant: AnalyticPlant, error: ErrorCoordinates, reference: Any, Q: ArrayLike, R: ArrayLike
-) -> LqrDesign:
-    """LQR on the linearization of the error dynamics about zero error."""
-    numbers = FeedbackParameters(plant.parameters, reference, np.zeros(2))
-    return lqr(*error.jacobian(numbers), Q, R)
-
-
-def _surface(
-    plant: AnalyticPlant, reference: Any, design: LqrDesign, G: ArrayLike | None
-) -> dict[str, Any]:
-    """Numbers of the surface that follows a design."""
-    matrix = surface_matrix(G, design.B)
+def _surface(task: Task, optimum: LqrDesign, G: ArrayLike | None) -> dict[str, Any]:
+    """Numbers of the surface that follows an optimum."""
+    matrix = surface_matrix(G, optimum.B)
     return {
-        "plant": plant.parameters,
-        "reference": reference,
-        "K": design.K[0],
+        **vars(task.feedback(optimum.K[0])),
         "G": matrix[0],
-        "GA_c": (matrix @ design.closed_loop)[0],
-        "GB": float((matrix @ design.B)[0, 0]),
+        "GA_c": (matrix @ optimum.closed_loop)[0],
+        "GB": float((matrix @ optimum.B)[0, 0]),
     }
 
 
 def _bounded(
-    plant: AnalyticPlant,
-    error: ErrorCoordinates,
-    reference: Any,
-    design: LqrDesign,
+    task: Task,
+    optimum: LqrDesign,
     uncertainty: Uncertainty,
     G: ArrayLike | None,
     *,
     linearizing: bool,
 ) -> BoundedParameters:
     """Surface and gains of the laws (12) and (37)."""
-    surface = _surface(plant, reference, design, G)
-    numbers = FeedbackParameters(plant.parameters, reference, design.K[0])
-    gains = switching_gains(error, numbers, design.K[0], uncertainty, linearizing=linearizing)
-    # eta is a rate of s; eqs. (12) and (37) divide it by G B as they do the rest.
-    return BoundedParameters(**surface, eta=gains.eta, gamma0=gains.gamma0, gamma1=gains.gamma1)
+    K = optimum.K[0]
+    gains = switching_gains(task.error, task.feedback(K), K, uncertainty, linearizing=linearizing)
+    return BoundedParameters(
+        **_surface(task, optimum, G), eta=gains.eta, gamma0=gains.gamma0, gamma1=gains.gamma1
+    )
 
 
 def _controller(
     name: str,
     law: laws.Law,
+    task: Task,
     parameters: FeedbackParameters,
-    error: ErrorCoordinates,
-    design: LqrDesign,
+    optimum: LqrDesign,
     source: str,
 ) -> Controller:
     """A controller with the gains that are worth showing."""
@@ -233,8 +221,8 @@ def _controller(
         law=law,
         parameters=parameters,
         memory=SurfaceMemory if switched else Memory,
-        error=error,
-        lqr=design,
+        error=task.error,
+        lqr=optimum,
         source=source,
-        gains={"K1": float(design.K[0, 0]), "K2": float(design.K[0, 1]), **gains},
+        gains={"K1": float(optimum.K[0, 0]), "K2": float(optimum.K[0, 1]), **gains},
     )

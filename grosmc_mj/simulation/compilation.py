@@ -16,7 +16,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba.core import types
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
@@ -87,10 +87,23 @@ def fingerprint(function: Callable[..., Any]) -> str:
 
 
 class _FingerprintCache(FunctionCache):
-    """numba's disk cache under the fingerprint of all that a function reaches."""
+    """numba's disk cache with a file of its own for each fingerprint.
+
+    numba keeps one index for all functions of one name and line, and processes that write it at
+    once can swap entries: all the closed loops here have one name.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._fingerprint = fingerprint(function)
+        self._cache_file = IndexDataCacheFile(
+            cache_path=self._cache_path,
+            filename_base=f"{function.__name__}-{self._fingerprint[:32]}",
+            source_stamp=self._fingerprint,
+        )
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (sig, codegen.magic_tuple(), fingerprint(self._py_func))
+        return (sig, codegen.magic_tuple(), self._fingerprint)
 
 
 def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:

@@ -10,8 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grosmc_mj.control import design
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import (
+    Task,
+    linear_grosmc,
+    linear_lqr,
+    linearized_lqr,
+    regulating_grosmc,
+    tracking_grosmc,
+)
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import Setpoint, Sine, setpoint, sine
@@ -26,21 +33,19 @@ from grosmc_mj.plants import (
 )
 from grosmc_mj.plants.cart_pendulum import pole_torque
 
-Build = Callable[[AnalyticPlant], Controller]
-
 
 @dataclass(frozen=True)
 class Designs:
     """The controllers of one system.
 
     Attributes:
-        error: Error coordinates of its laws.
-        build: A controller from the nominal plant, by its name.
+        task: What they are designed for, from the nominal plant.
+        build: Each controller, by its name.
         aliases: Further names of the same laws, and why they are the same.
     """
 
-    error: ErrorCoordinates
-    build: Mapping[str, Build]
+    task: Callable[[AnalyticPlant], Task]
+    build: Mapping[str, Callable[[Task], Controller]]
     aliases: Mapping[str, tuple[str, str]]
 
 
@@ -87,43 +92,29 @@ def pendulum_uncertainty(nominal: CartPendulumParameters) -> Uncertainty:
 
 DESIGNS: Mapping[str, Designs] = {
     "servo": Designs(
-        error=SERVO_ERROR,
+        task=lambda plant: Task(plant, SERVO_ERROR, SERVO_STEP, *SERVO_WEIGHTS),
         build={
-            "lqr": lambda plant: design.linear_lqr(plant, SERVO_ERROR, SERVO_STEP, *SERVO_WEIGHTS),
-            "grosmc": lambda plant: design.linear_grosmc(
-                plant, SERVO_ERROR, SERVO_STEP, *SERVO_WEIGHTS, SERVO_UNCERTAINTY
-            ),
+            "lqr": linear_lqr,
+            "grosmc": lambda task: linear_grosmc(task, SERVO_UNCERTAINTY),
         },
         aliases={"fl-lqr": ("lqr", "the plant is linear already")},
     ),
     "cart_pendulum": Designs(
-        error=PENDULUM_ERROR,
+        task=lambda plant: Task(plant, PENDULUM_ERROR, PENDULUM_UPRIGHT, *PENDULUM_WEIGHTS),
         build={
-            "lqr": lambda plant: design.linear_lqr(
-                plant, PENDULUM_ERROR, PENDULUM_UPRIGHT, *PENDULUM_WEIGHTS
-            ),
-            "fl-lqr": lambda plant: design.linearized_lqr(
-                plant, PENDULUM_ERROR, PENDULUM_UPRIGHT, *PENDULUM_WEIGHTS
-            ),
-            "grosmc": lambda plant: design.regulating_grosmc(
-                plant,
-                PENDULUM_ERROR,
-                PENDULUM_UPRIGHT,
-                *PENDULUM_WEIGHTS,
-                pendulum_uncertainty(plant.parameters),
+            "lqr": linear_lqr,
+            "fl-lqr": linearized_lqr,
+            "grosmc": lambda task: regulating_grosmc(
+                task, pendulum_uncertainty(task.plant.parameters)
             ),
         },
         aliases={},
     ),
     "arm": Designs(
-        error=ARM_ERROR,
+        task=lambda plant: Task(plant, ARM_ERROR, ARM_REFERENCE, *ARM_WEIGHTS),
         build={
-            "lqr": lambda plant: design.linearized_lqr(
-                plant, ARM_ERROR, ARM_REFERENCE, *ARM_WEIGHTS, name="lqr"
-            ),
-            "grosmc": lambda plant: design.tracking_grosmc(
-                plant, ARM_ERROR, ARM_REFERENCE, *ARM_WEIGHTS, *ARM_GAINS, ARM_G
-            ),
+            "lqr": lambda task: linearized_lqr(task, name="lqr"),
+            "grosmc": lambda task: tracking_grosmc(task, *ARM_GAINS, ARM_G),
         },
         aliases={"fl-lqr": ("lqr", "the chapter compares with the LQR part v = -K e alone")},
     ),
@@ -151,4 +142,4 @@ def chapter_controller(name: str, nominal: AnalyticPlant) -> Controller:
     valid = [*designs.build, *designs.aliases]
     if name not in valid:
         raise ArgumentError(unknown_name(f"controller of {nominal.system.name}", name, valid))
-    return designs.build[designs.aliases.get(name, (name, ""))[0]](nominal)
+    return designs.build[designs.aliases.get(name, (name, ""))[0]](designs.task(nominal))
