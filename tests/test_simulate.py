@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -373,3 +373,48 @@ def test_law_without_an_answer_is_a_divergence(engine: Engine):
             start_servo(plant=plant_of("servo", kind), controller=law, engine=engine)
         assert info.value.time == 0
         assert_finite(info.value.trajectory)
+
+
+@dataclass(frozen=True)
+class Gain:
+    k: float
+    other: float = 0.0
+
+
+@dataclass(frozen=True)
+class GainLast:
+    other: float
+    k: float
+
+
+def constant(t: float, x: Any, memory: Any, p: Any) -> float:
+    return p.k
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [
+        "native",
+        pytest.param(
+            "python",
+            marks=pytest.mark.xfail(reason="BUG: Python's math raises where C gives a NaN"),
+        ),
+    ],
+)
+def test_overflow_within_a_step_is_a_divergence(engine):
+    """A stage of RK4 far beyond any angle: sin of it is NaN in C, a ValueError in Python."""
+    plant, ctl = physics("cart_pendulum").analytic(), Controller("overflow", constant, Gain(1e300))
+    with pytest.raises(DivergenceError) as info:
+        simulate(plant, ctl, UPRIGHT, duration=0.01, engine=engine)
+    assert info.value.time == 0
+
+
+@pytest.mark.xfail(reason="BUG: the native engine reads the numbers of all by the first's layout")
+def test_numbers_of_a_batch_have_one_layout():
+    """The same names in another order are other offsets in compiled code."""
+    ctls = [Controller("k", constant, p) for p in (Gain(1.0, 2.0), GainLast(2.0, 1.0))]
+    try:
+        run = start_servo(controller=ctls)
+    except ArgumentError:
+        return  # refusing is as good
+    assert np.all(run.command == 1.0)
