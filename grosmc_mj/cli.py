@@ -28,7 +28,10 @@ DONE, DIFFERS, WRONG = 0, 1, 2
 # Wide enough for the table of results when standard output is no terminal.
 _WIDTH = 120
 
-Systems = Annotated[Positional[tuple[str, ...]], arg(metavar="SYSTEM", name="system")]
+Systems = Annotated[
+    Positional[tuple[str, ...]],
+    arg(metavar="[SYSTEM ...]", name="system", help_behavior_hint="(default: all of them)"),
+]
 System = Annotated[Positional[str], arg(metavar="SYSTEM", name="system")]
 
 
@@ -48,21 +51,23 @@ class Validate:
         systems: Systems to run.
         case: Only this case: nominal, case1 or case2.
         engine: native compiles law and loop; python steps the same law in an ordinary loop,
-            about 20 times slower and bit for bit the same.
+            a few times slower and the same to rounding.
         control_period: Time between two samples of the law, in s; a multiple of the timestep.
-        timestep: Physics timestep, in s; by default the models' own, 0.001.
-        integrator: MuJoCo's integrator: RK4 (the models' own), implicitfast, implicit or Euler.
+        timestep: Physics timestep, in s.
+        integrator: MuJoCo's integrator: RK4, implicitfast, implicit or Euler.
         out: Folder for validation.json and the figures.
         figures: Whether to draw the figures.
         record: Record the results as expected, for review; needs the default settings.
     """
 
     systems: Systems = ()
-    case: Annotated[str | None, arg(metavar="NAME")] = None
+    case: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: every case)")] = (
+        None
+    )
     engine: Annotated[str, arg(metavar="native|python")] = "native"
     control_period: Annotated[float, arg(metavar="S")] = 1e-3
-    timestep: Annotated[float | None, arg(metavar="S")] = None
-    integrator: Annotated[str | None, arg(metavar="NAME")] = None
+    timestep: Annotated[float, arg(metavar="S")] = 1e-3
+    integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
     figures: bool = True
     record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -86,12 +91,14 @@ class Compare:
         states: Random states of each comparison.
         edits: Random edits of mass (x0.25 to x4) and length (x0.5 to x4).
         seed: Of the random numbers.
+        out: Folder for compare_SYSTEM.json.
     """
 
     system: System
     states: Annotated[int, arg(metavar="N")] = 1000
     edits: Annotated[int, arg(metavar="N")] = 5
     seed: Annotated[int, arg(metavar="N")] = 0
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
 
 @dataclass(frozen=True)
@@ -107,7 +114,7 @@ class Bench:
         rounds: How often each loop is measured.
     """
 
-    integrator: Annotated[str | None, arg(metavar="NAME")] = None
+    integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     rounds: Annotated[int, arg(metavar="N")] = 15
 
 
@@ -135,7 +142,8 @@ Command = (
 _ABOUT = (
     "Does a robust controller keep its promise on real physics, and where does it break? "
     "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
-    "cart-pendulum and the 1-DOF arm: printed equations, corrected ones and MuJoCo, side by side."
+    "cart-pendulum and the 1-DOF arm: printed equations, corrected ones and MuJoCo, side by side. "
+    "Exit codes: 0 done and as recorded, 1 a result differs, 2 wrong use or broken set-up."
 )
 
 
@@ -251,8 +259,8 @@ def _progress(total: int) -> Iterator[Any]:
 def _validate(command: Validate) -> int:
     """Run, print, write, compare."""
     from grosmc_mj.validation import expected, tables
-    from grosmc_mj.validation.agreement import agreements
-    from grosmc_mj.validation.figures import PICTURES, write_figures
+    from grosmc_mj.validation.agreement import agreements, disagreements
+    from grosmc_mj.validation.figures import drawable, write_figures
     from grosmc_mj.validation.results_file import document, write_json
     from grosmc_mj.validation.runs import Settings, plan, run_all, select_cases
 
@@ -265,7 +273,10 @@ def _validate(command: Validate) -> int:
     )
     selected = select_cases(command.systems, command.case)
     if command.record and settings != Settings():
-        raise ArgumentError("--record needs the default settings: leave out the other options")
+        raise ArgumentError(
+            "--record needs the default settings: leave out --engine, --control-period, "
+            "--timestep and --integrator"
+        )
     systems = list(dict.fromkeys(case.system for case in selected))
     results: list[RunResult] = []
     found: list[Any] = []
@@ -274,7 +285,8 @@ def _validate(command: Validate) -> int:
     console, target = _console(), command.out / "validation.json"
     complete = False
     try:
-        with _progress(len(plan(selected)) + len(systems) + len(PICTURES)) as advance:
+        pictures = len(drawable(selected)) if command.figures else 0
+        with _progress(len(plan(selected)) + len(systems) + pictures) as advance:
             for result in run_all(selected, settings):
                 results.append(result)
                 advance(result.key)
@@ -284,6 +296,8 @@ def _validate(command: Validate) -> int:
             if command.record:
                 expected.record_expected(results, settings)
             differing = expected.differences(results, settings)
+            if wrong := disagreements(found):
+                differing = [*(differing or []), *wrong]
             complete = True
             write_json(
                 target,
@@ -353,7 +367,8 @@ def _list(_: List) -> int:
 def _compare(command: Compare) -> int:
     """Analytic against physics plants."""
     from grosmc_mj.validation import tables
-    from grosmc_mj.validation.agreement import AGREEMENT_BOUND, agreements
+    from grosmc_mj.validation.agreement import AGREEMENT_BOUND, agreements, disagreements
+    from grosmc_mj.validation.results_file import comparison_document, write_json
 
     for name, value, least in (("states", command.states, 1), ("edits", command.edits, 0)):
         if value < least:
@@ -361,17 +376,20 @@ def _compare(command: Compare) -> int:
     if command.seed < 0:
         raise ArgumentError(f"--seed {command.seed} must be 0 or more")
     rows = agreements(command.system, seed=command.seed, states=command.states, edits=command.edits)
+    found = disagreements(rows)
     console = _console()
     console.print(tables.agreement_table(rows))
-    corrected = max(row.acceleration for row in rows if row.variant == "corrected")
-    agree = corrected <= AGREEMENT_BOUND
+    for line in found:
+        console.print(f"differs: {line}", style="red", soft_wrap=True)
+    target = command.out / f"compare_{command.system}.json"
+    write_json(target, comparison_document(rows, found, command.seed))
+    worst = max(row.acceleration for row in rows if row.variant == "corrected")
     console.print(
-        f"The corrected equations {'agree' if agree else 'DISAGREE'} with MuJoCo: accelerations "
-        f"differ by up to {corrected:.1e} of the largest term (bound {AGREEMENT_BOUND:.0e}), at "
-        f"{command.states} states of each model, seed {command.seed}.",
-        style="" if agree else "bold red",
+        f"Accelerations of the corrected equations and of MuJoCo differ by up to {worst:.1e} of "
+        f"the largest term (bound {AGREEMENT_BOUND:.0e}), at {command.states} states of each "
+        f"model, seed {command.seed}; {target}"
     )
-    return DONE if agree else DIFFERS
+    return DIFFERS if found else DONE
 
 
 def _bench(command: Bench) -> int:

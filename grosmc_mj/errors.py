@@ -23,10 +23,6 @@ class GainError(GrosmcError, ValueError):
     """A gain that cannot be designed, for instance because G B is singular."""
 
 
-class PremiseError(GrosmcError, ValueError):
-    """An assumption of the theory that does not hold where it is needed."""
-
-
 class SetupError(GrosmcError, RuntimeError):
     """Something outside the package is missing or broken: a file, a library, the disk."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -96,12 +97,17 @@ def test_list_shows_systems_cases_plants_and_controllers(
 
 
 def test_compare_agrees_and_shows_that_the_printed_equations_do_not(
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run("compare", "arm", "--states", "50", "--edits", "1") == cli.DONE
+    assert run("compare", "arm", "--states", "50", "--edits", "1", "--out", str(tmp_path)) == 0
     text = capsys.readouterr().out
     assert "printed" in text
-    assert "agree with MuJoCo" in text
+    assert "differ by up to" in text
+    document = json.loads((tmp_path / "compare_arm.json").read_text(encoding="utf-8"))
+    assert document["schema_version"] == 1
+    assert document["disagreements"] == []
+    worst = {row["variant"]: row["acceleration"] for row in document["agreement"]}
+    assert worst["corrected"] < document["bound"] < worst["printed"]
 
 
 def test_a_closed_pipe_is_no_error() -> None:

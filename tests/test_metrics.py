@@ -64,6 +64,12 @@ def test_an_error_that_stays_outside_the_band_is_not_reached_not_the_final_time(
     assert settled == (None, "s", "not reached")
 
 
+def test_an_error_that_swings_in_and_out_is_not_reached_wherever_the_run_ends() -> None:
+    error = np.where(TIME < 1, 1.0, 0.03 * np.sin(2 * np.pi * TIME))
+    for end in range(5000, 10_000, 37):
+        assert settling_time(TIME[:end], error[:end]).note == "not reached"
+
+
 def test_an_error_that_leaves_the_band_again_settles_after_its_return() -> None:
     error = np.where(TIME < 1, 1.0, 0.0)
     error[(TIME > 6) & (TIME < 7)] = 0.1

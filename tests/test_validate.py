@@ -14,6 +14,8 @@ from grosmc_mj import cli
 from grosmc_mj.validation import expected
 from grosmc_mj.validation.runs import Settings, plan, run_case, select_cases
 
+pytestmark = pytest.mark.slow
+
 METRICS = {
     "deviation",
     "settling_time",

@@ -25,6 +25,8 @@ class Controller:
         lqr: The optimum that it is to follow, if there is one.
         source: Equations of the chapter.
         gains: Gains worth showing, by the chapter's symbols.
+        declared: What the gains were computed from, in words; empty if they are given.
+        sliding_unit: Unit of s, if the law has a surface.
     """
 
     name: str
@@ -35,3 +37,5 @@ class Controller:
     lqr: LqrDesign | None = None
     source: str = ""
     gains: Mapping[str, float] = field(default_factory=dict)
+    declared: str = ""
+    sliding_unit: str = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -135,8 +136,8 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
         GainError: If G B is singular or no gain can hold the declared family.
     """
     optimum, law = task.linearization_optimum(), laws.grosmc_linear(task.error)
-    parameters = _bounded(task, optimum, uncertainty, G, linearizing=False)
-    return _controller("grosmc", law, task, parameters, optimum, "eqs. (8)+(12)")
+    parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=False)
+    return _controller("grosmc", law, task, parameters, optimum, "eqs. (8)+(12)", declared)
 
 
 def regulating_grosmc(
@@ -153,8 +154,8 @@ def regulating_grosmc(
         GainError: If G B is singular or no gain can hold the declared family.
     """
     optimum, law = task.chain_optimum(), laws.grosmc_regulator(task.error)
-    parameters = _bounded(task, optimum, uncertainty, G, linearizing=True)
-    return _controller("grosmc", law, task, parameters, optimum, "eqs. (31)+(37)")
+    parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
+    return _controller("grosmc", law, task, parameters, optimum, "eqs. (31)+(37)", declared)
 
 
 def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = None) -> Controller:
@@ -195,13 +196,14 @@ def _bounded(
     G: ArrayLike | None,
     *,
     linearizing: bool,
-) -> BoundedParameters:
-    """Surface and gains of the laws (12) and (37)."""
+) -> tuple[BoundedParameters, str]:
+    """Surface and gains of the laws (12) and (37), and what they were computed from."""
     K = optimum.K[0]
     gains = switching_gains(task.error, task.feedback(K), K, uncertainty, linearizing=linearizing)
-    return BoundedParameters(
+    parameters = BoundedParameters(
         **_surface(task, optimum, G), eta=gains.eta, gamma0=gains.gamma0, gamma1=gains.gamma1
     )
+    return parameters, uncertainty.describe(gains.gain_ratio)
 
 
 def _controller(
@@ -211,6 +213,7 @@ def _controller(
     parameters: FeedbackParameters,
     optimum: LqrDesign,
     source: str,
+    declared: str = "",
 ) -> Controller:
     """A controller with the gains that are worth showing."""
     switched = isinstance(parameters, SurfaceParameters)
@@ -225,4 +228,16 @@ def _controller(
         lqr=optimum,
         source=source,
         gains={"K1": float(optimum.K[0, 0]), "K2": float(optimum.K[0, 1]), **gains},
+        declared=declared,
+        sliding_unit=_sliding_unit(task, parameters) if switched else "",
     )
+
+
+def _sliding_unit(task: Task, parameters: SurfaceParameters) -> str:
+    """Unit of s: with G B = 1 that of the input times time, else that of the error's rate."""
+    # With B = [0, 1] both are the rate's.
+    if math.isclose(parameters.GB, parameters.G[1]):
+        return task.plant.system.velocities[task.plant.system.output].unit
+    if math.isclose(parameters.GB, 1):
+        return f"{task.plant.system.input.unit} s"
+    return "1"

@@ -47,6 +47,16 @@ class Uncertainty:
         if not all(0 < bound < math.inf for bound in self.region):
             raise ArgumentError(f"operating region {self.region} must be finite and positive")
 
+    def describe(self, ratio: float) -> str:
+        """The declaration in one line, with the input-gain ratio that it leads to."""
+        scales = [f"{name} x{low:g} to x{high:g}" for name, (low, high) in self.scales.items()]
+        pushes = [f"{size:.3g}" for size in self.wrench if size]
+        return (
+            f"{', '.join(scales) or 'no variation'}; wrench up to {', '.join(pushes) or '0'} N m; "
+            f"|z1| <= {self.region[0]:.3g}, |z2| <= {self.region[1]:.3g}; reaching rate "
+            f"{self.reaching_rate:g}; input gain down to {ratio:.3g} of the nominal one"
+        )
+
 
 class SwitchingGains(NamedTuple):
     """Gains of eqs. (12) and (37), and the input-gain ratio that they had to allow for.
@@ -78,7 +88,7 @@ def switching_gains(
     a linear law, its linearization), alpha* + E* u + d on the true plant, the continuous law u_0
     and u = u_0 + u_dis,
 
-        s'/(G B) = (alpha* - alpha) + (E* - E) u_0 + d + E* u_dis.
+        s' = G_2 [(alpha* - alpha) + (E* - E) u_0 + d + E* u_dis],   G_2 the second entry of G.
 
     u_dis meets the true input gain E*, not the nominal one, so the assumptions' bounds are met
     with the gain's own uncertainty counted, which breaks the circle of Assumption 4:
@@ -98,7 +108,8 @@ def switching_gains(
         linearizing: Whether u_0 is (-K z - alpha)/E, as in eq. (37), or -K z, as in eq. (12).
 
     Raises:
-        GainError: If a plant of the family reverses or loses the input: no gain helps then.
+        GainError: If a plant of the family reverses or loses the input, when no gain helps; or
+            if the mismatch has a constant part, for which the formula has no room.
     """
     A, B = error.jacobian(nominal)
     n, position = len(error.system.states), error.system.output
@@ -107,6 +118,7 @@ def switching_gains(
     y_r, dy_r, _ = error.reference(0.0, nominal.reference)
     for plant in _family(nominal.plant, uncertainty.scales):
         true = replace(nominal, plant=plant)
+        _refuse_constant_mismatch(error, nominal, true)
         for z in _states(uncertainty.region):
             x = np.zeros(n)
             x[position] = y_r + error.sign * z[0]
@@ -136,6 +148,27 @@ def switching_gains(
             ratio = min(ratio, r)
     eta = uncertainty.reaching_rate / ratio
     return SwitchingGains(float(eta), float(gamma0), float(gamma1), float(ratio))
+
+
+def _refuse_constant_mismatch(error: ErrorCoordinates, nominal: Any, true: Any) -> None:
+    """Refuse a mismatch at z = 0, such as a payload's weight or a moving reference.
+
+    Raises:
+        GainError: If there is one.
+    """
+    position, m = error.system.output, error.system.degrees_of_freedom
+    y_r, *slopes = error.reference(0.0, nominal.reference)
+    x = np.zeros(2 * m)
+    x[position] = y_r
+    alpha, E = error.dynamics(0.0, x, nominal)
+    alpha_true, E_true = error.dynamics(0.0, x, true)
+    held = abs(alpha_true - alpha * E_true / E)
+    if any(slopes) or held > 1e-9 * max(1.0, abs(alpha)):
+        raise GainError(
+            f"{error.system.name}: the declared plants differ by {held:g} at rest on the "
+            "reference, or the reference moves: a bound in |z| cannot cover that; give k and "
+            "epsilon instead"
+        )
 
 
 def _family(nominal: Any, scales: Mapping[str, tuple[float, float]]) -> list[Any]:

@@ -151,4 +151,6 @@ ARM = System(
     singularity="q >= pi/2, where the cable has length zero",
     linearizable=linearizable,
     region="q < pi/2",
+    uncertain_body="link",
+    position_bound=1.5,  # rad; off the singularity at pi/2
 )

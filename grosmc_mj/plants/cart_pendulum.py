@@ -148,4 +148,6 @@ CART_PENDULUM = System(
     singularity="nowhere",
     linearizable=linearizable,
     region="|theta| < pi/2",
+    uncertain_body="pole",
+    position_bound=math.pi,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -109,4 +110,6 @@ SERVO = System(
     singularity="nowhere",
     linearizable=linearizable,
     region="everywhere",
+    uncertain_body="rotor",
+    position_bound=math.pi,
 )

@@ -55,6 +55,8 @@ class System:
         singularity: Where that is, in words.
         linearizable: Whether the decoupling matrix E(x) is nonsingular, as eq. (23) needs.
         region: The region where it is, in words.
+        uncertain_body: The body whose mass and length are uncertain.
+        position_bound: Largest |position| at which the equations are compared with physics.
     """
 
     name: str
@@ -75,6 +77,8 @@ class System:
     singularity: str
     linearizable: Callable[[Any], bool]
     region: str
+    uncertain_body: str
+    position_bound: float
 
     @property
     def states(self) -> tuple[Signal, ...]:

@@ -49,6 +49,8 @@ def apply_edits(spec: mujoco.MjSpec, edits: Iterable[BodyEdit]) -> mujoco.MjSpec
             mesh under a length edit.
     """
     edits = tuple(edits)
+    if not edits:
+        return spec.copy()
     nominal, edited = compile_spec(spec), spec.copy()
     names = [edit.body for edit in edits]
     for name in names:

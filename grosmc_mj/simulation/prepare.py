@@ -135,7 +135,7 @@ def _timestep(plants: tuple[Plant, ...], timestep: float | None) -> float:
     if len(steps) > 1:
         raise ArgumentError(f"the plants have different timesteps: {sorted(steps)} s")
     h = steps.pop()
-    if timestep is not None and timestep != h:
+    if timestep is not None and not math.isclose(timestep, h, rel_tol=1e-12):
         raise ArgumentError(
             f"timestep {timestep:g} s is not the model's {h:g} s: load the plant with it"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,16 +11,12 @@ import numpy as np
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.plants import AnalyticPlant, Variant, find_system
+from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
-# Bodies whose length may be edited too, and bounds of the random states: |q| of the arm stays
-# off its singularity at pi/2.
-_EDITED = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link"}
-_POSITION_BOUND = {"servo": np.pi, "cart_pendulum": np.pi, "arm": 1.5}
 _RATE_BOUND, _INPUT_BOUND, _WRENCH_BOUND = 5.0, 5.0, 2.0
 # Largest difference of accelerations, over the largest term, that counts as agreement: rounding
 # of terms that cancel, with room for other machines.
@@ -64,20 +61,18 @@ def agreements(
     Raises:
         ModelError: If there is no such system.
     """
-    generator = np.random.default_rng(seed)
-    nominal = MujocoPlant.load(find_system(system).name)
+    nominal = MujocoPlant.load(system)
+    seeds = np.random.SeedSequence(seed).spawn(edits + 1)
+    generator = np.random.default_rng(seeds[0])
     changes: list[tuple[BodyEdit, ...]] = [()]
     for _ in range(edits):
         mass, length = 2 ** generator.uniform(-2, 2), 2 ** generator.uniform(-1, 2)
-        changes.append((BodyEdit(_EDITED[system], mass, length),))
-    found = []
-    for change in changes:
-        physics = nominal.edited(*change)
-        sample = generator.spawn(1)[0]
-        for variant in nominal.system.variants:
-            random = np.random.default_rng(sample.bit_generator.seed_seq)  # pyright: ignore
-            found.append(_compare(physics, variant, random, states))
-    return found
+        changes.append((BodyEdit(nominal.system.uncertain_body, mass, length),))
+    return [
+        _compare(nominal.edited(*change), variant, np.random.default_rng(sample), states)
+        for change, sample in zip(changes, seeds, strict=True)
+        for variant in nominal.system.variants
+    ]
 
 
 def _compare(
@@ -98,6 +93,16 @@ def _compare(
     )
 
 
+def disagreements(rows: Sequence[Agreement]) -> list[str]:
+    """One line for each comparison of the corrected equations that is beyond the bound."""
+    return [
+        f"{row.system}, {row.edit}: accelerations of MuJoCo and the corrected equations differ by "
+        f"{row.acceleration:.1e} of the largest term, must be {AGREEMENT_BOUND:.0e} at most"
+        for row in rows
+        if row.variant == "corrected" and row.acceleration > AGREEMENT_BOUND
+    ]
+
+
 def acceleration_difference(
     physics: MujocoPlant, plant: AnalyticPlant, random: np.random.Generator, states: int
 ) -> float:
@@ -114,7 +119,7 @@ def acceleration_difference(
     model, system, n = physics.model, plant.system, plant.system.degrees_of_freedom
     data, p = mujoco.MjData(model), plant.parameters
     bodies = [model.body(name).id for name in system.bodies]
-    bound, worst = _POSITION_BOUND[system.name], 0.0
+    bound, worst = system.position_bound, 0.0
     for _ in range(states):
         x = np.concatenate([random.uniform(-bound, bound, n), random.uniform(-1, 1, n)])
         x[n:] *= _RATE_BOUND

@@ -56,7 +56,7 @@ def _about_viewer(torque: float) -> tuple[float, float, float, float, float, flo
 
 def _servo_cases() -> list[Case]:
     # T_d acts against the rotor, eq. (15).
-    load = Disturbance("rotor", _about_viewer(-1.0), Pulse(10.0, 13.0), "load torque T_d = 1 N m")
+    load = Disturbance("rotor", _about_viewer(-1.0), Pulse(10.0, 13.0), "load torque of 1 N m")
     heavier = BodyEdit("rotor", mass_scale=3.0)
     start = SERVO_START
     return [

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from grosmc_mj.errors import SetupError
 from grosmc_mj.validation.metrics import Metric
 from grosmc_mj.validation.results_file import write_json
 from grosmc_mj.validation.runs import RunResult, Settings
@@ -24,12 +25,12 @@ _SMOOTH = (1e-6, 1e-9)
 # Switching amplifies rounding until whole samples differ; what then repeats are bounds and
 # norms. The deviation, the costs and the effort are averages or envelopes of the chatter.
 _SWITCHED = {
-    "deviation": (0.5, 1e-4),
+    "deviation": (0.25, 1e-4),
     "settling_time": (0.0, 0.02),
     "overshoot": (0.2, 0.2),
     "rms_error": (1e-3, 1e-5),
-    "max_sliding": (0.5, 1e-4),
-    "rms_sliding": (0.3, 1e-4),
+    "max_sliding": (0.25, 1e-4),
+    "rms_sliding": (0.25, 1e-4),
     "cost_continuous": (0.01, 0.0),
     "cost_whole": (0.1, 0.0),
     "cost_optimal": (1e-9, 0.0),
@@ -40,15 +41,19 @@ _SWITCHED = {
 
 
 def load_expected() -> dict[str, Any]:
-    """The recorded results by the runs' keys, and the settings that they hold for."""
+    """The recorded results by the runs' keys, and the settings that they hold for.
+
+    Raises:
+        SetupError: If the record is missing.
+    """
     if not EXPECTED_FILE.is_file():
-        return {"settings": None, "runs": {}}
+        raise SetupError(f"{EXPECTED_FILE} is missing: install again, or run make record")
     return json.loads(EXPECTED_FILE.read_text(encoding="utf-8"))
 
 
 def record_expected(results: Iterable[RunResult], settings: Settings) -> None:
     """Record these results as expected; runs that are not among them stay recorded."""
-    runs = load_expected()["runs"]
+    runs = load_expected()["runs"] if EXPECTED_FILE.is_file() else {}
     for result in results:
         runs[result.key] = {
             "status": result.status.name.lower(),
@@ -59,7 +64,11 @@ def record_expected(results: Iterable[RunResult], settings: Settings) -> None:
 
 
 def differences(results: Sequence[RunResult], settings: Settings) -> list[str] | None:
-    """One line for each result that is not as recorded; None if the settings are other ones."""
+    """One line for each result that is not as recorded; None if the settings are other ones.
+
+    Raises:
+        SetupError: If the record is missing.
+    """
     expected = load_expected()
     if expected["settings"] != _comparable(settings):
         return None

@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
+from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.runs import PlantName, RunResult
 
 Runs = Mapping[tuple[str, PlantName, str], RunResult]
 
 # Okabe and Ito's colours, told apart by the colour-blind; films use the same.
 COLOURS = {"lqr": "#D55E00", "fl-lqr": "#CC79A7", "grosmc": "#0072B2"}
-LABELS = {"lqr": "LQR", "fl-lqr": "feedback linearization + LQR", "grosmc": "GROSMC"}
+LABELS = {"lqr": "LQR", "fl-lqr": "FL + LQR", "grosmc": "GROSMC"}
 OPTIMUM = "#222222"
 WINDOW = "#F0E442"
 _LINES: Mapping[PlantName, Mapping[str, object]] = {
@@ -68,6 +69,12 @@ class Picture:
     draw: Callable[[Sequence[Axes], Runs], None]
 
 
+def drawable(selected: Sequence[Case]) -> list[Picture]:
+    """The figures that these cases suffice for."""
+    there = {(case.system, case.name) for case in selected}
+    return [p for p in PICTURES if {(p.system, case) for case in p.cases} <= there]
+
+
 def write_figures(results: Sequence[RunResult], folder: Path) -> Iterator[Path]:
     """Write every figure whose runs are there, one by one.
 
@@ -85,10 +92,8 @@ def write_figures(results: Sequence[RunResult], folder: Path) -> Iterator[Path]:
     for result in results:
         key = (result.case.name, result.plant, result.controller.name)
         by_system.setdefault(result.case.system, {})[key] = result
-    for picture in PICTURES:
-        runs = by_system.get(picture.system, {})
-        if not set(picture.cases) <= {case for case, _, _ in runs}:
-            continue
+    for picture in drawable([result.case for result in results]):
+        runs = by_system[picture.system]
         path = folder / f"{picture.name}.png"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -201,7 +206,9 @@ def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=3)
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=3, markerscale=8
+    )
 
 
 def _servo(case: str) -> Callable[[Sequence[Axes], Runs], None]:
@@ -213,25 +220,29 @@ def _servo(case: str) -> Callable[[Sequence[Axes], Runs], None]:
         _curves(axes[1], runs, case, _deviation)
         for panel in axes:
             _window(panel, runs[(case, "physics", "grosmc")])
+        _both_scales(axes[1])
         axes[0].set_ylabel("rotor angle θ [rad]")
         axes[1].set_ylabel("x₁ − x₁* [mrad]")
 
     return draw
 
 
+def _both_scales(axes: Axes) -> None:
+    """A scale that is linear within 1 and logarithmic beyond: it shows both laws' deviations."""
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.axhline(0, color="#999999", lw=0.6)
+
+
 def _pendulum_variation(axes: Sequence[Axes], runs: Runs) -> None:
-    """Fig. 3: the pole's angle with and without the variation."""
-    _curves(axes[0], runs, "case1", _output)
-    for controller in ("lqr", "grosmc"):
-        label = f"{LABELS[controller]}, its nominal optimum"
-        _optimum(axes[0], runs, "case1", controller, label)
-        line = axes[0].lines[-1]
-        line.set_color(COLOURS[controller])
-        line.set_linestyle((0, (4, 2, 1, 2)))
-    _curves(axes[1], runs, "case1", _deviation)
+    """Fig. 3: the pole's angle with the variation, and how far it is from each optimum."""
+    laws = ("lqr", "fl-lqr", "grosmc")
+    _curves(axes[0], runs, "case1", _output, laws)
+    _optimum(axes[0], runs, "case1", "grosmc", "nominal optimum of GROSMC")
+    _curves(axes[1], runs, "case1", _deviation, laws)
+    _both_scales(axes[1])
     _window(axes[0], runs[("case1", "physics", "grosmc")])
     axes[0].set_ylabel("pole angle θ [rad]")
-    axes[1].set_ylabel("θ − θ* [mrad]")
+    axes[1].set_ylabel("θ − θ* of each law [mrad]")
 
 
 def _pendulum_disturbance(axes: Sequence[Axes], runs: Runs) -> None:
@@ -269,7 +280,8 @@ def _chatter(
     x, y = curve(result)
     label = f"{LABELS[controller]}, {_PLANTS[plant]}"
     colour = COLOURS[controller] if plant == "physics" else OPTIMUM
-    axes.plot(x, y, color=colour, lw=0.35, label=label, rasterized=True)
+    style: Any = {"lw": 0.35} if plant == "physics" else {"lw": 0, "marker": ".", "ms": 0.6}
+    axes.plot(x, y, color=colour, label=label, rasterized=True, **style)
 
 
 def _arm(curve: Curve, reference: Callable[[Array], Array], label: str) -> Callable[..., None]:
@@ -301,6 +313,7 @@ def _torque(axes: Sequence[Axes], runs: Runs) -> None:
         return run.time[:-1], run.input
 
     _chatter(axes[0], runs, "case1", u, "grosmc", "physics")
+    _chatter(axes[0], runs, "case1", u, "grosmc", "corrected")
     _curves(axes[1], runs, "case1", u, ("lqr",))
     for panel in axes:
         _window(panel, runs[("case1", "physics", "grosmc")])

@@ -31,6 +31,8 @@ METRICS = (
 
 # The usual 2 % band, of the initial error.
 SETTLING_BAND = 0.02
+# The part of the time that an error must stay in it.
+_DWELL = 0.1
 
 
 class Metric(NamedTuple):
@@ -99,7 +101,7 @@ def measure(
         "settling_time": settling_time(time[transient], z[transient, 0]),
         "overshoot": overshoot(z[transient, 0]),
         "rms_error": Metric(float(np.sqrt(np.mean(z[:, 0] ** 2))), output),
-        **_surface_metrics(run),
+        **_surface_metrics(run, controller.sliding_unit),
         **_costs(run, controller, comparison),
         "total_variation": Metric(float(np.abs(np.diff(run.input)).sum() / time[-1]), f"{u}/s"),
         "max_input": Metric(float(np.abs(run.input).max()), u),
@@ -111,10 +113,14 @@ def measure(
 
 
 def settling_time(time: Array, error: Array) -> Metric:
-    """When |error| enters the 2 % band of |error(0)| for good; ``not reached`` if never."""
+    """When |error| enters the 2 % band of |error(0)| for good; ``not reached`` if never.
+
+    To count, it must stay inside for the last tenth of the time at least: an error that swings
+    in and out is always inside for a moment before some end.
+    """
     outside = np.flatnonzero(np.abs(error) > SETTLING_BAND * abs(error[0]))
     last = int(outside[-1]) if len(outside) else -1
-    if last + 1 >= len(time):
+    if last + 1 >= len(time) or time[last + 1] > (1 - _DWELL) * time[-1]:
         return Metric(None, "s", "not reached")
     return Metric(float(time[last + 1]), "s")
 
@@ -126,15 +132,13 @@ def overshoot(error: Array) -> Metric:
     return Metric(float(max(0.0, (-error / error[0]).max()) * 100), "%")
 
 
-def _surface_metrics(run: Trajectory) -> dict[str, Metric]:
+def _surface_metrics(run: Trajectory, unit: str) -> dict[str, Metric]:
     """Maximum and RMS of |s| at the samples."""
     if run.sliding is None:
         return {
             "max_sliding": Metric(None, "", "no surface"),
             "rms_sliding": Metric(None, "", "no surface"),
         }
-    # G = B+ makes s an input times time for the servo; with B = [0, 1] it is a rate.
-    unit = "A s" if run.system.name == "servo" else "rad/s"
     return {
         "max_sliding": Metric(float(np.abs(run.sliding).max()), unit),
         "rms_sliding": Metric(float(np.sqrt(np.mean(run.sliding**2))), unit),

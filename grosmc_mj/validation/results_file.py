@@ -14,7 +14,7 @@ from typing import Any
 
 import grosmc_mj
 from grosmc_mj.errors import SetupError
-from grosmc_mj.validation.agreement import Agreement
+from grosmc_mj.validation.agreement import AGREEMENT_BOUND, Agreement
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.runs import RunResult, Settings
 
@@ -44,11 +44,8 @@ def document(
         complete: Whether everything that was asked for is in it.
     """
     return {
-        "schema_version": SCHEMA_VERSION,
+        **_origin(seed),
         "complete": complete,
-        "versions": versions(),
-        "git_revision": git_revision(),
-        "seed": seed,
         "configuration": {
             **asdict(settings),
             "cases": [_case(case) for case in selected],
@@ -57,6 +54,28 @@ def document(
         "differences": list(differences or ()),
         "runs": [_run(result) for result in results],
         "agreement": [agreement._asdict() for agreement in agreements],
+    }
+
+
+def comparison_document(
+    agreements: Sequence[Agreement], found: Sequence[str], seed: int
+) -> dict[str, Any]:
+    """The content of compare.json: the comparisons, and which are beyond the bound."""
+    return {
+        **_origin(seed),
+        "bound": AGREEMENT_BOUND,
+        "disagreements": list(found),
+        "agreement": [agreement._asdict() for agreement in agreements],
+    }
+
+
+def _origin(seed: int) -> dict[str, Any]:
+    """What a document needs to be understood and repeated."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "versions": versions(),
+        "git_revision": git_revision(),
+        "seed": seed,
     }
 
 
@@ -115,10 +134,24 @@ def _run(result: RunResult) -> dict[str, Any]:
         "controller": result.controller.name,
         "equations": result.controller.source,
         "gains": dict(result.controller.gains),
+        "declared": result.controller.declared,
+        "weights": _weights(result),
         "status": result.status.name.lower(),
         "ended": result.ended,
         "valid_until": {"value": float(result.trajectory.valid_until), "unit": "s"},
         "metrics": {name: metric._asdict() for name, metric in result.metrics.items()},
+    }
+
+
+def _weights(result: RunResult) -> dict[str, Any]:
+    """The index that the law was designed for, and where it puts the poles."""
+    optimum = result.controller.lqr
+    assert optimum is not None
+    poles = sorted(optimum.poles.tolist(), key=lambda pole: (pole.real, pole.imag))
+    return {
+        "Q": optimum.Q.tolist(),
+        "R": optimum.R.tolist(),
+        "poles": [[pole.real, pole.imag] for pole in poles],
     }
 
 

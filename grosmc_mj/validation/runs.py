@@ -28,14 +28,14 @@ class Settings:
     Attributes:
         engine: ``native`` or ``python``.
         control_period: [s]; the chapter prints none.
-        timestep: Physics timestep [s]; None for the models' own.
-        integrator: MuJoCo's integrator; None for the models' own.
+        timestep: Physics timestep [s].
+        integrator: MuJoCo's integrator.
     """
 
     engine: Engine = "native"
     control_period: float = 1e-3
-    timestep: float | None = None
-    integrator: Integrator | None = None
+    timestep: float = 1e-3
+    integrator: Integrator = "RK4"
 
     def __post_init__(self) -> None:
         if self.engine not in get_args(Engine):
@@ -124,7 +124,7 @@ def run_case(case: Case, plant: PlantName, controller: str, settings: Settings) 
             case.x0,
             duration=case.duration,
             control_period=settings.control_period,
-            timestep=settings.timestep if plant != "physics" else None,
+            timestep=settings.timestep,
             disturbances=case.disturbances,
             engine=settings.engine,
         )

@@ -90,8 +90,11 @@ def results_tables(results: Sequence[RunResult]) -> list[Table]:
 
 LEGEND = (
     "x1*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
-    "not within the run). J: index of each law over the run, with the continuous part of the "
-    "input alone and with all of it; J* its least value."
+    "not within the run); it and the overshoot count up to the onset of a later disturbance. J: "
+    "index of each law over the run (of u for lqr on the servo and the pendulum, of v after "
+    "linearization), with the continuous part of the input alone and with all of it; J* its "
+    "least value. On physics the laws use the corrected equations; those of the printed ones run "
+    "on the printed plant only."
 )
 
 
@@ -113,6 +116,8 @@ def gains_table(results: Sequence[RunResult]) -> Table:
             continue
         seen.add(key)
         gains = ", ".join(f"{n} = {v:.4g}" for n, v in result.controller.gains.items())
+        if result.controller.declared:
+            gains += f"; computed for {result.controller.declared}"
         table.add_row(*key, result.controller.source, gains)
     return table
 
