@@ -539,10 +539,7 @@ def by_enumeration(k: float) -> Callable[..., float]:
         by_compiled_helper,
         by_module_constant,
         by_module_function,
-        pytest.param(
-            by_enumeration,
-            marks=pytest.mark.xfail(reason="BUG: members of an enumeration are all one"),
-        ),
+        by_enumeration,
     ],
 )
 def test_fingerprint_follows_every_number_that_numba_freezes(make):

@@ -395,10 +395,7 @@ def constant(t: float, x: Any, memory: Any, p: Any) -> float:
     "engine",
     [
         "native",
-        pytest.param(
-            "python",
-            marks=pytest.mark.xfail(reason="BUG: Python's math raises where C gives a NaN"),
-        ),
+        "python",
     ],
 )
 def test_overflow_within_a_step_is_a_divergence(engine):
@@ -409,7 +406,6 @@ def test_overflow_within_a_step_is_a_divergence(engine):
     assert info.value.time == 0
 
 
-@pytest.mark.xfail(reason="BUG: the native engine reads the numbers of all by the first's layout")
 def test_numbers_of_a_batch_have_one_layout():
     """The same names in another order are other offsets in compiled code."""
     ctls = [Controller("k", constant, p) for p in (Gain(1.0, 2.0), GainLast(2.0, 1.0))]

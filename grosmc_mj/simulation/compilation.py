@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Callable
+from enum import Enum, EnumMeta
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
@@ -64,6 +65,10 @@ def fingerprint(function: Callable[..., Any]) -> str:
             return describe([list(item) for item in value.items()])
         if isinstance(value, (np.ndarray, np.generic)):
             return f"{value.dtype}{value.shape}{value.tobytes().hex()}"
+        if isinstance(value, EnumMeta):
+            return describe(list(value))
+        if isinstance(value, Enum):
+            return f"{value!r} {describe(value.value)}"
         if isinstance(value, (int, float, complex, str, bytes, np.dtype, type(None))):
             return repr(value)
         return f"{type(value).__name__} {getattr(value, '__name__', '')}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import is_dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant, Problem
+from grosmc_mj.simulation.records import record_dtype
 
 Item = TypeVar("Item")
 Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
@@ -55,6 +57,8 @@ def prepare(
         raise ArgumentError("all plants of a batch must be of one system and of one kind")
     if any(c.law is not controllers[0].law for c in controllers):
         raise ArgumentError("all controllers of a batch must have the same law")
+    if len({record_dtype(c.parameters) for c in controllers if is_dataclass(c.parameters)}) > 1:
+        raise ArgumentError("all controllers of a batch must have the same kinds of numbers")
     designed = controllers[0].error.system if controllers[0].error else system
     if designed is not system:
         raise ArgumentError(

@@ -31,8 +31,10 @@ def run_python(problem: Problem) -> Record:
     """
     refuse_foreign_callback()
     record = Record.empty(problem)
-    for run in range(len(problem.x0)):
-        _run_one(problem, run, record)
+    # A diverging run overflows quietly, as in C; its state tells.
+    with np.errstate(all="ignore"):
+        for run in range(len(problem.x0)):
+            _run_one(problem, run, record)
     return record
 
 
@@ -88,7 +90,10 @@ def _analytic_stepper(plant: AnalyticPlant, x0: Array, h: float) -> Stepper:
     rk4 = runge_kutta_step(plant.system)
 
     def step(u: float, w: Array) -> bool:
-        rk4(x, u, w, plant.parameters, h, *scratch)
+        try:
+            rk4(x, u, w, plant.parameters, h, *scratch)
+        except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
+            return False
         return bool(np.all(np.abs(x) < LARGEST))
 
     return x, step, lambda: None
