@@ -12,6 +12,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import Disturbances, prepare
 from grosmc_mj.simulation.problem import Plant, Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
@@ -71,8 +72,6 @@ def simulate(
         threads=threads,
     )
     if engine == "native":
-        from grosmc_mj.simulation.native_engine import run_native
-
         result = run_native(problem)
     elif engine == "python":
         result = run_python(problem)

@@ -1,0 +1,128 @@
+"""What the command line offers: one frozen dataclass a command, whose docstring is its help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Positional, arg, subcommand
+
+Systems = Annotated[
+    Positional[tuple[str, ...]],
+    arg(metavar="[SYSTEM ...]", name="system", help_behavior_hint="(default: all of them)"),
+]
+System = Annotated[Positional[str], arg(metavar="SYSTEM", name="system")]
+
+
+@dataclass(frozen=True)
+class Validate:
+    """Run the chapter's cases and say whether they come out as recorded.
+
+    Every case of each SYSTEM (servo, cart_pendulum, arm; all of them, if none is named) runs on
+    the analytic plants (the chapter's printed equations where they are misprinted, and the
+    corrected ones) and in MuJoCo, under LQR and under GROSMC. A table goes to standard output;
+    figures (PNG and SVG, numbered as in the chapter) and validation.json go to --out.
+
+    Exit code: 0 if every result is as the repository records it, 1 if one differs, 2 if the
+    command or the set-up is wrong.
+
+    Attributes:
+        systems: Systems to run.
+        case: Only this case: nominal, case1 or case2.
+        engine: native compiles law and loop; python steps the same law in an ordinary loop,
+            a few times slower and the same to rounding.
+        control_period: Time between two samples of the law, in s; a multiple of the timestep.
+        timestep: Physics timestep, in s.
+        integrator: MuJoCo's integrator: RK4, implicitfast, implicit or Euler.
+        out: Folder for validation.json and the figures.
+        figures: Whether to draw the figures.
+        record: Record the results as expected, for review; needs the default settings.
+    """
+
+    systems: Systems = ()
+    case: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: every case)")] = (
+        None
+    )
+    engine: Annotated[str, arg(metavar="native|python")] = "native"
+    control_period: Annotated[float, arg(metavar="S")] = 1e-3
+    timestep: Annotated[float, arg(metavar="S")] = 1e-3
+    integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    figures: bool = True
+    record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+
+
+@dataclass(frozen=True)
+class List:
+    """List the systems with their cases, plants and controllers."""
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compare the analytic plants of a SYSTEM with MuJoCo.
+
+    Prints the largest difference of the accelerations at random states, inputs and wrenches,
+    and of an open-loop trajectory under wrenches, for the nominal model and for random edits of
+    mass and length. Exit code 1 if the corrected equations do not agree to 1e-10.
+
+    Attributes:
+        system: servo, cart_pendulum or arm.
+        states: Random states of each comparison.
+        edits: Random edits of mass (x0.25 to x4) and length (x0.5 to x4).
+        seed: Of the random numbers.
+        out: Folder for compare_SYSTEM.json.
+    """
+
+    system: System
+    states: Annotated[int, arg(metavar="N")] = 1000
+    edits: Annotated[int, arg(metavar="N")] = 5
+    seed: Annotated[int, arg(metavar="N")] = 0
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure the closed loop's throughput as ratios to MuJoCo's own open loop.
+
+    The pendulum runs under the full GROSMC law at every timestep, once and 1024 times at once.
+    All loops are measured in turn in each round; ratios are medians over the rounds. Leave the
+    machine alone meanwhile.
+
+    Attributes:
+        integrator: MuJoCo's integrator; by default both RK4, the model's own, and implicitfast.
+        rounds: How often each loop is measured.
+    """
+
+    integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    rounds: Annotated[int, arg(metavar="N")] = 15
+
+
+@dataclass(frozen=True)
+class Readme:
+    """Write the table of results in a README anew from a validation.json.
+
+    Attributes:
+        readme: The file with the table between its two marks.
+        results: What validate wrote.
+    """
+
+    readme: Path = Path("README.md")
+    results: Path = Path("renders/validation.json")
+
+
+Command = (
+    Annotated[Validate, subcommand("validate")]
+    | Annotated[List, subcommand("list")]
+    | Annotated[Compare, subcommand("compare")]
+    | Annotated[Bench, subcommand("bench")]
+    | Annotated[Readme, subcommand("readme")]
+)
+
+ABOUT = (
+    "Does a robust controller keep its promise on real physics, and where does it break? "
+    "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
+    "cart-pendulum and the 1-DOF arm: printed equations, corrected ones and MuJoCo, side by side. "
+    "Exit codes: 0 done and as recorded, 1 a result differs, 2 wrong use or broken set-up."
+)
