@@ -36,7 +36,7 @@ def run(*arguments: str) -> int:
         (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
         (("validate", "--colour", "red"), "--colour"),
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
-        (("frobnicate",), "validate, list, compare, bench"),
+        (("frobnicate",), "validate, film, list, compare, bench, doctor"),
         (("compare",), "SYSTEM"),
         (("compare", "arm", "--states", "0"), "1 or more"),
         (("compare", "arm", "--edits", "-1"), "0 or more"),
@@ -75,6 +75,8 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
     summary = capsys.readouterr().out
     for command, words in {
         "validate": ("SYSTEM", "--case", "--engine", "--control-period", "--timestep", "--out"),
+        "film": ("SYSTEM", "--case", "--controllers", "--camera", "--size", "--from", "-o"),
+        "doctor": ("Exit code 1",),
         "list": (),
         "compare": ("SYSTEM", "--states", "--edits", "--seed"),
         "bench": ("--integrator", "--rounds"),
@@ -119,17 +121,26 @@ def test_a_closed_pipe_is_no_error() -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_a_graphics_backend_that_is_not_there_is_one_line() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "grosmc_mj.cli", "list"],
-        env={**os.environ, "MUJOCO_GL": "banana"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == cli.WRONG
-    assert done.stderr.startswith("grosmc-mj: MuJoCo cannot be imported with MUJOCO_GL=banana")
-    assert done.stderr.count("\n") == 1
+def test_a_graphics_backend_that_is_not_there_hinders_no_more_than_films() -> None:
+    for arguments, code, said in (
+        (("list",), cli.DONE, ""),
+        (
+            ("compare", "servo", "--states", "5", "--out", os.devnull + "/x"),
+            cli.WRONG,
+            "cannot write",
+        ),
+        (("film", "servo"), cli.WRONG, "MUJOCO_GL: unknown backend 'banana': valid: egl, osmesa"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "grosmc_mj.cli", *arguments],
+            env={**os.environ, "MUJOCO_GL": "banana"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == code
+        assert said in done.stderr
+        assert done.stderr.count("\n") == (1 if code else 0)
 
 
 def test_standard_output_on_a_full_disk_is_one_line() -> None:

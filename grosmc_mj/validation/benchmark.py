@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import statistics
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -13,6 +12,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from grosmc_mj.rendering.backends import without_graphics
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.native_batch import NativeBatch
 from grosmc_mj.simulation.simulate import prepare
@@ -147,9 +147,7 @@ def _loops(plant: MujocoPlant) -> Sequence[_Loop]:
 def _suite_loop(baseline: str) -> list[_Loop]:
     """dm_control's cartpole under a constant action; nothing where dm_control is missing."""
     try:
-        with warnings.catch_warnings():
-            # Without a display its renderer warns; nothing is rendered here.
-            warnings.simplefilter("ignore")
+        with without_graphics():
             from dm_control import suite
     except ImportError:
         return []

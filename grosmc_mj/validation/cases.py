@@ -64,7 +64,7 @@ def _servo_cases() -> list[Case]:
         Case(
             "servo",
             "case1",
-            "Load torque 1 N m for 10 s <= t < 13 s",
+            "Load torque of 1 N m for 10 s ≤ t < 13 s",
             "section 2.3, Fig. 1",
             start,
             18.0,

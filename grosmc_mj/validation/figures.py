@@ -14,16 +14,12 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
+from grosmc_mj.rendering.palette import COLOURS, DISTURBANCE, GRID, LABELS, OPTIMUM
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.runs import PlantName, RunResult
 
 Runs = Mapping[tuple[str, PlantName, str], RunResult]
 
-# Okabe and Ito's colours, told apart by the colour-blind; films use the same.
-COLOURS = {"lqr": "#D55E00", "fl-lqr": "#CC79A7", "grosmc": "#0072B2"}
-LABELS = {"lqr": "LQR", "fl-lqr": "FL + LQR", "grosmc": "GROSMC"}
-OPTIMUM = "#222222"
-WINDOW = "#F0E442"
 _LINES: Mapping[PlantName, Mapping[str, object]] = {
     "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
     "corrected": {"lw": 1.1, "ls": "--"},
@@ -41,7 +37,7 @@ _STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "grid.color": "#dddddd",
+    "grid.color": GRID,
     "legend.fontsize": 8.5,
     "legend.framealpha": 0.9,
     "savefig.dpi": 150,
@@ -135,7 +131,7 @@ def _window(axes: Axes, result: RunResult) -> None:
     for disturbance in result.case.disturbances:
         start, stop = disturbance.window
         label = disturbance.label
-        axes.axvspan(start, min(stop, end), color=WINDOW, alpha=0.22, lw=0, label=label)
+        axes.axvspan(start, min(stop, end), color=DISTURBANCE, alpha=0.13, lw=0, label=label)
     axes.set_xlim(0, end)
 
 
@@ -190,14 +186,8 @@ def _optimum(axes: Axes, runs: Runs, case: str, controller: str, label: str) -> 
     result = _result(runs, case, "physics", controller)
     if result is None:
         return
-    comparison = result.comparison
-    error = result.controller.error
-    assert error is not None
-    reference = result.trajectory.state[:, result.trajectory.system.output] - (
-        error.sign * comparison.z[:, 0]
-    )
-    optimal = reference + error.sign * comparison.optimal[:, 0]
-    axes.plot(comparison.time, optimal, color=OPTIMUM, lw=1, ls=(0, (1, 2)), label=label, zorder=5)
+    time, optimum = result.comparison.time, result.comparison.optimum
+    axes.plot(time, optimum, color=OPTIMUM, lw=1, ls=(0, (1, 2)), label=label, zorder=5)
 
 
 def _legend(figure: Figure, axes: Sequence[Axes]) -> None:

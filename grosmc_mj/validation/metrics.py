@@ -56,11 +56,15 @@ class Comparison(NamedTuple):
         time: Instants [s], (N + 1,).
         z: Error state of the run, (N + 1, 2).
         optimal: x* or z* of eqs. (7), (30) and (50) from the same start, (N + 1, 2).
+        reference: y_r in the output's own coordinate, (N + 1,).
+        optimum: The output on the optimal trajectory, (N + 1,).
     """
 
     time: Array
     z: Array
     optimal: Array
+    reference: Array
+    optimum: Array
 
 
 def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
@@ -72,7 +76,10 @@ def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
     if controller.error is None or controller.lqr is None:
         raise ArgumentError(f"{controller.name} has no error coordinates or no optimum")
     z = controller.error.along(run.time, run.state, controller.parameters.reference)
-    return Comparison(run.time, z, controller.lqr.optimal_trajectory(z[0], run.time))
+    optimal = controller.lqr.optimal_trajectory(z[0], run.time)
+    sign = controller.error.sign
+    reference = run.state[:, run.system.output] - sign * z[:, 0]
+    return Comparison(run.time, z, optimal, reference, reference + sign * optimal[:, 0])
 
 
 def measure(

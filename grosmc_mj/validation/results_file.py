@@ -44,11 +44,11 @@ def document(
         complete: Whether everything that was asked for is in it.
     """
     return {
-        **_origin(seed),
+        **origin(seed),
         "complete": complete,
         "configuration": {
             **asdict(settings),
-            "cases": [_case(case) for case in selected],
+            "cases": [case_document(case) for case in selected],
         },
         "as_recorded": None if differences is None else not differences,
         "differences": list(differences or ()),
@@ -62,15 +62,15 @@ def comparison_document(
 ) -> dict[str, Any]:
     """The content of compare.json: the comparisons, and which are beyond the bound."""
     return {
-        **_origin(seed),
+        **origin(seed),
         "bound": AGREEMENT_BOUND,
         "disagreements": list(found),
         "agreement": [agreement._asdict() for agreement in agreements],
     }
 
 
-def _origin(seed: int) -> dict[str, Any]:
-    """What a document needs to be understood and repeated."""
+def origin(seed: int | None) -> dict[str, Any]:
+    """What a document needs to be understood and repeated; no seed where nothing is random."""
     return {
         "schema_version": SCHEMA_VERSION,
         "versions": versions(),
@@ -108,7 +108,7 @@ def _git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def _case(case: Case) -> dict[str, Any]:
+def case_document(case: Case) -> dict[str, Any]:
     """A case as plain values."""
     return {
         "system": case.system,

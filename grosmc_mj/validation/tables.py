@@ -10,6 +10,7 @@ from rich.table import Table
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.validation.agreement import Agreement
 from grosmc_mj.validation.benchmark import Throughput
+from grosmc_mj.validation.film_benchmark import FilmRate
 from grosmc_mj.validation.metrics import Metric
 from grosmc_mj.validation.runs import RunResult
 
@@ -147,4 +148,15 @@ def throughput_table(rows: Sequence[Throughput], integrator: str) -> Table:
         table.add_row(
             row.loop, str(row.simulations), f"{row.rate:.3g}", f"{row.ratio:.3f}", row.baseline
         )
+    return table
+
+
+def film_rates_table(rows: Sequence[FilmRate], title: str) -> Table:
+    """What the benchmark of films measured."""
+    table = _table(title)
+    table.add_column("frames", no_wrap=True)
+    table.add_column("per second", justify="right", no_wrap=True)
+    table.add_column("film's rate over it", justify="right", no_wrap=True)
+    for row in rows:
+        table.add_row(row.what, f"{row.rate:.1f}", f"{row.ratio:.2f}")
     return table

@@ -38,6 +38,8 @@ class Validate:
         integrator: MuJoCo's integrator: RK4, implicitfast, implicit or Euler.
         out: Folder for validation.json and the figures.
         figures: Whether to draw the figures.
+        films: Whether to end with a film of each case, LQR beside GROSMC, in DIR/films. One that is
+            there already, drawn from the same data, is kept.
         record: Record the results as expected, for review; needs the default settings.
     """
 
@@ -51,6 +53,7 @@ class Validate:
     integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
     figures: bool = True
+    films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
@@ -83,6 +86,64 @@ class Compare:
 
 
 @dataclass(frozen=True)
+class Film:
+    """Film a case of a SYSTEM: controllers side by side in MuJoCo, with their curves.
+
+    Each controller runs once; the film replays the recorded states. A translucent ghost shows the
+    nominal optimal trajectory x* (for the arm, the reference), a green arrow or arc the force or
+    torque of the disturbance while it acts. The camera stands further back where an edited body
+    would not fit. Beside FILE.mp4 (H.264, plays in every browser) lie a poster, FILE.png, and
+    FILE.json with all that the film was made from.
+
+    It renders off-screen with the backend that MUJOCO_GL names, else with the first that works of
+    egl, osmesa and, where there is a display, glfw; grosmc-mj doctor says what is missing.
+
+    Attributes:
+        system: servo, cart_pendulum or arm.
+        case: nominal, case1 or case2.
+        controllers: One to four of those that grosmc-mj list shows.
+        camera: Camera of the model: fixed, follow or wide; by default follow where it moves along
+            with the cart, else fixed.
+        size: Width and height in pixels, both even.
+        fps: Frames per second.
+        speed: Seconds of the run in a second of the film.
+        start: First instant shown, in s.
+        stop: End of what is shown, in s.
+        output: The film; by default renders/films/SYSTEM_CASE.mp4.
+        gif: Whether to write a small GIF too.
+        workers: Rendering processes; by default one a core.
+        probe: Whether to try the backends anew instead of trusting the last answer.
+    """
+
+    system: System
+    case: Annotated[str, arg(metavar="NAME")] = "case1"
+    controllers: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]")] = ("lqr", "grosmc")
+    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    size: Annotated[str, arg(metavar="WxH")] = "1280x720"
+    fps: Annotated[int, arg(metavar="N")] = 30
+    speed: Annotated[float, arg(metavar="X")] = 1.0
+    start: Annotated[float, arg(name="from", metavar="T")] = 0.0
+    stop: Annotated[
+        float | None, arg(name="to", metavar="T", help_behavior_hint="(default: the run's end)")
+    ] = None
+    output: Annotated[
+        Path | None, arg(aliases=("-o",), metavar="FILE.mp4", help_behavior_hint="")
+    ] = None
+    gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    probe: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what this machine has and, for each thing missing, the command that installs it.
+
+    Prints versions, cores, the OpenGL backends (each is tried: it must render the right picture)
+    and the ffmpeg that films are written with. Exit code 1 if films cannot be made.
+    """
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure the closed loop's throughput as ratios to MuJoCo's own open loop.
 
@@ -92,11 +153,14 @@ class Bench:
 
     Attributes:
         integrator: MuJoCo's integrator; by default both RK4, the model's own, and implicitfast.
-        rounds: How often each loop is measured.
+        rounds: How often each loop is measured; by default 15 times, films 3 times.
+        films: Measure films instead: composed frames per second against bare mujoco.Renderer
+            frames of the same size.
     """
 
     integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    rounds: Annotated[int, arg(metavar="N")] = 15
+    rounds: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
 @dataclass(frozen=True)
@@ -114,9 +178,11 @@ class Readme:
 
 Command = (
     Annotated[Validate, subcommand("validate")]
+    | Annotated[Film, subcommand("film")]
     | Annotated[List, subcommand("list")]
     | Annotated[Compare, subcommand("compare")]
     | Annotated[Bench, subcommand("bench")]
+    | Annotated[Doctor, subcommand("doctor")]
     | Annotated[Readme, subcommand("readme")]
 )
 

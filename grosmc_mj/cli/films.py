@@ -1,0 +1,151 @@
+"""grosmc-mj film and doctor, and the films of grosmc-mj validate."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import Doctor, Film
+from grosmc_mj.errors import ArgumentError, SetupError
+
+if TYPE_CHECKING:
+    from grosmc_mj.rendering.write import Written
+    from grosmc_mj.validation.runs import RunResult, Settings
+
+FOLDER = "films"
+
+
+def film(command: Film) -> int:
+    """Run, render, write."""
+    from grosmc_mj.rendering.backends import find_backend
+    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
+    from grosmc_mj.rendering.film import Format
+    from grosmc_mj.validation.cases import find_case
+    from grosmc_mj.validation.films import film_of, write_case_film
+    from grosmc_mj.validation.runs import Settings, run_case
+
+    width, height = _size(command.size)
+    form = Format(
+        width, height, command.fps, command.speed, command.camera, command.start, command.stop
+    )
+    if command.workers is not None and command.workers < 1:
+        raise ArgumentError(f"--workers {command.workers} must be 1 or more")
+    case, settings = find_case(command.system, command.case), Settings()
+    path = command.output or Path("renders") / FOLDER / f"{case.system}_{case.name}.mp4"
+    if path.suffix.lower() != ".mp4":
+        raise ArgumentError(f"-o {path} must end in .mp4")
+    find_ffmpeg()
+    backend = find_backend(os.environ.get("MUJOCO_GL"), fresh=command.probe).backend
+    names = tuple(dict.fromkeys(command.controllers))
+    results = [run_case(case, "physics", name, settings) for name in names]
+    shown = film_of(results, form, names)
+    with screen.progress(len(shown.times), "frames") as advance:
+        written = write_case_film(
+            case,
+            shown,
+            path,
+            settings=settings,
+            backend=backend,
+            workers=command.workers,
+            gif=command.gif,
+            advance=lambda: advance(path.name),
+        )
+    console = screen.console()
+    for result in results:
+        if result.ended:
+            console.print(f"{result.key}: {result.ended}", style="red", soft_wrap=True)
+    _say(console, written, form.fps)
+    return screen.DONE
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Width and height of WxH."""
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip().lower())
+    if found is None:
+        raise ArgumentError(f"--size {text} must be WIDTHxHEIGHT in pixels, such as 1280x720")
+    return int(found[1]), int(found[2])
+
+
+def _say(console: Console, written: Written, fps: int) -> None:
+    """One line about a film."""
+    size = written.film.stat().st_size / 1e6
+    files = [written.film, written.poster, *([written.gif] if written.gif else [])]
+    console.print(
+        f"{', '.join(map(str, files))}: {written.frames} frames, {written.frames / fps:.1f} s, "
+        f"{size:.1f} MB ({written.backend}, ffmpeg {written.ffmpeg.version})",
+        soft_wrap=True,
+    )
+
+
+def film_results(
+    console: Console, results: Sequence[RunResult], settings: Settings, folder: Path
+) -> None:
+    """Film every case of a validation, or say in one line why not; what is there is kept."""
+    from grosmc_mj.rendering.backends import find_backend
+    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
+    from grosmc_mj.validation.films import SMALL, films_of, is_current, write_case_film
+
+    kept = []
+    try:
+        find_ffmpeg()
+        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
+        for case, shown in films_of(results):
+            path = folder / FOLDER / f"{case.system}_{case.name}.mp4"
+            if is_current(shown, path):
+                kept.append(path)
+                continue
+            with screen.progress(len(shown.times), "frames") as advance:
+                written = write_case_film(
+                    case,
+                    shown,
+                    path,
+                    settings=settings,
+                    backend=backend,
+                    advance=lambda: advance(path.name),  # noqa: B023  called in this turn only
+                )
+            _say(console, written, SMALL.fps)
+    except SetupError as error:
+        console.print(f"No films: {error}", style="yellow", soft_wrap=True)
+    if kept:
+        console.print(f"Kept {len(kept)} films drawn from the same data: {folder / FOLDER}")
+
+
+def doctor(_: Doctor) -> int:
+    """What there is, and what is missing."""
+    from grosmc_mj.rendering.doctor import diagnose
+    from grosmc_mj.validation.results_file import versions
+
+    found, console = diagnose(os.environ.get("MUJOCO_GL")), screen.console()
+    console.print("[bold]Versions[/]")
+    for package, version in versions().items():
+        console.print(f"  {package:<12} {version}")
+    console.print(f"[bold]Machine[/]\n  cores        {found.cores}")
+    console.print(f"  display      {'yes' if found.display else 'none (only glfw needs one)'}")
+    console.print(f"  MUJOCO_GL    {os.environ.get('MUJOCO_GL') or 'not set'}")
+    console.print("[bold]OpenGL, off-screen[/]")
+    for probe in found.backends:
+        if probe.works:
+            used = ", films use it" if probe.backend == found.chosen else ""
+            console.print(f"  {probe.backend:<12} [green]works[/]{used}: {probe.renderer}")
+        else:
+            remedy = f"; run: {probe.remedy}" if probe.remedy else ""
+            console.print(f"  {probe.backend:<12} no: {probe.reason}{remedy}", soft_wrap=True)
+    console.print("[bold]ffmpeg[/]")
+    if found.ffmpeg is not None:
+        tool = found.ffmpeg
+        console.print(f"  {tool.origin:<12} [green]works[/]: {tool.version}, {tool.path}")
+    for problem in found.problems:
+        console.print(f"missing: {problem}", style="red", soft_wrap=True)
+    for remedy in found.remedies:
+        console.print(f"run: {remedy}", style="bold", soft_wrap=True)
+    if not found.films_can_be_made:
+        console.print("Films cannot be made; everything else works.", style="bold red")
+        return screen.DIFFERS
+    console.print("Films can be made.", style="bold green")
+    return screen.DONE

@@ -1,0 +1,66 @@
+"""grosmc-mj compare and bench."""
+
+from __future__ import annotations
+
+import os
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import Bench, Compare
+from grosmc_mj.errors import ArgumentError
+
+
+def compare(command: Compare) -> int:
+    """Analytic against physics plants."""
+    from grosmc_mj.validation import tables
+    from grosmc_mj.validation.agreement import AGREEMENT_BOUND, agreements, disagreements
+    from grosmc_mj.validation.results_file import comparison_document, write_json
+
+    for name, value, least in (("states", command.states, 1), ("edits", command.edits, 0)):
+        if value < least:
+            raise ArgumentError(f"--{name} {value} must be {least} or more")
+    if command.seed < 0:
+        raise ArgumentError(f"--seed {command.seed} must be 0 or more")
+    rows = agreements(command.system, seed=command.seed, states=command.states, edits=command.edits)
+    found = disagreements(rows)
+    console = screen.console()
+    console.print(tables.agreement_table(rows))
+    for line in found:
+        console.print(f"differs: {line}", style="red", soft_wrap=True)
+    target = command.out / f"compare_{command.system}.json"
+    write_json(target, comparison_document(rows, found, command.seed))
+    worst = max(row.acceleration for row in rows if row.variant == "corrected")
+    console.print(
+        f"Accelerations of the corrected equations and of MuJoCo differ by up to {worst:.1e} of "
+        f"the largest term (bound {AGREEMENT_BOUND:.0e}), at {command.states} states of each "
+        f"model, seed {command.seed}; {target}"
+    )
+    return screen.DIFFERS if found else screen.DONE
+
+
+def bench(command: Bench) -> int:
+    """Throughput ratios."""
+    from grosmc_mj.validation import tables
+    from grosmc_mj.validation.benchmark import benchmark
+
+    if command.rounds is not None and command.rounds < 1:
+        raise ArgumentError(f"--rounds {command.rounds} must be 1 or more")
+    if command.films:
+        return _bench_films(command.rounds or 3)
+    console = screen.console()
+    for integrator in [command.integrator] if command.integrator else ["RK4", "implicitfast"]:
+        rows = benchmark(integrator, command.rounds or 15)  # pyright: ignore[reportArgumentType]
+        console.print(tables.throughput_table(rows, integrator))
+    return screen.DONE
+
+
+def _bench_films(rounds: int) -> int:
+    """Frames per second of a film beside bare ones."""
+    from grosmc_mj.rendering.backends import find_backend
+    from grosmc_mj.validation import tables
+    from grosmc_mj.validation.film_benchmark import benchmark_films
+
+    found = find_backend(os.environ.get("MUJOCO_GL"))
+    with screen.progress(4 * rounds, "measurements") as advance:
+        rows = benchmark_films(found.backend, rounds=rounds, advance=advance)
+    screen.console().print(tables.film_rates_table(rows, f"{found.backend}, {found.renderer}"))
+    return screen.DONE

@@ -1,0 +1,34 @@
+"""grosmc-mj list and readme."""
+
+from __future__ import annotations
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import List, Readme
+
+
+def list_systems(_: List) -> int:
+    """Systems, cases, plants, controllers."""
+    from grosmc_mj.plants import SYSTEMS
+    from grosmc_mj.validation.cases import cases
+    from grosmc_mj.validation.designs import DESIGNS, controller_names
+    from grosmc_mj.validation.runs import plant_names
+
+    console = screen.console()
+    for name, system in SYSTEMS.items():
+        console.print(f"[bold]{name}[/]  {system.title}")
+        for case in cases(name):
+            console.print(f"  {case.name:<8} {case.title}  [dim]({case.source})[/]")
+        console.print(f"  plants       {', '.join(plant_names(name))}")
+        console.print(f"  controllers  {', '.join(controller_names(name))}")
+        for alias, (same, why) in DESIGNS[name].aliases.items():
+            console.print(f"  {alias} is {same}: {why}", style="dim")
+        console.print()
+    return screen.DONE
+
+
+def readme(command: Readme) -> int:
+    """The README's table."""
+    from grosmc_mj.validation.readme_table import write_table
+
+    write_table(command.readme, command.results)
+    return screen.DONE

@@ -1,0 +1,117 @@
+"""grosmc-mj validate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import Validate
+from grosmc_mj.cli.films import film_results
+from grosmc_mj.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from grosmc_mj.validation.agreement import Agreement
+    from grosmc_mj.validation.runs import RunResult
+
+
+def validate(command: Validate) -> int:
+    """Run, print, write, compare."""
+    from grosmc_mj.validation import expected
+    from grosmc_mj.validation.agreement import agreements, disagreements
+    from grosmc_mj.validation.figures import drawable, write_figures
+    from grosmc_mj.validation.results_file import document, write_json
+    from grosmc_mj.validation.runs import Settings, plan, run_all, select_cases
+
+    started, seed = time.perf_counter(), 0
+    settings = Settings(
+        command.engine,  # pyright: ignore[reportArgumentType]  checked by Settings
+        command.control_period,
+        command.timestep,
+        command.integrator,  # pyright: ignore[reportArgumentType]  checked by the plant
+    )
+    selected = select_cases(command.systems, command.case)
+    if command.record and settings != Settings():
+        raise ArgumentError(
+            "--record needs the default settings: leave out --engine, --control-period, "
+            "--timestep and --integrator"
+        )
+    systems = list(dict.fromkeys(case.system for case in selected))
+    results: list[RunResult] = []
+    found: list[Agreement] = []
+    differing: list[str] | None = None
+    figures: list[Path] = []
+    console, target = screen.console(), command.out / "validation.json"
+    complete = False
+    try:
+        pictures = len(drawable(selected)) if command.figures else 0
+        with screen.progress(len(plan(selected)) + len(systems) + pictures) as advance:
+            for result in run_all(selected, settings):
+                results.append(result)
+                advance(result.key)
+            for system in systems:
+                found += agreements(system, seed=seed)
+                advance(f"{system}: analytic against physics")
+            if command.record:
+                expected.record_expected(results, settings)
+            differing = expected.differences(results, settings)
+            if wrong := disagreements(found):
+                differing = [*(differing or []), *wrong]
+            complete = True
+            write_json(
+                target,
+                document(results, found, settings, selected, seed, differing, complete=True),
+            )
+            if command.figures:
+                for path in write_figures(results, command.out):
+                    figures.append(path)
+                    advance(path.name)
+    finally:
+        # What was computed is shown and kept, whatever happened since.
+        if results:
+            _show(console, results, found)
+        if results and not complete:
+            write_json(
+                target, document(results, found, settings, selected, seed, None, complete=False)
+            )
+    console.print(
+        f"{len(results)} runs and {len(figures)} figures in "
+        f"{time.perf_counter() - started:.1f} s; {target}"
+    )
+    code = _verdict(console, differing, len(results))
+    if command.films:
+        film_results(console, results, settings, command.out)
+    return code
+
+
+def _show(console: Console, results: Sequence[RunResult], found: Sequence[Agreement]) -> None:
+    """Print the tables of what was computed."""
+    from grosmc_mj.validation import tables
+
+    for table in tables.results_tables(results):
+        console.print(table)
+        console.print()
+    console.print(tables.LEGEND, style="dim")
+    for line in tables.endings(results):
+        console.print(line, style="red", soft_wrap=True)
+    console.print(tables.gains_table(results))
+    if found:
+        console.print(tables.agreement_table(found))
+
+
+def _verdict(console: Console, differing: list[str] | None, count: int) -> int:
+    """Say whether the results are as recorded."""
+    if differing is None:
+        console.print("Not compared with the recorded results: they hold for other settings.")
+        return screen.DONE
+    for line in differing:
+        console.print(f"differs: {line}", style="red", soft_wrap=True)
+    if differing:
+        console.print(f"{len(differing)} results differ from the recorded ones.", style="bold red")
+        return screen.DIFFERS
+    console.print(f"All {count} runs are as recorded.", style="bold green")
+    return screen.DONE

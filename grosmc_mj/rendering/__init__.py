@@ -1,0 +1,1 @@
+"""Films of recorded runs, rendered off-screen in processes of their own."""

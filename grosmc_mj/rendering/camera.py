@@ -1,0 +1,103 @@
+"""The camera's place: as the model has it, or further back if something would leave the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from grosmc_mj.arrays import Array
+
+# The part of the picture, from its middle, that what moves may fill.
+_MARGIN = 0.92
+# Further back than this [m] nothing can be told apart.
+_FURTHEST = 60.0
+
+
+class Placement(NamedTuple):
+    """How far the camera is moved from its place in the model, along its own axes [m]."""
+
+    right: float = 0.0
+    up: float = 0.0
+    back: float = 0.0
+
+    def apply(self, scene: mujoco.MjvScene) -> None:
+        """Move the cameras of an updated scene."""
+        for camera in scene.camera:
+            axes = _axes(camera)
+            camera.pos[:] = camera.pos + np.array(self) @ axes
+
+
+def _axes(camera: Any) -> Array:
+    """The camera's right, up and back, in world axes, (3, 3)."""
+    forward, up = np.array(camera.forward, float), np.array(camera.up, float)
+    return np.array([np.cross(forward, up), up, -forward])
+
+
+def project(camera: Any, point: Array, width: int, height: int) -> tuple[float, float]:
+    """Where a point of the world is in the picture: column and row, counted from the top left."""
+    right, up, back = _axes(camera) @ (np.asarray(point, float) - camera.pos)
+    half = (camera.frustum_top - camera.frustum_bottom) / 2
+    unit = height / 2 / (half / camera.frustum_near * -back)
+    return (width / 2 + right * unit, height / 2 - up * unit)
+
+
+def visible_height(camera: Any, point: Array) -> float:
+    """Height of what the picture shows at the distance of a point [m]."""
+    depth = -(_axes(camera)[2] @ (np.asarray(point, float) - camera.pos))
+    return float((camera.frustum_top - camera.frustum_bottom) / camera.frustum_near * depth)
+
+
+def place(
+    model: mujoco.MjModel, camera: int, poses: Iterable[mujoco.MjData], aspect: float
+) -> Placement:
+    """The least move of the camera that keeps every moving body in the picture.
+
+    Nothing is moved if all is in view from the model's own place, whose picture is the one that
+    the model's author meant. Otherwise the camera goes back along its line of sight and, in its
+    own plane, to the middle of what there is to see.
+
+    Args:
+        model: The model.
+        camera: Id of the camera.
+        poses: The poses of the film, or some of them; kinematics computed.
+        aspect: Width of the picture over its height.
+    """
+    scene, eye, option = mujoco.MjvScene(model, 1000), mujoco.MjvCamera(), mujoco.MjvOption()
+    eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
+    seen, slope = [], 1.0
+    for data in poses:
+        mujoco.mjv_updateScene(
+            model, data, option, None, eye, mujoco.mjtCatBit.mjCAT_STATIC.value, scene
+        )
+        view = scene.camera[0]
+        slope = float((view.frustum_top - view.frustum_bottom) / 2 / view.frustum_near)
+        seen.append((_corners(model, data) - np.array(view.pos, float)) @ _axes(view).T)
+    right, up, back = np.concatenate(seen).T
+    slopes = {"right": _MARGIN * slope * aspect, "up": _MARGIN * slope}
+    extents = {"right": right, "up": up}
+    # In view at a distance -back: |right| <= slope * -back, and so for up.
+    if all(np.all(np.abs(extents[side]) <= slopes[side] * -back) for side in slopes):
+        return Placement()
+    needed, moves = 0.0, {}
+    for side, tangent in slopes.items():
+        most = float((extents[side] + tangent * back).max())
+        least = float((extents[side] - tangent * back).min())
+        needed = max(needed, (most - least) / (2 * tangent))
+        moves[side] = (most + least) / 2
+    return Placement(moves["right"], moves["up"], min(needed, _FURTHEST))
+
+
+def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Corners of the boxes around the drawn geoms of moving bodies, in world axes, (n, 3)."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    found = []
+    for geom in range(model.ngeom):
+        if model.body_weldid[model.geom_bodyid[geom]] == 0 or model.geom_group[geom] > 2:
+            continue
+        centre, half = np.split(model.geom_aabb[geom], 2)
+        rotation = data.geom_xmat[geom].reshape(3, 3)
+        found.append(data.geom_xpos[geom] + (centre + signs * half) @ rotation.T)
+    return np.concatenate(found) if found else np.zeros((1, 3))

@@ -1,0 +1,259 @@
+"""The still parts of a film's frames: title, labels, axes, and the curves as they end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.rendering.film import Film, Take
+from grosmc_mj.rendering.layout import Box, Layout
+from grosmc_mj.rendering.palette import DISTURBANCE, GRID, OPTIMUM
+
+_DPI = 100
+# Room that numbers and titles of a plot need, in sizes of the font.
+_LEFT, _RIGHT, _TOP, _BOTTOM = 4.3, 1.2, 1.9, 3.1
+_SPREAD = 0.06
+# A sliding variable below this is shown in thousandths of its unit.
+_SMALL = 0.1
+
+
+class Chart(NamedTuple):
+    """Two pictures of a whole frame: curves grow by taking more and more columns of the second.
+
+    Attributes:
+        empty: Everything but the curves, (height, width, 3).
+        drawn: The same with all curves, (height, width, 3).
+        areas: The area within each plot's axes.
+        times: First and last instant on the time axes [s].
+    """
+
+    empty: np.ndarray
+    drawn: np.ndarray
+    areas: tuple[Box, ...]
+    times: tuple[float, float]
+
+    def column(self, area: Box, t: float) -> int:
+        """The column of an instant in a plot's area."""
+        first, last = self.times
+        part = min(max((t - first) / (last - first), 0.0), 1.0)
+        return area.left + round(part * (area.width - 1))
+
+
+def draw_chart(film: Film, layout: Layout) -> Chart:
+    """Draw title, labels and plots of a film."""
+    form = film.format
+    times = (form.start, film.end if form.stop is None else form.stop)
+    points = layout.font * 72 / _DPI
+    with mpl.rc_context(_style(points)):
+        figure = Figure(figsize=(layout.width / _DPI, layout.height / _DPI), dpi=_DPI)
+        canvas = FigureCanvasAgg(figure)
+        _write_labels(figure, film, layout)
+        plots = [_axes(figure, layout, index) for index in range(3)]
+        curves: list[Any] = []
+        for axes, draw in zip(plots, (_outputs, _slidings, _inputs), strict=True):
+            curves += draw(axes, film, times)
+            _shade(axes, film, times)
+            axes.set_xlim(*times)
+        canvas.draw()
+        drawn = _pixels(canvas)
+        for curve in curves:
+            curve.set_visible(False)
+        canvas.draw()
+        empty = _pixels(canvas)
+    areas = tuple(_area(axes, layout.height) for axes in plots)
+    return Chart(empty, drawn, areas, times)
+
+
+def _style(points: float) -> dict[Any, Any]:
+    """Sizes that follow the frame's."""
+    return {
+        "font.family": "DejaVu Sans",
+        "font.size": 0.8 * points,
+        "axes.titlesize": 0.95 * points,
+        "axes.titlelocation": "left",
+        "axes.linewidth": 0.8,
+        "axes.axisbelow": True,
+        "axes.grid": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "grid.color": GRID,
+        "grid.linewidth": 0.7,
+        "legend.fontsize": 0.75 * points,
+        "legend.framealpha": 0.85,
+        "legend.handlelength": 1.6,
+        "legend.borderpad": 0.3,
+        "legend.labelspacing": 0.25,
+        "axes.formatter.limits": (-3, 4),
+        "axes.formatter.use_mathtext": True,
+    }
+
+
+def _write_labels(figure: Figure, film: Film, layout: Layout) -> None:
+    """The title, and above each picture whose it is."""
+    points = layout.font * 72 / _DPI
+    pad = 0.8 * layout.font
+
+    def write(box: Box, x: float, text: str, size: float, colour: str, weight: str) -> Any:
+        place = (x / layout.width, 1 - (box.top + box.height / 2) / layout.height)
+        return figure.text(
+            *place, text, size=size, color=colour, weight=weight, va="center_baseline"
+        )
+
+    room = layout.clock.left - 2 * pad
+    title = write(layout.title, pad, film.title, 1.25 * points, "#111111", "bold")
+    extent = title.get_window_extent(figure.canvas.get_renderer())  # pyright: ignore
+    if extent.width > room:
+        title.set_size(1.25 * points * room / extent.width)
+    for index, take in enumerate(film.takes):
+        box = layout.label(index)
+        name = write(box, box.left + pad, take.label, 1.1 * points, take.colour, "bold")
+        end = name.get_window_extent(figure.canvas.get_renderer()).x1  # pyright: ignore
+        if take.ghost is not None:
+            words = f"ghost: {film.ghost_label} {film.ghost_symbol}"
+            write(box, end + 1.2 * layout.font, words, 0.85 * points, "#555555", "normal")
+
+
+def _axes(figure: Figure, layout: Layout, index: int) -> Axes:
+    """Axes whose area lies on whole pixels."""
+    box, font = layout.plot(index), layout.font
+    left, top = round(box.left + _LEFT * font), round(box.top + _TOP * font)
+    right, bottom = round(box.right - _RIGHT * font), round(box.bottom - _BOTTOM * font)
+    axes = figure.add_axes(
+        (
+            left / layout.width,
+            1 - bottom / layout.height,
+            (right - left) / layout.width,
+            (bottom - top) / layout.height,
+        )
+    )
+    axes.set_xlabel("time t [s]", labelpad=0.1 * font)
+    return axes
+
+
+def _area(axes: Axes, height: int) -> Box:
+    """The pixels within the axes."""
+    box = axes.get_window_extent()
+    top, bottom = round(height - box.y1), round(height - box.y0)
+    return Box(round(box.x0), top, round(box.x1) - round(box.x0), bottom - top)
+
+
+def _window(take: Take, times: tuple[float, float]) -> slice:
+    """The rows of a run that the film shows."""
+    first, last = np.searchsorted(take.run.time, (times[0] - 1e-9, times[1] + 1e-9))
+    return slice(int(first), int(last))
+
+
+def _limits(axes: Axes, curves: Sequence[Array]) -> None:
+    """Fixed limits around all curves; a curve that is zero still gets an axis."""
+    values = np.concatenate([*curves, [0.0]])
+    least, most = float(values.min()), float(values.max())
+    spread = (most - least) or 1.0
+    axes.set_ylim(least - _SPREAD * spread, most + _SPREAD * spread)
+
+
+def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
+    """The controlled coordinate, and where it should have been."""
+    run = film.takes[0].run
+    signal = run.system.positions[run.system.output]
+    axes.set_title(f"{signal.name} {signal.symbol} [{signal.unit}]")
+    lines, seen = [], []
+    for take in film.takes:
+        window = _window(take, times)
+        y = take.run.state[window, run.system.output]
+        lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2, label=take.label)
+        seen.append(y)
+    for index, ghost in enumerate(_distinct_ghosts(film)):
+        window = _window(film.takes[0], times)
+        lines += axes.plot(
+            film.takes[0].run.time[window],
+            ghost[window],
+            color=OPTIMUM,
+            lw=1.1,
+            ls=(0, (3, 2)),
+            label="" if index else film.ghost_symbol,
+        )
+        seen.append(ghost[window])
+    _limits(axes, seen)
+    axes.legend(loc="best", ncols=2)
+    return lines
+
+
+def _distinct_ghosts(film: Film) -> list[Array]:
+    """The ghosts' coordinates, each once; those of runs that ended early are left out."""
+    longest = max((take.run.time for take in film.takes), key=len)
+    found: list[Array] = []
+    for take in film.takes:
+        if take.ghost is None or len(take.run.time) < len(longest):
+            continue
+        if not any(np.allclose(take.ghost, other, atol=1e-9) for other in found):
+            found.append(take.ghost)
+    return found
+
+
+def _slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
+    """The sliding variable of the laws that have one."""
+    signals = [(take, take.run.sliding) for take in film.takes if take.run.sliding is not None]
+    peak = max((float(np.abs(s).max(initial=0.0)) for _, s in signals), default=0.0)
+    scale, prefix = (1e3, "m") if peak < _SMALL else (1.0, "")
+    units = sorted({prefix + take.sliding_unit for take, _ in signals})
+    axes.set_title(f"sliding variable s [{', '.join(units)}]" if units else "sliding variable s")
+    lines, seen = [], []
+    for take, s in signals:
+        lines += _held(axes, take, scale * s, times, seen)
+    without = [take.label for take in film.takes if take.run.sliding is None]
+    if without:
+        axes.text(
+            0.98, 0.95, f"{', '.join(without)}: no surface", transform=axes.transAxes,
+            ha="right", va="top", color="#555555",
+        )  # fmt: skip
+    _limits(axes, seen)
+    return lines
+
+
+def _inputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
+    """The input that the actuator applied."""
+    signal = film.takes[0].run.system.input
+    axes.set_title(f"{signal.name} {signal.symbol} [{signal.unit}]")
+    lines, seen = [], []
+    # A law that switches fills its band: it is drawn first, and the others on it.
+    for take in sorted(film.takes, key=lambda take: -np.abs(np.diff(take.run.input)).sum()):
+        lines += _held(axes, take, take.run.input, times, seen)
+    _limits(axes, seen)
+    return lines
+
+
+def _held(
+    axes: Axes, take: Take, values: Array, times: tuple[float, float], seen: list[Array]
+) -> list[Any]:
+    """A signal of the intervals, thin where it jumps at every sample."""
+    window = _window(take, times)
+    y = values[window]
+    seen.append(y)
+    jumps = np.abs(np.diff(y)).sum() > 20 * np.ptp(y) if len(y) > 1 else False
+    style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps else {"lw": 1.8}
+    return axes.plot(take.run.time[window][: len(y)], y, color=take.colour, **style)
+
+
+def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:
+    """Shade the time in which a disturbance acts."""
+    for take in film.takes[:1]:
+        if take.run.wrench is None:
+            return
+        acts = np.flatnonzero(np.any(take.run.wrench, axis=1))
+        if len(acts):
+            first, last = float(take.run.time[acts[0]]), float(take.run.time[acts[-1] + 1])
+            axes.axvspan(
+                max(first, times[0]), min(last, times[1]), color=DISTURBANCE, alpha=0.13, lw=0
+            )
+
+
+def _pixels(canvas: FigureCanvasAgg) -> np.ndarray:
+    """What the canvas shows, (height, width, 3)."""
+    return np.array(canvas.buffer_rgba())[..., :3].copy()

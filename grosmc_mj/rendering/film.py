@@ -1,0 +1,172 @@
+"""What a film shows, as a value: recorded runs side by side."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.simulation.trajectory import Trajectory
+
+SMALLEST, LARGEST = (320, 240), (3840, 2160)
+FASTEST = 240
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One recorded run in MuJoCo: one picture of the film and one colour of its curves.
+
+    Attributes:
+        label: Name of the controller.
+        colour: #RRGGBB.
+        run: With its full physics states.
+        ghost: Where the controlled coordinate should have been at each instant of the run, in
+            its own unit, (N + 1,); None to draw no ghost.
+        sliding_unit: Unit of s.
+        ended: Why the run ended early; empty if it did not.
+    """
+
+    label: str
+    colour: str
+    run: Trajectory
+    ghost: Array | None = None
+    sliding_unit: str = ""
+    ended: str = ""
+
+    def __post_init__(self) -> None:
+        if self.run.physics is None or self.run.physics.ndim != 2:
+            raise ArgumentError(
+                f"{self.label}: a film needs one recorded run in MuJoCo, with its full states"
+            )
+        if self.ghost is not None and np.shape(self.ghost) != self.run.time.shape:
+            raise ArgumentError(
+                f"{self.label}: the ghost has shape {np.shape(self.ghost)}, must be "
+                f"{self.run.time.shape}, one coordinate an instant"
+            )
+
+
+@dataclass(frozen=True)
+class Format:
+    """How a film is cut.
+
+    Attributes:
+        width: Of a frame, in pixels; even.
+        height: Of a frame, in pixels; even.
+        fps: Frames per second of the film.
+        speed: Seconds of data in one second of film.
+        camera: A camera of the model; None for ``follow`` where it moves along with a body, else
+            ``fixed``.
+        start: First instant shown [s].
+        stop: End of what is shown [s]; None for the end of the longest run.
+    """
+
+    width: int = 1280
+    height: int = 720
+    fps: int = 30
+    speed: float = 1.0
+    camera: str | None = None
+    start: float = 0.0
+    stop: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, least, most in zip(
+            ("width", "height"), (self.width, self.height), SMALLEST, LARGEST, strict=True
+        ):
+            if value % 2 or not least <= value <= most:
+                raise ArgumentError(
+                    f"{name} {value} of the film must be even and from {least} to {most} pixels"
+                )
+        if not 1 <= self.fps <= FASTEST:
+            raise ArgumentError(f"{self.fps} frames per second: must be from 1 to {FASTEST}")
+        if not (math.isfinite(self.speed) and self.speed > 0):
+            raise ArgumentError(f"speed {self.speed:g} must be finite and positive")
+        stop = math.inf if self.stop is None else self.stop
+        if not 0 <= self.start < stop:
+            raise ArgumentError(
+                f"a film from {self.start:g} s to {stop:g} s shows nothing: it must begin at 0 s "
+                "or later and end after that"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Runs of one model side by side, at the same times and the same scale.
+
+    Attributes:
+        title: In the title bar.
+        model: The compiled model that was run, with its edits.
+        takes: One to four runs.
+        format: How it is cut.
+        ghost_label: What the ghost is, in words.
+        ghost_symbol: And its symbol.
+    """
+
+    title: str
+    model: mujoco.MjModel
+    takes: tuple[Take, ...]
+    format: Format = field(default_factory=Format)
+    ghost_label: str = "reference"
+    ghost_symbol: str = "yᵣ"
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.takes) <= 4:
+            raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
+        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        for take in self.takes:
+            assert take.run.physics is not None
+            if take.run.physics.shape[1] != size:
+                raise ArgumentError(
+                    f"{take.label}: states of {take.run.physics.shape[1]} numbers are not of this "
+                    f"model, whose states have {size}"
+                )
+        if self.format.camera not in (None, *self.cameras):
+            raise ArgumentError(unknown_name("camera", self.format.camera, self.cameras))
+        if self.format.start >= self.end:
+            raise ArgumentError(
+                f"a film from {self.format.start:g} s shows nothing: the runs end at {self.end:g} s"
+            )
+        if self.format.stop is not None and self.format.stop > self.end + 1e-9:
+            raise ArgumentError(f"a film to {self.format.stop:g} s: the runs end at {self.end:g} s")
+
+    @cached_property
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras of the model."""
+        return tuple(self.model.camera(i).name for i in range(self.model.ncam))
+
+    @cached_property
+    def camera(self) -> int:
+        """Id of the camera: the chosen one or, if it moves along, ``follow``, else ``fixed``."""
+        if self.format.camera is not None:
+            return self.model.camera(self.format.camera).id
+        if "follow" in self.cameras:
+            follow = self.model.camera("follow")
+            if follow.mode[0] == mujoco.mjtCamLight.mjCAMLIGHT_TRACK:
+                return follow.id
+        return self.model.camera("fixed").id if "fixed" in self.cameras else 0
+
+    @cached_property
+    def end(self) -> float:
+        """When the longest run ends [s]."""
+        return max(float(take.run.time[-1]) for take in self.takes)
+
+    @cached_property
+    def times(self) -> Array:
+        """The instant that each frame shows [s]: start + k speed / fps, as long as the data."""
+        form = self.format
+        stop = self.end if form.stop is None else form.stop
+        count = max(1, round((stop - form.start) * form.fps / form.speed))
+        return form.start + np.arange(count) * (form.speed / form.fps)
+
+    def rows(self, take: Take) -> np.ndarray:
+        """The recorded instant nearest to each frame: its row, (frames,).
+
+        A run that ended early stays at its last row.
+        """
+        time = take.run.time
+        step = float(time[1] - time[0]) if len(time) > 1 else 1.0
+        return np.clip(np.rint(self.times / step).astype(int), 0, len(time) - 1)

@@ -1,0 +1,174 @@
+"""Films of the cases: the results of runs as films, and what lies beside each film."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import grosmc_mj.rendering
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.rendering.film import Film, Format, Take
+from grosmc_mj.rendering.frames import Storyboard, storyboard
+from grosmc_mj.rendering.palette import LABELS, colour_of
+from grosmc_mj.rendering.write import Written, write_film
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.validation.cases import Case
+from grosmc_mj.validation.results_file import case_document, origin, write_json
+from grosmc_mj.validation.runs import RunResult, Settings
+
+# What validate shows of every case; smaller than a single film, since there are many.
+CONTROLLERS = ("lqr", "grosmc")
+SMALL = Format(width=960, height=540, fps=20)
+
+_ENDED = {
+    Status.COMPLETED: "",
+    Status.UNDEFINED_LAW: "law undefined",
+    Status.SINGULAR_PLANT: "plant singular",
+    Status.DIVERGED: "diverged",
+}
+
+
+def film_of(
+    results: Sequence[RunResult], form: Format | None = None, names: Sequence[str] = ()
+) -> Film:
+    """The film of one case: its runs in MuJoCo, side by side.
+
+    The ghost is the nominal optimal trajectory of each law or, where the reference moves, the
+    reference.
+
+    Args:
+        results: Runs of one case on physics.
+        form: How it is cut.
+        names: What the controllers were asked for as; by default their own names.
+
+    Raises:
+        ArgumentError: If the runs are not of one case on physics.
+    """
+    cases = {(result.case.system, result.case.name) for result in results}
+    if len(cases) != 1 or any(result.plant != "physics" for result in results):
+        raise ArgumentError("a film shows runs of one case on physics")
+    case = results[0].case
+    moving = bool(np.ptp(results[0].comparison.reference))
+    names = names or [result.controller.name for result in results]
+    takes = []
+    for result, name in zip(results, names, strict=True):
+        run, comparison = result.trajectory, result.comparison
+        ended = _ENDED[result.status]
+        takes.append(
+            Take(
+                label=LABELS.get(name, name),
+                colour=colour_of(name, len(takes)),
+                run=run,
+                ghost=comparison.reference if moving else comparison.optimum,
+                sliding_unit=result.controller.sliding_unit,
+                ended=ended and f"{ended} at {float(run.valid_until):.2f} s",
+            )
+        )
+    return Film(
+        title=f"{results[0].trajectory.system.title}, {case.name}: {case.title}",
+        model=MujocoPlant.load(case.system, edits=case.edits).model,
+        takes=tuple(takes),
+        format=form or Format(),
+        ghost_label="reference" if moving else "nominal optimum",
+        ghost_symbol="yᵣ" if moving else "x*",
+    )
+
+
+def films_of(results: Sequence[RunResult], form: Format = SMALL) -> list[tuple[Case, Film]]:
+    """One film for each case whose runs under ``CONTROLLERS`` are there."""
+    films = []
+    for case in dict.fromkeys(result.case for result in results):
+        shown = [
+            result
+            for name in CONTROLLERS
+            for result in results
+            if (result.case, result.plant, result.controller.name) == (case, "physics", name)
+        ]
+        if len(shown) == len(CONTROLLERS):
+            films.append((case, film_of(shown, form)))
+    return films
+
+
+def write_case_film(
+    case: Case,
+    film: Film,
+    path: Path,
+    *,
+    settings: Settings,
+    backend: str | None = None,
+    workers: int | None = None,
+    gif: bool = False,
+    advance: Callable[[], object] = lambda: None,
+) -> Written:
+    """Write a film and, beside it, a JSON file with all that it was made from.
+
+    Raises:
+        SetupError: If it cannot be rendered or written.
+    """
+    digest = film_digest(storyboard(film))
+    written = write_film(film, path, backend=backend, workers=workers, gif=gif, advance=advance)
+    write_json(
+        path.with_suffix(".json"),
+        {
+            **origin(None),
+            "configuration": {
+                **asdict(settings),
+                "case": case_document(case),
+                "controllers": [take.label for take in film.takes],
+                "film": {
+                    **asdict(film.format),
+                    "camera": film.cameras[film.camera],
+                    "stop": film.end if film.format.stop is None else film.format.stop,
+                },
+                "backend": written.backend,
+                "ffmpeg": {"origin": written.ffmpeg.origin, "version": written.ffmpeg.version},
+            },
+            "frames": written.frames,
+            "duration": {"value": written.frames / film.format.fps, "unit": "s"},
+            "drawn_from": digest,
+            "sha256": _sha256(path),
+        },
+    )
+    return written
+
+
+def is_current(film: Film, path: Path) -> bool:
+    """Whether this very film is there, whole: drawn from the same data by the same code."""
+    try:
+        beside = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        recorded = (beside["drawn_from"], beside["sha256"])
+        there = path.with_suffix(".png").is_file()
+        return there and recorded == (film_digest(storyboard(film)), _sha256(path))
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def film_digest(board: Storyboard) -> str:
+    """Hash of all that a film's frames depend on: states, model, format and drawing code."""
+    digest = hashlib.sha256()
+    size = mujoco.mj_sizeModel(board.model)
+    model = np.zeros(size, np.uint8)
+    mujoco.mj_saveModel(board.model, None, model)
+    parts: list[Any] = [model, board.times, board.chart.empty, board.chart.drawn]
+    for scene in board.scenes:
+        parts += [scene.physics, scene.ghost, scene.wrench, scene.over, scene.ended]
+    parts += [board.camera, board.placement, board.speed, board.largest, mujoco.__version__]
+    home = Path(grosmc_mj.rendering.__file__).parent
+    parts += [path.read_bytes() for path in sorted(home.glob("*.py"))]
+    for part in parts:
+        digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+    return digest.hexdigest()
+
+
+def _sha256(path: Path) -> str:
+    """Hash of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
