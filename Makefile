@@ -2,11 +2,13 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 
 VENV := .venv
-BIN := $(VENV)/bin
+BIN ?= $(VENV)/bin
 # A version manager may offer python3.11 and refuse to start it: ask it to run.
 PYTHON ?= $(shell if python3.11 -c '' >/dev/null 2>&1; then echo python3.11; else echo python3; fi)
 WORKERS ?= auto
 ARGS ?=
+
+GALLERY := renders/films/gallery
 
 # Films need these; nothing else does.
 SYSTEM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
@@ -15,7 +17,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast lint format typecheck bench clean
+.PHONY: help setup validate record test test-fast lint format typecheck bench gallery clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-10s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -25,8 +27,8 @@ setup:  ## Create .venv with the pinned packages; install the system libraries f
 	@rm -f $(SYSTEM)
 	@$(MAKE) -s $(INSTALLED) $(SYSTEM)
 
-validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics
-	$(BIN)/grosmc-mj validate $(ARGS)
+validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film of each case
+	$(BIN)/grosmc-mj validate --films $(ARGS)
 
 record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the diff
 	$(BIN)/grosmc-mj validate --record $(ARGS)
@@ -51,6 +53,14 @@ typecheck: $(INSTALLED)  ## Check the types
 
 bench: $(INSTALLED)  ## Measure throughput against MuJoCo's open loop
 	$(BIN)/grosmc-mj bench $(ARGS)
+
+gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
+	for film in 'servo --from 8.5 --to 15.5' 'cart_pendulum --to 4' 'arm --to 4.5'; do \
+	  $(BIN)/grosmc-mj film $$film --size 600x400 --fps 10 --gif -o $(GALLERY)/$${film%% *}.mp4 || exit; \
+	done
+	for system in servo cart_pendulum arm; do \
+	  mv $(GALLERY)/$$system.gif renders/gallery/$${system}_case1.gif; \
+	done
 
 clean:  ## Remove .venv, builds and caches; keep renders/
 	rm -rf $(VENV) build dist .hypothesis .import_linter_cache .pytest_cache .ruff_cache

@@ -85,11 +85,6 @@ def _style(points: float) -> dict[Any, Any]:
         "axes.spines.right": False,
         "grid.color": GRID,
         "grid.linewidth": 0.7,
-        "legend.fontsize": 0.75 * points,
-        "legend.framealpha": 0.85,
-        "legend.handlelength": 1.6,
-        "legend.borderpad": 0.3,
-        "legend.labelspacing": 0.25,
         "axes.formatter.limits": (-3, 4),
         "axes.formatter.use_mathtext": True,
     }
@@ -108,16 +103,24 @@ def _write_labels(figure: Figure, film: Film, layout: Layout) -> None:
 
     room = layout.clock.left - 2 * pad
     title = write(layout.title, pad, film.title, 1.25 * points, "#111111", "bold")
-    extent = title.get_window_extent(figure.canvas.get_renderer())  # pyright: ignore
-    if extent.width > room:
-        title.set_size(1.25 * points * room / extent.width)
+    if (width := _right_of(title) - pad) > room:
+        title.set_size(1.25 * points * room / width)
     for index, take in enumerate(film.takes):
         box = layout.label(index)
-        name = write(box, box.left + pad, take.label, 1.1 * points, take.colour, "bold")
-        end = name.get_window_extent(figure.canvas.get_renderer()).x1  # pyright: ignore
+        words = [(take.label, 1.1 * points, take.colour, "bold")]
         if take.ghost is not None:
-            words = f"ghost: {film.ghost_label} {film.ghost_symbol}"
-            write(box, end + 1.2 * layout.font, words, 0.85 * points, "#555555", "normal")
+            ghost = f"ghost: {film.ghost_label} {film.ghost_symbol}"
+            words.append((ghost, 0.85 * points, "#555555", "normal"))
+        if take.run.wrench is not None:
+            words.append(("disturbance", 0.85 * points, DISTURBANCE, "normal"))
+        x = box.left + pad
+        for text, size, colour, weight in words:
+            x = _right_of(write(box, x, text, size, colour, weight)) + 1.3 * layout.font
+
+
+def _right_of(text: Any) -> float:
+    """Where a text ends, in pixels from the left."""
+    return text.get_window_extent().x1
 
 
 def _axes(figure: Figure, layout: Layout, index: int) -> Axes:
@@ -162,14 +165,16 @@ def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     """The controlled coordinate, and where it should have been."""
     run = film.takes[0].run
     signal = run.system.positions[run.system.output]
-    axes.set_title(f"{signal.name} {signal.symbol} [{signal.unit}]")
+    ghosts = _distinct_ghosts(film)
+    dashed = f"  (dashed: {film.ghost_symbol})" if ghosts else ""
+    axes.set_title(f"{signal.name} {signal.symbol} [{signal.unit}]{dashed}")
     lines, seen = [], []
     for take in film.takes:
         window = _window(take, times)
         y = take.run.state[window, run.system.output]
-        lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2, label=take.label)
+        lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2)
         seen.append(y)
-    for index, ghost in enumerate(_distinct_ghosts(film)):
+    for ghost in ghosts:
         window = _window(film.takes[0], times)
         lines += axes.plot(
             film.takes[0].run.time[window],
@@ -177,11 +182,9 @@ def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
             color=OPTIMUM,
             lw=1.1,
             ls=(0, (3, 2)),
-            label="" if index else film.ghost_symbol,
         )
         seen.append(ghost[window])
     _limits(axes, seen)
-    axes.legend(loc="best", ncols=2)
     return lines
 
 

@@ -19,7 +19,7 @@ INDICATOR = 2
 _GHOST = (*red_green_blue(OPTIMUM), 0.27)
 _MARK = (*red_green_blue(DISTURBANCE), 1.0)
 # Sizes as parts of the picture's height, so that they read the same from any distance.
-_ARROW, _RADIUS, _THICK = 0.30, 0.13, 0.011
+_ARROW, _RADIUS, _THICK = 0.30, 0.14, 0.013
 # A whole turn would hide where the arc begins.
 _SWEEP = math.radians(300)
 _SEGMENTS = 28
@@ -84,9 +84,9 @@ def add_wrenches(
         if (part := _part(torque, largest[1])) > _FAINT:
             points = list(_arc(centre, torque, _RADIUS * unit, part * _SWEEP))
             for start, end in itertools.pairwise(points):
-                _connect(scene, _GEOM.mjGEOM_CAPSULE, _THICK * unit / 2, start, end)
+                _connect(scene, _GEOM.mjGEOM_CAPSULE, 0.75 * _THICK * unit, start, end)
             ahead = points[-1] - points[-2]
-            head = points[-1] + ahead / np.linalg.norm(ahead) * 0.095 * unit
+            head = points[-1] + ahead / np.linalg.norm(ahead) * 0.11 * unit
             _connect(scene, _GEOM.mjGEOM_ARROW, 1.35 * _THICK * unit, points[-1], head)
 
 

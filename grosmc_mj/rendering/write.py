@@ -29,7 +29,7 @@ _ARGUMENTS = (
     "-movflags +faststart"
 )
 _CRF = 23
-_GIF_WIDTH, _GIF_FPS, _GIF_COLOURS = 640, 10, 64
+_GIF_WIDTH, _GIF_FPS, _GIF_COLOURS = 640, 10, 128
 
 
 class Written(NamedTuple):

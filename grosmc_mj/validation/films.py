@@ -28,6 +28,9 @@ from grosmc_mj.validation.runs import RunResult, Settings
 CONTROLLERS = ("lqr", "grosmc")
 SMALL = Format(width=960, height=540, fps=20)
 
+# A reference that moves by less has only been rounded.
+_STILL = 1e-9
+
 _ENDED = {
     Status.COMPLETED: "",
     Status.UNDEFINED_LAW: "law undefined",
@@ -56,7 +59,7 @@ def film_of(
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
     case = results[0].case
-    moving = bool(np.ptp(results[0].comparison.reference))
+    moving = float(np.ptp(results[0].comparison.reference)) > _STILL
     names = names or [result.controller.name for result in results]
     takes = []
     for result, name in zip(results, names, strict=True):
