@@ -16,6 +16,8 @@ from grosmc_mj.errors import ArgumentError, GainError
 
 # Points of the grids over which the suprema are taken; both include every corner.
 _SCALES, _STATES = 5, 21
+# A step from z = 0 at which the mismatch is linear: its square is below rounding of the gains.
+_NEAR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ def switching_gains(
         gamma1 = sup |(alpha* - alpha) + (E* - E) u_0| / (|E*| |z|).
 
     The suprema are over a grid of the declared scales and the operating region with all their
-    corners, and a small circle about z = 0.
+    corners, and over all directions next to z = 0.
 
     Args:
         error: Error coordinates of the law.
@@ -112,17 +114,14 @@ def switching_gains(
             if the mismatch has a constant part, for which the formula has no room.
     """
     A, B = error.jacobian(nominal)
-    n, position = len(error.system.states), error.system.output
-    velocity = position + error.system.degrees_of_freedom
+    velocity = error.system.output + error.system.degrees_of_freedom
     gamma0, gamma1, ratio = 0.0, 0.0, math.inf
-    y_r, dy_r, _ = error.reference(0.0, nominal.reference)
     for plant in _family(nominal.plant, uncertainty.scales):
         true = replace(nominal, plant=plant)
         _refuse_constant_mismatch(error, nominal, true)
+        slope = []
         for z in _states(uncertainty.region):
-            x = np.zeros(n)
-            x[position] = y_r + error.sign * z[0]
-            x[velocity] = dy_r + error.sign * z[1]
+            x = _state(error, nominal, z)
             if linearizing:
                 alpha, E = error.dynamics(0.0, x, nominal)
             else:
@@ -135,8 +134,11 @@ def switching_gains(
                     f"nominal one at z = {z}; no switching gain can make up for that"
                 )
             u_0 = (-(K @ z) - alpha) / E if linearizing else -(K @ z)
-            mismatch = abs((alpha_true - alpha) + (E_true - E) * u_0)
-            gamma1 = max(gamma1, mismatch / (abs(E_true) * float(np.hypot(*z))))
+            mismatch = (alpha_true - alpha) + (E_true - E) * u_0
+            share = mismatch / (abs(E_true) * float(np.hypot(*z)))
+            if len(slope) < len(z):
+                slope.append(share)
+            gamma1 = max(gamma1, abs(share))
             pushed = sum(
                 abs(error.system.disturbance(x, unit * size, plant)[velocity])
                 for unit, size in zip(
@@ -146,8 +148,20 @@ def switching_gains(
             )
             gamma0 = max(gamma0, pushed / abs(E_true))
             ratio = min(ratio, r)
+        # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.
+        gamma1 = max(gamma1, float(np.hypot(*slope)))
     eta = uncertainty.reaching_rate / ratio
     return SwitchingGains(float(eta), float(gamma0), float(gamma1), float(ratio))
+
+
+def _state(error: ErrorCoordinates, nominal: Any, z: Array) -> Array:
+    """The plant's state at an error state, with the reference at t = 0 and all else at rest."""
+    position = error.system.output
+    y_r, dy_r, _ = error.reference(0.0, nominal.reference)
+    x = np.zeros(len(error.system.states))
+    x[position] = y_r + error.sign * z[0]
+    x[position + error.system.degrees_of_freedom] = dy_r + error.sign * z[1]
+    return x
 
 
 def _refuse_constant_mismatch(error: ErrorCoordinates, nominal: Any, true: Any) -> None:
@@ -181,8 +195,7 @@ def _family(nominal: Any, scales: Mapping[str, tuple[float, float]]) -> list[Any
 
 
 def _states(region: tuple[float, float]) -> list[Array]:
-    """The grid of error states without the origin, and a small circle about it."""
+    """A step along each axis next to the origin, then the grid of error states without it."""
     axes = [np.linspace(-bound, bound, _STATES) for bound in region]
     grid = [np.array(z) for z in itertools.product(*axes) if any(z)]
-    angles = np.linspace(0, np.pi, _STATES)
-    return grid + [1e-3 * np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
+    return [*(_NEAR * np.eye(2)), *grid]
