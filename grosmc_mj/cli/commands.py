@@ -57,6 +57,62 @@ class Validate:
     record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
+OptionalSystem = Annotated[
+    Positional[str | None],
+    arg(metavar="[SYSTEM]", name="system", help_behavior_hint="(default: all of them)"),
+]
+
+
+@dataclass(frozen=True)
+class Claims:
+    """Judge the chapter's claims: SUPPORTED, REFUTED or INCONCLUSIVE, each with its number.
+
+    Every claim is measured on each plant that it can be asked of, at the control period and at half
+    of it; a verdict that changes in between is inconclusive. A claim that fails because a premise
+    failed says so. Writes claims.json to --out. Exit code 1 if a verdict is not the one that the
+    repository expects.
+
+    Attributes:
+        system: servo, cart_pendulum or arm.
+        explain: Tell the whole story of this claim, and write its figure to --out.
+        json: Print JSON instead of tables.
+        self_test: Put faults into laws and plants, one at a time, and show which claims notice.
+        page: Write the page on the chapter's defects, with its figures beside it.
+        out: Folder for claims.json and figures.
+    """
+
+    system: OptionalSystem = None
+    explain: Annotated[str | None, arg(metavar="CLAIM", help_behavior_hint="")] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    self_test: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+
+@dataclass(frozen=True)
+class Premises:
+    """Check the premises of the chapter's theorems for a SYSTEM.
+
+    For each case: controllability, G B, relative degree, matching, the input-gain ratio, the
+    switching gain required against the one configured (with the input gain's uncertainty counted),
+    s(0), singular states. Over the declared operating region and along the run: the least margin,
+    where it is, how often it is violated, and the smallest gain that restores it.
+
+    Attributes:
+        system: servo, cart_pendulum or arm.
+        case: Only this case: nominal, case1 or case2.
+        controller: Whose premises.
+        out: Folder for premises_SYSTEM.json.
+    """
+
+    system: System
+    case: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: every case)")] = (
+        None
+    )
+    controller: Annotated[str, arg(metavar="NAME")] = "grosmc"
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+
 @dataclass(frozen=True)
 class List:
     """List the systems with their cases, plants and controllers."""
@@ -178,6 +234,8 @@ class Readme:
 
 Command = (
     Annotated[Validate, subcommand("validate")]
+    | Annotated[Claims, subcommand("claims")]
+    | Annotated[Premises, subcommand("premises")]
     | Annotated[Film, subcommand("film")]
     | Annotated[List, subcommand("list")]
     | Annotated[Compare, subcommand("compare")]

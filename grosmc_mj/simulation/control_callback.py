@@ -24,6 +24,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.compilation import compile_c, pointer
 from grosmc_mj.simulation.problem import Problem
+from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
 from grosmc_mj.simulation.trajectory import Status
 
@@ -143,6 +144,7 @@ def installed(callback: Any) -> Iterator[None]:
         refuse_foreign_callback()
         mujoco.set_mjcb_control(callback)
         try:
-            yield
+            with warnings_counted_only():
+                yield
         finally:
             mujoco.set_mjcb_control(None)

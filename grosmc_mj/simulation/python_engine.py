@@ -12,6 +12,7 @@ from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant, Problem, Record
+from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.records import pack
 from grosmc_mj.simulation.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.trajectory import Status
@@ -32,7 +33,7 @@ def run_python(problem: Problem) -> Record:
     refuse_foreign_callback()
     record = Record.empty(problem)
     # A diverging run overflows quietly, as in C; its state tells.
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings_counted_only():
         for run in range(len(problem.x0)):
             _run_one(problem, run, record)
     return record

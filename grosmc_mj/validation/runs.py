@@ -115,11 +115,18 @@ def run_case(case: Case, plant: PlantName, controller: str, settings: Settings) 
     The controller is designed from the nominal equations: the printed ones for the printed
     plant, the corrected ones for the corrected plant and for physics.
     """
-    law = _controller(case.system, controller, "printed" if plant == "printed" else "corrected")
+    law = nominal_controller(case.system, controller, design_variant(plant))
+    return run_on(case, plant, law, case_plant(case, plant, settings), settings)
+
+
+def run_on(
+    case: Case, name: PlantName, law: Controller, plant: Plant, settings: Settings
+) -> RunResult:
+    """Run a case with this very law on this very plant, whatever they are called."""
     ended = ""
     try:
         run = simulate(
-            _plant(case, plant, settings),
+            plant,
             law,
             case.x0,
             duration=case.duration,
@@ -132,10 +139,10 @@ def run_case(case: Case, plant: PlantName, controller: str, settings: Settings) 
         run, ended = error.trajectory, str(error)
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, case.onset)
-    return RunResult(case, plant, law, run, comparison, metrics, ended)
+    return RunResult(case, name, law, run, comparison, metrics, ended)
 
 
-def _plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
+def case_plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
     """The plant of a case, with its edits."""
     physics = MujocoPlant.load(
         case.system,
@@ -146,7 +153,12 @@ def _plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
     return physics if plant == "physics" else physics.analytic(plant)
 
 
+def design_variant(plant: PlantName) -> Variant:
+    """The equations that the law for a plant is designed from."""
+    return "printed" if plant == "printed" else "corrected"
+
+
 @cache
-def _controller(system: str, name: str, variant: Variant) -> Controller:
+def nominal_controller(system: str, name: str, variant: Variant) -> Controller:
     """A controller for the nominal plant of a variant."""
     return chapter_controller(name, MujocoPlant.load(system).analytic(variant))

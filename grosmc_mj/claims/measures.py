@@ -1,0 +1,197 @@
+"""Measurements that several claims share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.claims.balance import switching_amplitude
+from grosmc_mj.claims.claim import Curve, Drawing, Measured
+from grosmc_mj.claims.laboratory import Laboratory
+from grosmc_mj.claims.premises import audit
+from grosmc_mj.plants import find_system
+from grosmc_mj.rendering.palette import LABELS
+from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.validation.cases import find_case
+from grosmc_mj.validation.runs import PlantName, RunResult
+
+Measure = Callable[[Laboratory, PlantName], Measured]
+BOTH: tuple[PlantName, ...] = ("corrected", "physics")
+ALL: tuple[PlantName, ...] = ("printed", "corrected", "physics")
+
+# What counts as "the same" or "almost not affected": the band that settling is judged by.
+SAME = 2.0
+SAME_WHY = "2 % of the start is the usual settling band: less does not show in the chapter's plots"
+# What counts as "deviates" or "sensitive": five such bands.
+SENSITIVE = 10.0
+SENSITIVE_WHY = "10 % of the start, five times what counts as the same, shows in any plot"
+
+
+def of(result: RunResult, value: float | None, note: str = "") -> Measured:
+    """A value from one run; broken if the run ended early or left the laws' region."""
+    if result.status is not Status.COMPLETED:
+        return Measured(value, result.ended, broken=True)
+    system = result.trajectory.system
+    if not all(system.linearizable(x) for x in result.trajectory.state[::20]):
+        return Measured(value, f"the run leaves {system.region}", broken=True)
+    return Measured(value, note)
+
+
+def deviation(system: str, case: str, controller: str) -> Measure:
+    """max |x1 - x1*| in percent of the initial error."""
+
+    def measure(lab: Laboratory, plant: PlantName) -> Measured:
+        result = lab.case(system, case, plant, controller)
+        z = result.comparison
+        return of(result, 100 * float(np.abs(z.z[:, 0] - z.optimal[:, 0]).max() / abs(z.z[0, 0])))
+
+    return measure
+
+
+def metric(system: str, case: str, controller: str, name: str) -> Measure:
+    """A metric of a run, with its note."""
+
+    def measure(lab: Laboratory, plant: PlantName) -> Measured:
+        result = lab.case(system, case, plant, controller)
+        found = result.metrics[name]
+        return of(result, found.value, found.note)
+
+    return measure
+
+
+def changed_response(system: str, case: str, controller: str) -> Measure:
+    """Largest difference between a case's response and the nominal one, in percent of the start."""
+
+    def measure(lab: Laboratory, plant: PlantName) -> Measured:
+        results = [lab.case(system, name, plant, controller) for name in (case, "nominal")]
+        z = [result.comparison.z[:, 0] for result in results]
+        n = min(map(len, z))
+        change = 100 * float(np.abs(z[0][:n] - z[1][:n]).max() / abs(z[1][0]))
+        broken = next((r for r in results if r.status is not Status.COMPLETED), None)
+        return of(broken or results[0], change)
+
+    return measure
+
+
+def excess_cost(system: str, case: str, name: str) -> Measure:
+    """J over J*, less 1, in percent, under GROSMC."""
+
+    def measure(lab: Laboratory, plant: PlantName) -> Measured:
+        result = lab.case(system, case, plant, "grosmc")
+        J, least = result.metrics[name].value, result.metrics["cost_optimal"].value
+        assert J is not None
+        assert least is not None
+        return of(result, 100 * (J / least - 1))
+
+    return measure
+
+
+def leaving_the_surface(system: str, case: str) -> Measure:
+    """Largest |s| over what one sample of the switching term can make of it.
+
+    While the gain covers what pushes, |s'| is at most twice the switching term's share: what is
+    pushed plus what pushes back. A sampled law that never leaves the surface by more than one
+    sample stays below 1.
+    """
+
+    def measure(lab: Laboratory, plant: PlantName) -> Measured:
+        result = lab.case(system, case, plant, "grosmc")
+        s = result.trajectory.sliding
+        assert s is not None
+        band = 2 * lab.settings.control_period * _switching_speed(result)
+        if band == 0:
+            return of(result, None, "the law does not switch")
+        return of(result, float(np.abs(s).max() / band), f"max |s| = {np.abs(s).max():.3g}")
+
+    return measure
+
+
+def _switching_speed(result: RunResult) -> float:
+    """Largest |G B v_d| along a run: how fast the switching term moves s."""
+    law, p = result.controller, result.controller.parameters
+    assert law.error is not None
+    assert law.lqr is not None
+    z = result.comparison.z[:-1:20]
+    x = result.trajectory.state[:-1:20]
+    t = result.trajectory.time[:-1:20]
+    speeds = []
+    for each, state, instant in zip(z, x, t, strict=True):
+        E = law.error.dynamics(float(instant), state, p)[1]
+        share = abs(p.GB) if law.lqr.B[1, 0] != 1 else abs(p.GB * E)
+        speeds.append(share * switching_amplitude(law, each, E))
+    return max(speeds)
+
+
+def failed_premise(system: str, case: str) -> Callable[[Laboratory], str]:
+    """The premises of the case that fail, in words; empty if none does."""
+
+    def say(lab: Laboratory) -> str:
+        failed = audit(lab, find_case(system, case)).failed()
+        return "; ".join(
+            f"{premise.name} ({premise.source}): {premise.requirement}, margin "
+            f"{min(r.margin for r in (premise.region, premise.along) if r):.3g} {premise.unit}"
+            + (f", restored by {premise.restores}" if premise.restores else "")
+            for premise in failed
+        )
+
+    return say
+
+
+def outputs(
+    system: str, case: str, controllers: tuple[str, ...] = ("lqr", "grosmc")
+) -> Callable[[Laboratory], Drawing]:
+    """The controlled coordinate on physics, and the optimum of the last law."""
+
+    def draw(lab: Laboratory) -> Drawing:
+        output = find_system(system).output
+        signal = find_system(system).positions[output]
+        curves = []
+        for name in controllers:
+            run = lab.case(system, case, "physics", name).trajectory
+            curves.append(Curve(LABELS[name], run.time, run.state[:, output], name))
+        last = lab.case(system, case, "physics", controllers[-1]).comparison
+        curves.append(Curve("nominal optimum", last.time, last.optimum))
+        return Drawing("time t [s]", f"{signal.name} {signal.symbol} [{signal.unit}]", curves)
+
+    return draw
+
+
+def signals(system: str, case: str, name: str) -> Callable[[Laboratory], Drawing]:
+    """s or the input under GROSMC on physics."""
+
+    def draw(lab: Laboratory) -> Drawing:
+        result = lab.case(system, case, "physics", "grosmc")
+        run = result.trajectory
+        values: Any = run.sliding if name == "s" else run.input
+        unit = result.controller.sliding_unit if name == "s" else run.system.input.unit
+        label = f"s [{unit}]" if name == "s" else f"{run.system.input.symbol} [{unit}]"
+        return Drawing("time t [s]", label, [Curve("GROSMC", run.time[:-1], values, "grosmc")])
+
+    return draw
+
+
+def gains(system: str, case: str) -> Callable[[Laboratory], Drawing]:
+    """Required and configured switching input along the run."""
+
+    def draw(lab: Laboratory) -> Drawing:
+        found = audit(lab, find_case(system, case)).signals
+        unit = lab.case(system, case, "physics", "grosmc").trajectory.system.input.unit
+        return Drawing(
+            "time t [s]",
+            f"switching input [{unit}]",
+            [
+                Curve("required |push / E_true|", found["time"], found["required"]),
+                Curve("configured |u_d|", found["time"], found["configured"], "grosmc"),
+            ],
+        )
+
+    return draw
+
+
+def within(time: Array, start: float, stop: float = np.inf) -> NDArray[np.bool_]:
+    """Rows of the instants from ``start`` to ``stop``."""
+    return (time >= start - 1e-9) & (time < stop - 1e-9)

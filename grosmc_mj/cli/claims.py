@@ -1,0 +1,168 @@
+"""grosmc-mj claims and premises, and the claims of grosmc-mj validate."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import Claims, Premises
+from grosmc_mj.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from grosmc_mj.claims.claim import Claim, Finding
+    from grosmc_mj.claims.laboratory import Laboratory
+
+
+def claims(command: Claims) -> int:
+    """Judge, print, write, compare."""
+    from grosmc_mj.claims.expected import load_expectations
+    from grosmc_mj.claims.laboratory import Laboratory
+    from grosmc_mj.claims.ledger import find_claim, select_claims
+    from grosmc_mj.validation.results_file import origin, write_json
+    from grosmc_mj.validation.runs import Settings
+
+    if command.explain is not None and command.system is not None:
+        raise ArgumentError("--explain names one claim: leave out the system")
+    if command.page is not None and (command.system or command.explain):
+        raise ArgumentError("--page is about all claims: leave out the system and --explain")
+    chosen = (
+        select_claims(command.system) if command.explain is None else [find_claim(command.explain)]
+    )
+    settings = Settings()
+    if command.self_test:
+        return _self_test(settings, chosen)
+    lab = Laboratory(settings)
+    findings = judge_with_progress(lab, chosen)
+    content = {**origin(0), "claims": documents(findings, lab)}
+    console = Console(highlight=False, width=max(100, Console().width))
+    if command.explain is not None:
+        _explain(console, findings[0], lab, command.out)
+        return screen.DONE
+    write_json(command.out / "claims.json", content)
+    if command.page is not None:
+        from grosmc_mj.claims.page import write_page
+
+        for path in write_page(findings, load_expectations(), lab, command.page):
+            console.print(str(path), soft_wrap=True)
+    elif command.json:
+        print(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False))
+    else:
+        print_ledger(console, findings)
+    return _compare(console, findings, quiet=command.json)
+
+
+def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Finding]:
+    """Judge claims with a progress bar."""
+    from grosmc_mj.claims.ledger import judge
+
+    findings = []
+    with screen.progress(len(chosen), "claims") as advance:
+        for claim in chosen:
+            findings.append(judge(lab, claim))
+            advance(claim.id)
+    return findings
+
+
+def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:
+    """Findings as plain values."""
+    from grosmc_mj.claims.document import claim_document
+    from grosmc_mj.claims.expected import load_expectations
+
+    expected = load_expectations()
+    return [claim_document(finding, expected.get(finding.claim.id), lab) for finding in findings]
+
+
+def print_ledger(console: Console, findings: Sequence[Finding]) -> None:
+    """The ledger, its legend and its sum."""
+    from grosmc_mj.claims.claim import Verdict
+    from grosmc_mj.claims.tables import LEGEND, ledger_tables
+
+    for table in ledger_tables(findings):
+        console.print(table)
+    console.print(LEGEND, style="dim", width=100)
+    for finding in findings:
+        if finding.because:
+            console.print(
+                f"{finding.claim.id}: a premise failed: {finding.because}", width=100, markup=False
+            )
+    counts = {v: sum(f.verdict is v for f in findings) for v in Verdict}
+    console.print(", ".join(f"{count} {verdict.value}" for verdict, count in counts.items()))
+
+
+def _compare(console: Console, findings: Sequence[Finding], *, quiet: bool) -> int:
+    """Say which verdicts are not the expected ones."""
+    from grosmc_mj.claims.expected import verdict_differences
+
+    differing = verdict_differences(findings)
+    if not quiet:
+        for line in differing:
+            console.print(f"differs: {line}", style="red", soft_wrap=True)
+        if not differing:
+            console.print("All verdicts are as expected.", style="bold green")
+    return screen.DIFFERS if differing else screen.DONE
+
+
+def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> None:
+    """The story of one claim, and its figure."""
+    from grosmc_mj.claims.expected import load_expectations
+    from grosmc_mj.claims.pictures import write_picture
+    from grosmc_mj.claims.tables import story
+
+    for line in story(finding, load_expectations().get(finding.claim.id), lab):
+        console.print(line, soft_wrap=True)
+    path = write_picture(finding, lab, out / "claims" / f"{finding.claim.id}.png")
+    console.print(f"  {'figure':<12}{path}", soft_wrap=True)
+
+
+def _self_test(settings: Any, chosen: Sequence[Claim]) -> int:
+    """Faults, and who notices."""
+    from grosmc_mj.claims.faults import FAULTS, self_test
+    from grosmc_mj.claims.tables import caught_table
+
+    console = Console(highlight=False, width=max(100, Console().width))
+    with screen.progress(len(FAULTS), "faults") as advance:
+        found = list(self_test(settings, chosen, advance=advance))
+    console.print(caught_table(found, chosen))
+    missed = [caught.fault.name for caught in found if not caught.claims]
+    noticed = {name for caught in found for name in caught.claims}
+    blind = [claim.id for claim in chosen if claim.id not in noticed]
+    for words, names in (("not noticed by any claim", missed), ("notices no fault", blind)):
+        if names:
+            console.print(f"{', '.join(names)}: {words}", style="red", soft_wrap=True)
+    if missed or blind:
+        return screen.DIFFERS
+    console.print("Every fault is noticed, and every claim notices one.", style="bold green")
+    return screen.DONE
+
+
+def premises(command: Premises) -> int:
+    """The premises of each case."""
+    from grosmc_mj.claims.document import audit_document
+    from grosmc_mj.claims.laboratory import Laboratory
+    from grosmc_mj.claims.premises import audit
+    from grosmc_mj.claims.tables import audit_table, worst_points
+    from grosmc_mj.validation.results_file import origin, write_json
+    from grosmc_mj.validation.runs import Settings, select_cases
+
+    lab = Laboratory(Settings())
+    console = Console(highlight=False, width=max(100, Console().width))
+    audits = []
+    for case in select_cases((command.system,), command.case):
+        found = audit(lab, case, command.controller)
+        audits.append(found)
+        console.print(audit_table(found))
+        for line in worst_points(found):
+            console.print(line, style="#D55E00", markup=False, soft_wrap=True)
+    target = command.out / f"premises_{command.system}.json"
+    write_json(target, {**origin(None), "premises": [audit_document(each) for each in audits]})
+    console.print(
+        "Margins are positive where the premise holds; over the declared operating region and "
+        f"along the run. {target}",
+        style="dim", soft_wrap=True,
+    )  # fmt: skip
+    return screen.DONE
