@@ -17,7 +17,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast lint format typecheck bench gallery clean
+.PHONY: help setup validate record test test-fast lint format typecheck bench gallery page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-10s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -61,6 +61,9 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	for system in servo cart_pendulum arm; do \
 	  mv $(GALLERY)/$$system.gif renders/gallery/$${system}_case1.gif; \
 	done
+
+page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
+	$(BIN)/grosmc-mj claims --page docs/claims.md
 
 clean:  ## Remove .venv, builds and caches; keep renders/
 	rm -rf $(VENV) build dist .hypothesis .import_linter_cache .pytest_cache .ruff_cache

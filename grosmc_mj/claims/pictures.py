@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -100,13 +101,10 @@ def _draw_curves(axes: Axes, drawing: Drawing) -> None:
     """The curves; one that jumps at every sample is drawn thin."""
     for curve in drawing.curves:
         colour = COLOURS.get(curve.controller, OPTIMUM)
-        style: dict[str, Any] = {"lw": 1.6}
-        if not curve.controller:
+        jumps = len(curve.y) > 1 and np.abs(np.diff(curve.y)).sum() > 20 * np.ptp(curve.y)
+        style: dict[str, Any] = {"lw": 0.7 if jumps else 1.6}
+        if not curve.controller and not jumps:
             style = {"lw": 1.0, "ls": (0, (3, 2))}
-        elif len(curve.y) > 1 and abs(curve.y[1:] - curve.y[:-1]).sum() > 20 * (
-            curve.y.max() - curve.y.min()
-        ):
-            style = {"lw": 0.4}
         axes.plot(
             curve.x, curve.y, color=colour, label=curve.label, zorder=2 + (not curve.controller),
             rasterized=True, **style,

@@ -79,7 +79,6 @@ def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, An
 
 def print_ledger(console: Console, findings: Sequence[Finding]) -> None:
     """The ledger, its legend and its sum."""
-    from grosmc_mj.claims.claim import Verdict
     from grosmc_mj.claims.tables import LEGEND, ledger_tables
 
     for table in ledger_tables(findings):
@@ -90,8 +89,30 @@ def print_ledger(console: Console, findings: Sequence[Finding]) -> None:
             console.print(
                 f"{finding.claim.id}: a premise failed: {finding.because}", width=100, markup=False
             )
+    console.print(_counts(findings))
+
+
+def print_refuted(console: Console, findings: Sequence[Finding]) -> None:
+    """The claims that are not supported, one line each; the rest are counted."""
+    from grosmc_mj.claims.claim import Verdict
+    from grosmc_mj.claims.tables import shown, word
+
+    console.print(f"Claims of the chapter: {_counts(findings)}; grosmc-mj claims says which")
+    for finding in findings:
+        if finding.verdict is not Verdict.SUPPORTED:
+            claim = finding.claim
+            value = shown(finding.plants[claim.plants[-1]].measured)
+            line = word(finding.verdict).append(f"  {claim.statement}", style="default not bold")
+            needed = f" ({value}, must be {claim.sense} {claim.threshold:g} {claim.unit})"
+            console.print(line.append(needed, style="dim not bold"), soft_wrap=True)
+
+
+def _counts(findings: Sequence[Finding]) -> str:
+    """How many claims have which verdict."""
+    from grosmc_mj.claims.claim import Verdict
+
     counts = {v: sum(f.verdict is v for f in findings) for v in Verdict}
-    console.print(", ".join(f"{count} {verdict.value}" for verdict, count in counts.items()))
+    return ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items())
 
 
 def _compare(console: Console, findings: Sequence[Finding], *, quiet: bool) -> int:

@@ -23,9 +23,10 @@ class Validate:
     Every case of each SYSTEM (servo, cart_pendulum, arm; all of them, if none is named) runs on
     the analytic plants (the chapter's printed equations where they are misprinted, and the
     corrected ones) and in MuJoCo, under LQR and under GROSMC. A table goes to standard output;
-    figures (PNG and SVG, numbered as in the chapter) and validation.json go to --out.
+    figures (PNG and SVG, numbered as in the chapter) and validation.json go to --out. The claims of
+    the chapter are judged as by grosmc-mj claims.
 
-    Exit code: 0 if every result is as the repository records it, 1 if one differs, 2 if the
+    Exit code: 0 if every result and verdict is as the repository has it, 1 if one differs, 2 if the
     command or the set-up is wrong.
 
     Attributes:
@@ -37,6 +38,8 @@ class Validate:
         timestep: Physics timestep, in s.
         integrator: MuJoCo's integrator: RK4, implicitfast, implicit or Euler.
         out: Folder for validation.json and the figures.
+        claims: Whether to judge the chapter's claims too; this needs every case of a SYSTEM and
+            the default settings.
         figures: Whether to draw the figures.
         films: Whether to end with a film of each case, LQR beside GROSMC, in DIR/films. One that is
             there already, drawn from the same data, is kept.
@@ -52,6 +55,7 @@ class Validate:
     timestep: Annotated[float, arg(metavar="S")] = 1e-3
     integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    claims: bool = True
     figures: bool = True
     films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

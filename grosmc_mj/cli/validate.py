@@ -10,17 +10,22 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.claims import documents, print_refuted
 from grosmc_mj.cli.commands import Validate
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from grosmc_mj.claims.claim import Claim, Finding
     from grosmc_mj.validation.agreement import Agreement
     from grosmc_mj.validation.runs import RunResult
 
 
 def validate(command: Validate) -> int:
     """Run, print, write, compare."""
+    from grosmc_mj.claims.expected import verdict_differences
+    from grosmc_mj.claims.laboratory import Laboratory
+    from grosmc_mj.claims.ledger import CLAIMS, judge
     from grosmc_mj.validation import expected
     from grosmc_mj.validation.agreement import agreements, disagreements
     from grosmc_mj.validation.figures import drawable, write_figures
@@ -45,27 +50,34 @@ def validate(command: Validate) -> int:
     found: list[Agreement] = []
     differing: list[str] | None = None
     figures: list[Path] = []
+    findings: list[Finding] = []
+    claims: list[Claim] = []
+    if command.claims and command.case is None and not command.record and settings == Settings():
+        claims = [claim for claim in CLAIMS if claim.system in systems]
     console, target = screen.console(), command.out / "validation.json"
     complete = False
     try:
         pictures = len(drawable(selected)) if command.figures else 0
-        with screen.progress(len(plan(selected)) + len(systems) + pictures) as advance:
+        steps = len(plan(selected)) + len(systems) + len(claims) + pictures
+        with screen.progress(steps) as advance:
             for result in run_all(selected, settings):
                 results.append(result)
                 advance(result.key)
             for system in systems:
                 found += agreements(system, seed=seed)
                 advance(f"{system}: analytic against physics")
+            lab = Laboratory(settings, known=results)
+            for claim in claims:
+                findings.append(judge(lab, claim))
+                advance(claim.id)
             if command.record:
                 expected.record_expected(results, settings)
             differing = expected.differences(results, settings)
-            if wrong := disagreements(found):
+            if wrong := [*disagreements(found), *verdict_differences(findings)]:
                 differing = [*(differing or []), *wrong]
             complete = True
-            write_json(
-                target,
-                document(results, found, settings, selected, seed, differing, complete=True),
-            )
+            content = document(results, found, settings, selected, seed, differing, complete=True)
+            write_json(target, {**content, "claims": documents(findings, lab)})
             if command.figures:
                 for path in write_figures(results, command.out):
                     figures.append(path)
@@ -78,8 +90,10 @@ def validate(command: Validate) -> int:
             write_json(
                 target, document(results, found, settings, selected, seed, None, complete=False)
             )
+    if findings:
+        print_refuted(console, findings)
     console.print(
-        f"{len(results)} runs and {len(figures)} figures in "
+        f"{len(results)} runs, {len(findings)} claims and {len(figures)} figures in "
         f"{time.perf_counter() - started:.1f} s; {target}"
     )
     code = _verdict(console, differing, len(results))

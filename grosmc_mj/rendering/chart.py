@@ -20,6 +20,7 @@ _DPI = 100
 # Room that numbers and titles of a plot need, in sizes of the font.
 _LEFT, _RIGHT, _TOP, _BOTTOM = 4.3, 1.2, 1.9, 3.1
 _SPREAD = 0.06
+_SIDES = ("xtick", "ytick")
 # A sliding variable below this is shown in thousandths of its unit.
 _SMALL = 0.1
 
@@ -62,6 +63,9 @@ def draw_chart(film: Film, layout: Layout) -> Chart:
             _shade(axes, film, times)
             axes.set_xlim(*times)
         canvas.draw()
+        for axes in plots:
+            _name_the_power(axes)
+        canvas.draw()
         drawn = _pixels(canvas)
         for curve in curves:
             curve.set_visible(False)
@@ -78,6 +82,9 @@ def _style(points: float) -> dict[Any, Any]:
         "font.size": 0.8 * points,
         "axes.titlesize": 0.95 * points,
         "axes.titlelocation": "left",
+        "axes.titley": 1.0,
+        "axes.titlepad": 0.35 * points,
+        **{f"{side}.major.{part}": 0.25 * points for side in _SIDES for part in ("size", "pad")},
         "axes.linewidth": 0.8,
         "axes.axisbelow": True,
         "axes.grid": True,
@@ -107,15 +114,19 @@ def _write_labels(figure: Figure, film: Film, layout: Layout) -> None:
         title.set_size(1.25 * points * room / width)
     for index, take in enumerate(film.takes):
         box = layout.label(index)
-        words = [(take.label, 1.1 * points, take.colour, "bold")]
+        words = []
         if take.ghost is not None:
-            ghost = f"ghost: {film.ghost_label} {film.ghost_symbol}"
-            words.append((ghost, 0.85 * points, "#555555", "normal"))
+            words.append((f"ghost: {film.ghost_label} {film.ghost_symbol}", "#555555"))
         if take.run.wrench is not None:
-            words.append(("disturbance", 0.85 * points, DISTURBANCE, "normal"))
-        x = box.left + pad
-        for text, size, colour, weight in words:
-            x = _right_of(write(box, x, text, size, colour, weight)) + 1.3 * layout.font
+            words.append(("disturbance", DISTURBANCE))
+        x = _right_of(write(box, box.left + pad, take.label, 1.1 * points, take.colour, "bold"))
+        for text, colour in words:
+            found = write(box, x + 1.3 * layout.font, text, 0.85 * points, colour, "normal")
+            if _right_of(found) > box.right - pad:
+                # The name matters most; what does not fit beside it is left out.
+                found.remove()
+            else:
+                x = _right_of(found)
 
 
 def _right_of(text: Any) -> float:
@@ -138,6 +149,14 @@ def _axes(figure: Figure, layout: Layout, index: int) -> Axes:
     )
     axes.set_xlabel("time t [s]", labelpad=0.1 * font)
     return axes
+
+
+def _name_the_power(axes: Axes) -> None:
+    """Move a common power of ten from above the axis, where there is no room, to the title."""
+    power = axes.yaxis.get_offset_text()
+    if power.get_text():
+        axes.set_title(f"{axes.get_title(loc='left')}, {power.get_text()}")
+        power.set_visible(False)
 
 
 def _area(axes: Axes, height: int) -> Box:
@@ -175,9 +194,9 @@ def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
         lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2)
         seen.append(y)
     for ghost in ghosts:
-        window = _window(film.takes[0], times)
+        window = _window(film.longest, times)
         lines += axes.plot(
-            film.takes[0].run.time[window],
+            film.longest.run.time[window],
             ghost[window],
             color=OPTIMUM,
             lw=1.1,
@@ -190,10 +209,9 @@ def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
 
 def _distinct_ghosts(film: Film) -> list[Array]:
     """The ghosts' coordinates, each once; those of runs that ended early are left out."""
-    longest = max((take.run.time for take in film.takes), key=len)
     found: list[Array] = []
     for take in film.takes:
-        if take.ghost is None or len(take.run.time) < len(longest):
+        if take.ghost is None or len(take.run.time) < len(film.longest.run.time):
             continue
         if not any(np.allclose(take.ghost, other, atol=1e-9) for other in found):
             found.append(take.ghost)
@@ -246,15 +264,13 @@ def _held(
 
 def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:
     """Shade the time in which a disturbance acts."""
-    for take in film.takes[:1]:
-        if take.run.wrench is None:
-            return
-        acts = np.flatnonzero(np.any(take.run.wrench, axis=1))
-        if len(acts):
-            first, last = float(take.run.time[acts[0]]), float(take.run.time[acts[-1] + 1])
-            axes.axvspan(
-                max(first, times[0]), min(last, times[1]), color=DISTURBANCE, alpha=0.13, lw=0
-            )
+    run = film.longest.run
+    if run.wrench is None:
+        return
+    acts = np.flatnonzero(np.any(run.wrench, axis=1))
+    if len(acts):
+        first, last = float(run.time[acts[0]]), float(run.time[acts[-1] + 1])
+        axes.axvspan(max(first, times[0]), min(last, times[1]), color=DISTURBANCE, alpha=0.13, lw=0)
 
 
 def _pixels(canvas: FigureCanvasAgg) -> np.ndarray:

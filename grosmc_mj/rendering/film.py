@@ -116,14 +116,8 @@ class Film:
     def __post_init__(self) -> None:
         if not 1 <= len(self.takes) <= 4:
             raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
-        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         for take in self.takes:
-            assert take.run.physics is not None
-            if take.run.physics.shape[1] != size:
-                raise ArgumentError(
-                    f"{take.label}: states of {take.run.physics.shape[1]} numbers are not of this "
-                    f"model, whose states have {size}"
-                )
+            self._check(take)
         if self.format.camera not in (None, *self.cameras):
             raise ArgumentError(unknown_name("camera", self.format.camera, self.cameras))
         if self.format.start >= self.end:
@@ -132,6 +126,33 @@ class Film:
             )
         if self.format.stop is not None and self.format.stop > self.end + 1e-9:
             raise ArgumentError(f"a film to {self.format.stop:g} s: the runs end at {self.end:g} s")
+
+    def _check(self, take: Take) -> None:
+        """Refuse a run of another model, or one without its instants.
+
+        Raises:
+            ArgumentError: Saying which.
+        """
+        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
+        run = take.run
+        assert run.physics is not None
+        if run.physics.shape[1] != size or joints != run.system.joints:
+            raise ArgumentError(
+                f"{take.label}: a run of {run.system.name} with states of {run.physics.shape[1]} "
+                f"numbers is not of this model, which has the joints {', '.join(joints)} and "
+                f"states of {size}"
+            )
+        longest = 1.5 * self.model.opt.timestep
+        if len(run.time) == 2 and run.time[1] - run.time[0] > longest:
+            raise ArgumentError(
+                f"{take.label}: the run was not recorded: give simulate(..., record=True)"
+            )
+
+    @cached_property
+    def longest(self) -> Take:
+        """The take that ends last."""
+        return max(self.takes, key=lambda take: float(take.run.time[-1]))
 
     @cached_property
     def cameras(self) -> tuple[str, ...]:
@@ -152,7 +173,7 @@ class Film:
     @cached_property
     def end(self) -> float:
         """When the longest run ends [s]."""
-        return max(float(take.run.time[-1]) for take in self.takes)
+        return float(self.longest.run.time[-1])
 
     @cached_property
     def times(self) -> Array:

@@ -118,6 +118,8 @@ def film_model(model: mujoco.MjModel, width: int, height: int) -> mujoco.MjModel
     own = copy.copy(model)
     for name, value in _QUALITY.items():
         setattr(own.vis.quality, name, value)
+    # MuJoCo's cameras are pairs of eyes; a picture of one would show the mean of two.
+    own.cam_ipd[:] = 0
     own.vis.global_.offwidth = OVERSAMPLING * width
     own.vis.global_.offheight = OVERSAMPLING * height
     return own
@@ -131,9 +133,13 @@ def _scene(film: Film, index: int) -> Scene:
     last = float(run.time[-1])
     wrench = None
     if run.wrench is not None:
-        held = run.wrench.reshape(len(run.wrench), -1, 6)
+        held = run.wrench.reshape(len(run.wrench), len(run.system.bodies), 6)
+        # A run that ended at its start has no interval in which anything acted.
+        held = held if len(held) else np.zeros((1, *held.shape[1:]))
         wrench = held[np.minimum(rows, len(held) - 1)]
-    over = int(np.searchsorted(film.times, last)) if take.ended else len(film.times)
+    over = len(film.times)
+    if take.ended:
+        over = min(int(np.searchsorted(film.times, last)), len(film.times) - 1)
     ghost = None if take.ghost is None else np.asarray(take.ghost)[rows]
     return Scene(run.physics[rows], ghost, wrench, over, take.ended)
 
@@ -209,7 +215,9 @@ class FrameMaker:
         data.xfrc_applied[:] = 0
         if scene.wrench is not None and index < scene.over:
             data.xfrc_applied[list(board.bodies)] = scene.wrench[index]
-        renderer.update_scene(data, board.camera)
+        # Twice, since MuJoCo centres the floor below the camera of the scene before.
+        for _ in range(2):
+            renderer.update_scene(data, board.camera)
         board.placement.apply(renderer.scene)
         if scene.ghost is not None:
             self._ghost.qpos[:] = data.qpos
@@ -225,7 +233,7 @@ class FrameMaker:
         image = Image.fromarray(frame)
         draw = ImageDraw.Draw(image)
         pad = 0.8 * layout.font
-        speed = f"  ×{board.speed:g}" if board.speed != 1 else ""
+        speed = f"  ×{board.speed:.3g}" if board.speed != 1 else ""
         clock = layout.clock
         draw.text(
             (clock.right - pad, clock.top + clock.height / 2),
@@ -238,5 +246,8 @@ class FrameMaker:
             if index >= scene.over:
                 box = layout.label(number)
                 where = (box.right - pad, box.top + box.height / 2)
+                left = draw.textbbox(where, scene.ended, self._plain, anchor="rm")[0]
+                # What stands there already makes room.
+                draw.rectangle((left - pad, box.top, box.right - 1, box.bottom - 1), _WHITE)
                 draw.text(where, scene.ended, _WARNING, self._plain, anchor="rm")
         return np.asarray(image)

@@ -57,7 +57,7 @@ class Layout:
     @property
     def clock(self) -> Box:
         """The part of the title bar that the clock has to itself."""
-        width = round(9.5 * self.font)
+        width = round(13.5 * self.font)
         return Box(self.width - width, 0, width, self.title.height)
 
     def label(self, index: int) -> Box:

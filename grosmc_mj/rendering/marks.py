@@ -86,7 +86,7 @@ def add_wrenches(
             for start, end in itertools.pairwise(points):
                 _connect(scene, _GEOM.mjGEOM_CAPSULE, 0.75 * _THICK * unit, start, end)
             ahead = points[-1] - points[-2]
-            head = points[-1] + ahead / np.linalg.norm(ahead) * 0.11 * unit
+            head = points[-1] + ahead / np.linalg.norm(ahead) * 0.055 * unit
             _connect(scene, _GEOM.mjGEOM_ARROW, 1.35 * _THICK * unit, points[-1], head)
 
 
@@ -110,6 +110,9 @@ def _connect(scene: mujoco.MjvScene, kind: Any, width: float, start: Array, end:
     """Add one geom from a point to another; a full scene has no room for more."""
     if scene.ngeom >= scene.maxgeom:
         return
+    if kind == _GEOM.mjGEOM_ARROW:
+        # MuJoCo draws an arrow half as long as a connector of any other kind.
+        end = 2 * end - start
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, kind, np.ones(3), _ORIGIN, _UPRIGHT, np.array(_MARK, np.float32))
     mujoco.mjv_connector(geom, kind, width, start, end)

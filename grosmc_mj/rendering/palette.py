@@ -5,7 +5,7 @@ from __future__ import annotations
 COLOURS = {"lqr": "#D55E00", "fl-lqr": "#CC79A7", "grosmc": "#0072B2"}
 LABELS = {"lqr": "LQR", "fl-lqr": "FL + LQR", "grosmc": "GROSMC"}
 # Controllers beyond those of the chapter, in turn.
-OTHERS = ("#E69F00", "#56B4E9", "#222222")
+OTHERS = ("#E69F00", "#56B4E9", "#882255", "#999933")
 
 OPTIMUM = "#222222"
 DISTURBANCE = "#009E73"

@@ -59,7 +59,7 @@ def film_of(
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
     case = results[0].case
-    moving = float(np.ptp(results[0].comparison.reference)) > _STILL
+    moving = any(float(np.ptp(result.comparison.reference)) > _STILL for result in results)
     names = names or [result.controller.name for result in results]
     takes = []
     for result, name in zip(results, names, strict=True):
