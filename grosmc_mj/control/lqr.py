@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -72,10 +73,17 @@ class LqrDesign(NamedTuple):
         if not np.allclose(time, np.arange(len(time)) * h, rtol=1e-9, atol=0):
             raise ArgumentError("the optimal trajectory needs equally spaced instants from t = 0")
         rows = np.asarray(x0, float)[None]
+        generator = self.closed_loop.tobytes()
         while len(rows) < len(time):
-            transition = scipy.linalg.expm(self.closed_loop * (h * len(rows)))
+            transition = _exponential(generator, self.A.shape, h * len(rows))
             rows = np.concatenate([rows, rows @ transition.T])
         return rows[: len(time)]
+
+
+@lru_cache(maxsize=1024)
+def _exponential(matrix: bytes, shape: tuple[int, ...], t: float) -> Array:
+    """exp(A t); the runs of one design at one timestep ask for the same ones."""
+    return scipy.linalg.expm(np.frombuffer(matrix).reshape(shape) * t)
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Literal, get_args
 
 import mujoco
@@ -14,6 +14,12 @@ from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec, load_spec
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+
+
+@cache
+def _nominal_spec(name: str) -> mujoco.MjSpec:
+    """The shipped model of a system, read once: nobody changes it."""
+    return load_spec(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +54,8 @@ class MujocoPlant:
         Raises:
             ModelError: If the name or an edit is not valid.
         """
-        return cls(find_system(name), load_spec(name), tuple(edits), timestep, integrator)
+        system = find_system(name)
+        return cls(system, _nominal_spec(system.name), tuple(edits), timestep, integrator)
 
     def __post_init__(self) -> None:
         if self.timestep is not None and not 0 < self.timestep < 1:
@@ -66,11 +73,22 @@ class MujocoPlant:
         return self.model_with_userdata(0)
 
     def model_with_userdata(self, size: int) -> mujoco.MjModel:
-        """The compiled model with room for ``size`` numbers in mjData.userdata.
+        """The compiled model with room for ``size`` numbers in mjData.userdata, compiled once.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
+        if size not in self._models:
+            self._models[size] = self._compile(size)
+        return self._models[size]
+
+    @cached_property
+    def _models(self) -> dict[int, mujoco.MjModel]:
+        """Compiled models by their size of userdata."""
+        return {}
+
+    def _compile(self, size: int) -> mujoco.MjModel:
+        """Compile the edited model."""
         spec = apply_edits(self.spec, self.edits)
         spec.nuserdata = size
         if self.timestep is not None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal, get_args
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
 from grosmc_mj.plants import SYSTEMS, Variant, find_system
+from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
@@ -144,13 +145,16 @@ def run_on(
 
 def case_plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
     """The plant of a case, with its edits."""
-    physics = MujocoPlant.load(
-        case.system,
-        edits=case.edits,
-        timestep=settings.timestep,
-        integrator=settings.integrator,
-    )
+    physics = _physics(case.system, case.edits, settings.timestep, settings.integrator)
     return physics if plant == "physics" else physics.analytic(plant)
+
+
+@lru_cache(maxsize=256)
+def _physics(
+    system: str, edits: tuple[BodyEdit, ...], timestep: float, integrator: Integrator
+) -> MujocoPlant:
+    """An edited model, compiled once for all runs on it."""
+    return MujocoPlant.load(system, edits=edits, timestep=timestep, integrator=integrator)
 
 
 def design_variant(plant: PlantName) -> Variant:
