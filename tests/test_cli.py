@@ -45,6 +45,22 @@ def run(*arguments: str) -> int:
         (("bench", "--rounds", "0"), "1 or more"),
         (("bench", "--integrator", "heun"), "valid: Euler, RK4"),
         (("readme", "--readme", "nowhere.md"), "nowhere.md is missing"),
+        (("film",), "SYSTEM"),
+        (("film", "leg"), "unknown system 'leg': valid: servo, cart_pendulum, arm"),
+        (("film", "servo", "--case", "case9"), "valid: nominal, case1, case2"),
+        (("film", "servo", "--size", "banana"), "--size banana must be WIDTHxHEIGHT"),
+        (("film", "servo", "--size", "641x480"), "width 641 of the film must be even"),
+        (("film", "servo", "--size", "10x10"), "from 320 to 3840"),
+        (("film", "servo", "--size", "99999x99999"), "from 320 to 3840"),
+        (("film", "servo", "--size", "640x-480"), "--size"),
+        (("film", "servo", "--fps", "0"), "must be from 1 to 240"),
+        (("film", "servo", "--fps", "30.5"), "--fps"),
+        (("film", "servo", "--speed", "0"), "speed 0 must be finite and positive"),
+        (("film", "servo", "--speed", "nan"), "speed nan must be finite and positive"),
+        (("film", "servo", "--from", "5", "--to", "3"), "from 5 s to 3 s shows nothing"),
+        (("film", "servo", "--from", "-1"), "begin at 0 s or later"),
+        (("film", "servo", "--workers", "0"), "--workers 0 must be 1 or more"),
+        (("film", "servo", "-o", "f.avi"), "must end in .mp4"),
     ],
 )
 def test_wrong_use_gets_one_line_and_exit_code_2(
@@ -55,6 +71,40 @@ def test_wrong_use_gets_one_line_and_exit_code_2(
     assert says in error
     assert error.startswith("grosmc-mj: ")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--from", "100"), "from 100 s shows nothing: the runs end at 18 s"),
+        (("--to", "100"), "to 100 s: the runs end at 18 s"),
+        (("--camera", "nose"), "unknown camera 'nose': valid: fixed, wide"),
+        (("--controllers", "pid"), "valid: lqr, fl-lqr, grosmc"),
+        (("--controllers",), "--controllers"),
+        (("--controllers", "pid", "lqr", "fl-lqr", "grosmc", "smc"), "controller"),
+        (("--speed", "1e-12"), "frames"),  # of which there would be more than any memory holds
+        (("--workers", "1000000"), "--workers 1000000"),
+    ],
+)
+def test_wrong_use_of_film_is_said_before_a_backend_is_looked_for(
+    arguments: tuple[str, ...],
+    says: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # There is none that works.
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    path = tmp_path / "f.mp4"
+    assert run("film", "servo", "-o", str(path), *arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.startswith("grosmc-mj: ")
+    assert error.count("\n") == 1
+    assert not list(tmp_path.glob("*f.*"))
 
 
 def test_an_output_folder_that_cannot_be_written_is_one_line_after_the_results(

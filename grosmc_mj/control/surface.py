@@ -48,7 +48,10 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     G = np.linalg.pinv(B) if G is None else np.atleast_2d(np.asarray(G, float))
     if G.shape != B.T.shape:
         raise GainError(f"G has shape {G.shape}, must be {B.T.shape}")
-    condition = np.linalg.cond(G @ B)
-    if not condition < 1e12:
+    if not np.all(np.isfinite(G)):
+        raise GainError(f"G = {G.tolist()} must be finite")
+    least = np.linalg.svd(G @ B, compute_uv=False).min()
+    # Against what G and B could give: a 1x1 G B has no condition number worth the name.
+    if not least > 1e-12 * np.linalg.norm(G) * np.linalg.norm(B):
         raise GainError(f"G B = {(G @ B).tolist()} is singular, so s' cannot be steered: choose G")
     return G
