@@ -145,13 +145,17 @@ def _scene(film: Film, index: int) -> Scene:
 
 
 def _telling(film: Film) -> int:
-    """The frame in which a run is furthest from its ghost; without ghosts, the middle one."""
+    """The frame in which a run is furthest from its ghost; without ghosts, the middle one.
+
+    The first sixth does not count: a poster shall show some of the curves.
+    """
     furthest = np.zeros(len(film.times))
     for take in film.takes:
         if take.ghost is not None:
             distance = np.abs(take.run.state[:, take.run.system.output] - take.ghost)
             furthest = np.maximum(furthest, distance[film.rows(take)])
-    return int(furthest.argmax()) if furthest.any() else len(film.times) // 2
+    early = len(film.times) // 6
+    return early + int(furthest[early:].argmax()) if furthest.any() else len(film.times) // 2
 
 
 def _poses(model: mujoco.MjModel, scenes: tuple[Scene, ...]) -> Iterator[mujoco.MjData]:

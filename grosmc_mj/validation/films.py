@@ -26,7 +26,7 @@ from grosmc_mj.validation.runs import RunResult, Settings
 
 # What validate shows of every case; smaller than a single film, since there are many.
 CONTROLLERS = ("lqr", "grosmc")
-SMALL = Format(width=960, height=540, fps=20)
+SMALL = Format(width=800, height=450, fps=15)
 
 # A reference that moves by less has only been rounded.
 _STILL = 1e-9
