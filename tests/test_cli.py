@@ -36,7 +36,7 @@ def run(*arguments: str) -> int:
         (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
         (("validate", "--colour", "red"), "--colour"),
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
-        (("frobnicate",), "validate, film, list, compare, bench, doctor"),
+        (("frobnicate",), "validate, claims, premises, film, list"),
         (("compare",), "SYSTEM"),
         (("compare", "arm", "--states", "0"), "1 or more"),
         (("compare", "arm", "--edits", "-1"), "0 or more"),
@@ -59,7 +59,7 @@ def run(*arguments: str) -> int:
         (("film", "servo", "--speed", "nan"), "speed nan must be finite and positive"),
         (("film", "servo", "--from", "5", "--to", "3"), "from 5 s to 3 s shows nothing"),
         (("film", "servo", "--from", "-1"), "begin at 0 s or later"),
-        (("film", "servo", "--workers", "0"), "--workers 0 must be 1 or more"),
+        (("film", "servo", "--workers", "0"), "--workers 0 must be from 1 to 256"),
         (("film", "servo", "-o", "f.avi"), "must end in .mp4"),
     ],
 )
@@ -78,9 +78,9 @@ def test_wrong_use_gets_one_line_and_exit_code_2(
     [
         (("--from", "100"), "from 100 s shows nothing: the runs end at 18 s"),
         (("--to", "100"), "to 100 s: the runs end at 18 s"),
-        (("--camera", "nose"), "unknown camera 'nose': valid: fixed, wide"),
-        (("--controllers", "pid"), "valid: lqr, fl-lqr, grosmc"),
-        (("--controllers",), "--controllers"),
+        (("--camera", "nose"), "unknown camera 'nose': valid: fixed, follow"),
+        (("--controllers", "pid"), "valid: lqr, grosmc, fl-lqr"),
+        (("--controllers",), "1 to 4 controllers, not 0"),
         (("--controllers", "pid", "lqr", "fl-lqr", "grosmc", "smc"), "controller"),
         (("--speed", "1e-12"), "frames"),  # of which there would be more than any memory holds
         (("--workers", "1000000"), "--workers 1000000"),

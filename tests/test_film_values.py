@@ -17,12 +17,13 @@ import pytest
 from grosmc_mj.errors import ArgumentError, DivergenceError
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.rendering import palette
+from grosmc_mj.rendering.board import Chart, Storyboard
 from grosmc_mj.rendering.camera import place, project
-from grosmc_mj.rendering.chart import Chart, draw_chart
+from grosmc_mj.rendering.chart import draw_chart
 from grosmc_mj.rendering.film import Film, Format, Take
-from grosmc_mj.rendering.frames import Storyboard, film_model, storyboard
 from grosmc_mj.rendering.layout import Box, Layout
 from grosmc_mj.rendering.marks import add_ghost, add_wrenches
+from grosmc_mj.rendering.storyboard import film_model, storyboard
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate

@@ -25,10 +25,11 @@ import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.errors import SetupError
 from grosmc_mj.rendering.backends import find_backend, probe
+from grosmc_mj.rendering.board import Storyboard
 from grosmc_mj.rendering.ffmpeg import find_ffmpeg
 from grosmc_mj.rendering.film import Film, Format, Take
-from grosmc_mj.rendering.frames import Storyboard, storyboard
 from grosmc_mj.rendering.layout import Box
+from grosmc_mj.rendering.storyboard import storyboard
 from grosmc_mj.rendering.workers import draw_frames
 from grosmc_mj.rendering.write import Written, write_film
 from grosmc_mj.validation.cases import Case, find_case

@@ -60,7 +60,7 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
             aside.replace(path)
         except OSError as error:
             raise SetupError(
-                f"cannot write {path}: {error.strerror}; free the disk or choose another --out"
+                f"cannot write {path}: {error.strerror}; free the disk or choose another place"
             ) from error
         finally:
             with contextlib.suppress(OSError):

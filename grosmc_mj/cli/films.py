@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from grosmc_mj.validation.runs import RunResult, Settings
 
 FOLDER = "films"
+_MOST_WORKERS = 256
 
 
 def film(command: Film) -> int:
@@ -27,22 +28,23 @@ def film(command: Film) -> int:
     from grosmc_mj.rendering.ffmpeg import find_ffmpeg
     from grosmc_mj.rendering.film import Format
     from grosmc_mj.validation.cases import find_case
-    from grosmc_mj.validation.films import film_of, write_case_film
+    from grosmc_mj.validation.films import check_request, film_of, write_case_film
     from grosmc_mj.validation.runs import Settings, run_case
 
     width, height = _size(command.size)
     form = Format(
         width, height, command.fps, command.speed, command.camera, command.start, command.stop
     )
-    if command.workers is not None and command.workers < 1:
-        raise ArgumentError(f"--workers {command.workers} must be 1 or more")
+    if command.workers is not None and not 1 <= command.workers <= _MOST_WORKERS:
+        raise ArgumentError(f"--workers {command.workers} must be from 1 to {_MOST_WORKERS}")
     case, settings = find_case(command.system, command.case), Settings()
+    names = tuple(dict.fromkeys(command.controllers))
+    check_request(case, names, form)
     path = command.output or Path("renders") / FOLDER / f"{case.system}_{case.name}.mp4"
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"-o {path} must end in .mp4")
     find_ffmpeg()
     backend = find_backend(os.environ.get("MUJOCO_GL"), fresh=command.probe).backend
-    names = tuple(dict.fromkeys(command.controllers))
     results = [run_case(case, "physics", name, settings) for name in names]
     shown = film_of(results, form, names)
     with screen.progress(len(shown.times), "frames") as advance:
@@ -132,14 +134,16 @@ def doctor(_: Doctor) -> int:
     for probe in found.backends:
         if probe.works:
             used = ", films use it" if probe.backend == found.chosen else ""
-            console.print(f"  {probe.backend:<12} [green]works[/]{used}: {probe.renderer}")
+            words = f"  {probe.backend:<12} [green]works[/]{used}: {probe.renderer}"
+            console.print(words, soft_wrap=True)
         else:
             remedy = f"; run: {probe.remedy}" if probe.remedy else ""
             console.print(f"  {probe.backend:<12} no: {probe.reason}{remedy}", soft_wrap=True)
     console.print("[bold]ffmpeg[/]")
     if found.ffmpeg is not None:
         tool = found.ffmpeg
-        console.print(f"  {tool.origin:<12} [green]works[/]: {tool.version}, {tool.path}")
+        words = f"  {tool.origin:<12} [green]works[/]: {tool.version}, {tool.path}"
+        console.print(words, soft_wrap=True)
     for problem in found.problems:
         console.print(f"missing: {problem}", style="red", soft_wrap=True)
     for remedy in found.remedies:

@@ -13,7 +13,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -29,7 +28,7 @@ class Backend:
     Attributes:
         name: Value of MUJOCO_GL.
         library: Shared library that it needs; empty if its Python package carries it.
-        remedy: The command that installs it.
+        remedy: The command that installs it; empty if MuJoCo brings it.
     """
 
     name: str
@@ -42,7 +41,7 @@ BACKENDS = {
     for backend in (
         Backend("egl", "libEGL.so.1", "apt-get install libegl1 libgl1-mesa-dri"),
         Backend("osmesa", "libOSMesa.so.8", "apt-get install libosmesa6"),
-        Backend("glfw", "", "pip install glfw"),
+        Backend("glfw", "", ""),
     )
 }
 # Values of MUJOCO_GL that leave the choice open.
@@ -50,6 +49,10 @@ _OPEN = ("", "enable", "enabled", "on", "true", "1")
 # What a cached answer depends on, besides the packages.
 _ENVIRONMENT = (
     "DISPLAY",
+    "__EGL_VENDOR_LIBRARY_FILENAMES",
+    "__EGL_VENDOR_LIBRARY_DIRS",
+    "LIBGL_DRIVERS_PATH",
+    "GALLIUM_DRIVER",
     "LD_LIBRARY_PATH",
     "LD_PRELOAD",
     "LIBGL_ALWAYS_SOFTWARE",
@@ -153,7 +156,9 @@ def find_backend(wish: str | None = None, *, fresh: bool = False) -> Probe:
 
 def forget(wish: str | None = None) -> None:
     """Drop the kept answer, for instance because the backend failed since."""
-    _cache_file(candidates(wish)).unlink(missing_ok=True)
+    kept = _cache_file(candidates(wish))
+    with contextlib.suppress(OSError):
+        kept.unlink(missing_ok=True)
 
 
 def probe(name: str) -> Probe:
@@ -162,7 +167,8 @@ def probe(name: str) -> Probe:
         return Probe(name, reason="no display (DISPLAY and WAYLAND_DISPLAY are not set)")
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "grosmc_mj.rendering.probe"],
+            # -P: no module of the user's own folder is taken for one of the libraries.
+            [sys.executable, "-P", str(Path(__file__).with_name("probe.py"))],
             env=environment(name),
             capture_output=True,
             text=True,
@@ -172,6 +178,8 @@ def probe(name: str) -> Probe:
         )
     except subprocess.TimeoutExpired:
         return Probe(name, reason=f"no answer within {_TIMEOUT} s")
+    except OSError as error:
+        return Probe(name, reason=f"{sys.executable} cannot be run: {error.strerror}")
     try:
         answer: Mapping[str, str] = json.loads(done.stdout.splitlines()[-1])
     except (IndexError, ValueError):
@@ -207,7 +215,8 @@ def _cache_file(names: list[str]) -> Path:
     setup = [names, [os.environ.get(each) for each in _ENVIRONMENT]]
     setup += [sys.prefix, version("mujoco"), version("PyOpenGL")]
     digest = hashlib.sha256(json.dumps(setup).encode()).hexdigest()[:16]
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    # Unlike Path.home, this is no error for a user without a home.
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111
     return Path(base) / "grosmc_mj" / f"backend-{digest}.json"
 
 
@@ -215,19 +224,20 @@ def _read(path: Path) -> Probe | None:
     """A kept answer, if it is there and can be read."""
     try:
         answer = json.loads(path.read_text(encoding="utf-8"))
-        return Probe(BACKENDS[answer["backend"]].name, renderer=str(answer["renderer"]))
+        found = Probe(BACKENDS[answer["backend"]].name, renderer=answer["renderer"] or "")
+        return found if found.works else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
 def _keep(path: Path, found: Probe) -> None:
     """Keep an answer; without a place for it, the next film asks again."""
+    aside = path.with_name(f"{path.name}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, delete=False
-        ) as aside:
-            json.dump({"backend": found.backend, "renderer": found.renderer}, aside)
-        Path(aside.name).replace(path)
+        answer = {"backend": found.backend, "renderer": found.renderer}
+        aside.write_text(json.dumps(answer), encoding="utf-8")
+        aside.replace(path)
     except OSError:
-        pass
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)

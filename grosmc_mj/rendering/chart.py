@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.rendering.board import Chart
 from grosmc_mj.rendering.film import Film, Take
 from grosmc_mj.rendering.layout import Box, Layout
 from grosmc_mj.rendering.palette import DISTURBANCE, GRID, OPTIMUM
@@ -23,28 +24,6 @@ _SPREAD = 0.06
 _SIDES = ("xtick", "ytick")
 # A sliding variable below this is shown in thousandths of its unit.
 _SMALL = 0.1
-
-
-class Chart(NamedTuple):
-    """Two pictures of a whole frame: curves grow by taking more and more columns of the second.
-
-    Attributes:
-        empty: Everything but the curves, (height, width, 3).
-        drawn: The same with all curves, (height, width, 3).
-        areas: The area within each plot's axes.
-        times: First and last instant on the time axes [s].
-    """
-
-    empty: np.ndarray
-    drawn: np.ndarray
-    areas: tuple[Box, ...]
-    times: tuple[float, float]
-
-    def column(self, area: Box, t: float) -> int:
-        """The column of an instant in a plot's area."""
-        first, last = self.times
-        part = min(max((t - first) / (last - first), 0.0), 1.0)
-        return area.left + round(part * (area.width - 1))
 
 
 def draw_chart(film: Film, layout: Layout) -> Chart:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,6 +16,9 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 SMALLEST, LARGEST = (320, 240), (3840, 2160)
 FASTEST = 240
+MOST_TAKES = 4
+# An hour of film at 30 frames per second is as long as one wants to wait for.
+MOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +96,35 @@ class Format:
                 "or later and end after that"
             )
 
+    def frames(self, end: float) -> float:
+        """How many frames show a run that ends then [s]."""
+        stop = end if self.stop is None else self.stop
+        return (stop - self.start) * self.fps / self.speed
+
+    def check(self, cameras: Sequence[str], end: float) -> None:
+        """Refuse what a model or a run does not have.
+
+        Args:
+            cameras: Those of the model.
+            end: When the runs end [s].
+
+        Raises:
+            ArgumentError: If the camera is unknown, nothing would be shown, or too much.
+        """
+        if self.camera not in (None, *cameras):
+            raise ArgumentError(unknown_name("camera", self.camera, cameras))
+        if self.start >= end:
+            raise ArgumentError(
+                f"a film from {self.start:g} s shows nothing: the runs end at {end:g} s"
+            )
+        if self.stop is not None and self.stop > end + 1e-9:
+            raise ArgumentError(f"a film to {self.stop:g} s: the runs end at {end:g} s")
+        if self.frames(end) > MOST_FRAMES:
+            raise ArgumentError(
+                f"a film of {self.frames(end):.0f} frames: at most {MOST_FRAMES} are made; take a "
+                "higher speed or fewer frames per second"
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class Film:
@@ -114,18 +147,11 @@ class Film:
     ghost_symbol: str = "yᵣ"
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.takes) <= 4:
+        if not 1 <= len(self.takes) <= MOST_TAKES:
             raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
         for take in self.takes:
             self._check(take)
-        if self.format.camera not in (None, *self.cameras):
-            raise ArgumentError(unknown_name("camera", self.format.camera, self.cameras))
-        if self.format.start >= self.end:
-            raise ArgumentError(
-                f"a film from {self.format.start:g} s shows nothing: the runs end at {self.end:g} s"
-            )
-        if self.format.stop is not None and self.format.stop > self.end + 1e-9:
-            raise ArgumentError(f"a film to {self.format.stop:g} s: the runs end at {self.end:g} s")
+        self.format.check(self.cameras, self.end)
 
     def _check(self, take: Take) -> None:
         """Refuse a run of another model, or one without its instants.
@@ -157,7 +183,7 @@ class Film:
     @cached_property
     def cameras(self) -> tuple[str, ...]:
         """The cameras of the model."""
-        return tuple(self.model.camera(i).name for i in range(self.model.ncam))
+        return camera_names(self.model)
 
     @cached_property
     def camera(self) -> int:
@@ -178,10 +204,8 @@ class Film:
     @cached_property
     def times(self) -> Array:
         """The instant that each frame shows [s]: start + k speed / fps, as long as the data."""
-        form = self.format
-        stop = self.end if form.stop is None else form.stop
-        count = max(1, round((stop - form.start) * form.fps / form.speed))
-        return form.start + np.arange(count) * (form.speed / form.fps)
+        count = max(1, round(self.format.frames(self.end)))
+        return self.format.start + np.arange(count) * (self.format.speed / self.format.fps)
 
     def rows(self, take: Take) -> np.ndarray:
         """The recorded instant nearest to each frame: its row, (frames,).
@@ -191,3 +215,8 @@ class Film:
         time = take.run.time
         step = float(time[1] - time[0]) if len(time) > 1 else 1.0
         return np.clip(np.rint(self.times / step).astype(int), 0, len(time) - 1)
+
+
+def camera_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """The cameras of a model."""
+    return tuple(model.camera(i).name for i in range(model.ncam))

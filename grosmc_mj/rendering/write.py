@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import subprocess
 from collections.abc import Callable, Iterator
@@ -14,10 +15,11 @@ import numpy as np
 from PIL import Image
 
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.rendering.backends import find_backend
+from grosmc_mj.rendering.backends import find_backend, forget
+from grosmc_mj.rendering.board import Storyboard
 from grosmc_mj.rendering.ffmpeg import Ffmpeg, find_ffmpeg
 from grosmc_mj.rendering.film import Film
-from grosmc_mj.rendering.frames import Storyboard, storyboard
+from grosmc_mj.rendering.storyboard import storyboard
 from grosmc_mj.rendering.workers import draw_frames, interrupts_held
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
@@ -25,7 +27,7 @@ from grosmc_mj.rendering.workers import draw_frames, interrupts_held
 _ARGUMENTS = (
     "-vf scale=out_color_matrix=bt709:out_range=tv "
     "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv "
-    "-preset veryfast -tune animation -threads 2 -fflags +bitexact -flags:v +bitexact "
+    "-xerror -preset veryfast -tune animation -threads 2 -fflags +bitexact -flags:v +bitexact "
     "-movflags +faststart"
 )
 _CRF = 23
@@ -79,40 +81,40 @@ def write_film(
         raise ArgumentError(f"{path} must end in .mp4")
     workers = workers or len(os.sched_getaffinity(0))
     program = find_ffmpeg()
-    backend = backend or find_backend(os.environ.get("MUJOCO_GL")).backend
+    wish = os.environ.get("MUJOCO_GL")
+    backend = backend or find_backend(wish).backend
     board = storyboard(film)
     poster = path.with_suffix(".png")
     mediapy.set_ffmpeg(program.path)
-    with _aside(path) as part:
+    small = path.with_suffix(".gif") if gif else None
+    # All are opened before anything is drawn, and renamed together when all are whole.
+    with contextlib.ExitStack() as files:
+        aside = {name: files.enter_context(_aside(name)) for name in (path, poster, small) if name}
         with contextlib.closing(draw_frames(board, backend, workers)) as frames:
-            best = _encode(part, board, film.format.fps, frames, advance)
-        with _aside(poster) as picture:
-            Image.fromarray(best).save(picture, optimize=True)
-        if gif:
-            with _aside(path.with_suffix(".gif")) as small:
-                _write_gif(program, part, small, film.format.width)
-    return Written(
-        path,
-        poster,
-        path.with_suffix(".gif") if gif else None,
-        len(board.times),
-        backend,
-        program,
-    )
+            best = _encode(aside[path], path, board, film.format.fps, frames, advance, wish)
+        try:
+            Image.fromarray(best).save(aside[poster], optimize=True)
+        except OSError as error:
+            raise _cannot_write(poster, error) from error
+        if small is not None:
+            _write_gif(program, aside[path], aside[small], small, film.format.width)
+    return Written(path, poster, small, len(board.times), backend, program)
 
 
 def _encode(
+    part: Path,
     path: Path,
     board: Storyboard,
     fps: int,
     frames: Iterator[np.ndarray],
     advance: Callable[[], object],
+    wish: str | None,
 ) -> np.ndarray:
     """Stream the frames to ffmpeg; returns the poster."""
     best = board.chart.empty
     shape = (board.layout.height, board.layout.width)
     writer = mediapy.VideoWriter(
-        path, shape, fps=fps, crf=_CRF, encoded_format="yuv420p", ffmpeg_args=_ARGUMENTS
+        part, shape, fps=fps, crf=_CRF, encoded_format="yuv420p", ffmpeg_args=_ARGUMENTS
     )
     try:
         with interrupts_held():
@@ -123,22 +125,39 @@ def _encode(
             if index == board.telling:
                 best = frame
         writer.close()
+    except SetupError:
+        # The backend has failed since it was tried.
+        forget(wish)
+        raise
     except (OSError, RuntimeError) as error:
-        raise SetupError(f"{path.name}: ffmpeg stopped: {_why(writer, error)}") from error
+        raise _ffmpeg_stopped(path, _last_words(writer) or str(error)) from error
     finally:
         _stop(writer)
     return best
 
 
-def _why(writer: mediapy.VideoWriter, error: Exception) -> str:
-    """ffmpeg's own last words, if it has said any."""
+def _last_words(writer: mediapy.VideoWriter) -> str:
+    """What ffmpeg has said, or which signal ended it."""
     process = writer._proc
-    said = ""
-    if process is not None and process.stderr is not None and not process.stderr.closed:
-        process.kill()
-        said = process.stderr.read().decode(errors="replace")
-    lines = [line for line in (said or str(error)).splitlines() if line.strip()]
-    return lines[-1] if lines else type(error).__name__
+    if process is None or process.stderr is None or process.stderr.closed:
+        return ""
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(1.0)
+    ended = process.poll()
+    process.kill()
+    said = process.stderr.read().decode(errors="replace")
+    if not said and ended is not None and ended < 0:
+        return f"it was ended by signal {-ended}"
+    return said
+
+
+def _ffmpeg_stopped(path: Path, said: str) -> SetupError:
+    """One line about why ffmpeg did not finish a file."""
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    full = [line for line in lines if "No space left" in line]
+    if full:
+        return _cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    return SetupError(f"{path}: ffmpeg stopped: {lines[-1] if lines else 'it does not say why'}")
 
 
 def _stop(writer: mediapy.VideoWriter) -> None:
@@ -151,7 +170,7 @@ def _stop(writer: mediapy.VideoWriter) -> None:
         writer._popen = writer._proc = None
 
 
-def _write_gif(program: Ffmpeg, film: Path, gif: Path, width: int) -> None:
+def _write_gif(program: Ffmpeg, film: Path, gif: Path, path: Path, width: int) -> None:
     """A small GIF of a finished film, in two passes, so that memory stays flat."""
     scale = f"fps={_GIF_FPS},scale={min(width, _GIF_WIDTH)}:-2:flags=area"
     palette = gif.with_suffix(".palette.png")
@@ -167,15 +186,14 @@ def _write_gif(program: Ffmpeg, film: Path, gif: Path, width: int) -> None:
     try:
         for arguments in passes:
             subprocess.run(
-                [program.path, "-v", "error", "-y", *arguments],
+                [program.path, "-v", "error", "-xerror", "-y", *arguments],
                 check=True,
                 capture_output=True,
                 text=True,
                 stdin=subprocess.DEVNULL,
             )
     except subprocess.CalledProcessError as error:
-        said = error.stderr.strip().splitlines() or [str(error)]
-        raise SetupError(f"{gif.name}: ffmpeg stopped: {said[-1]}") from error
+        raise _ffmpeg_stopped(path, error.stderr or str(error)) from error
     finally:
         palette.unlink(missing_ok=True)
 
@@ -190,12 +208,20 @@ def _aside(path: Path) -> Iterator[Path]:
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        part.touch()
         yield part
         part.replace(path)
     except OSError as error:
-        raise SetupError(
-            f"cannot write {path}: {error.strerror}; free the disk or choose another place"
-        ) from error
+        raise _cannot_write(path, error) from error
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def _cannot_write(path: Path, error: OSError) -> SetupError:
+    """One line about a file that cannot be written."""
+    return SetupError(
+        f"cannot write {path}: {error.strerror}; free the disk or choose another place"
+    )

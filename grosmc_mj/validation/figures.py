@@ -96,7 +96,7 @@ def write_figures(results: Sequence[RunResult], folder: Path) -> Iterator[Path]:
             _save(picture, runs, path)
         except OSError as error:
             raise SetupError(
-                f"cannot write {path}: {error.strerror}; free the disk or choose another --out"
+                f"cannot write {path}: {error.strerror}; free the disk or choose another place"
             ) from error
         yield path
 

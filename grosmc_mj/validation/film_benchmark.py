@@ -14,8 +14,9 @@ import mujoco
 from loky.process_executor import ProcessPoolExecutor
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.rendering.board import OVERSAMPLING
 from grosmc_mj.rendering.film import Film, Format
-from grosmc_mj.rendering.frames import OVERSAMPLING, film_model
+from grosmc_mj.rendering.storyboard import film_model
 from grosmc_mj.rendering.write import write_film
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.films import CONTROLLERS, film_of

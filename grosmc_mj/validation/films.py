@@ -14,15 +14,17 @@ import numpy as np
 
 import grosmc_mj.rendering
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.rendering.film import Film, Format, Take
-from grosmc_mj.rendering.frames import Storyboard, storyboard
+from grosmc_mj.rendering.board import Storyboard
+from grosmc_mj.rendering.film import MOST_TAKES, Film, Format, Take, camera_names
 from grosmc_mj.rendering.palette import LABELS, colour_of
+from grosmc_mj.rendering.storyboard import storyboard
 from grosmc_mj.rendering.write import Written, write_film
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.validation.cases import Case
+from grosmc_mj.validation.designs import controller_names
 from grosmc_mj.validation.results_file import case_document, origin, write_json
-from grosmc_mj.validation.runs import RunResult, Settings
+from grosmc_mj.validation.runs import RunResult, Settings, nominal_controller
 
 # What validate shows of every case; smaller than a single film, since there are many.
 CONTROLLERS = ("lqr", "grosmc")
@@ -37,6 +39,23 @@ _ENDED = {
     Status.SINGULAR_PLANT: "plant singular",
     Status.DIVERGED: "diverged",
 }
+
+
+def check_request(case: Case, controllers: Sequence[str], form: Format) -> None:
+    """Refuse a film that cannot be made, before anything is run for it.
+
+    Raises:
+        ArgumentError: If there are no controllers, too many or unknown ones, or the format does not
+            fit the case.
+    """
+    if not 1 <= len(controllers) <= MOST_TAKES:
+        raise ArgumentError(
+            f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
+            f"{', '.join(controller_names(case.system))}"
+        )
+    for name in controllers:
+        nominal_controller(case.system, name, "corrected")
+    form.check(camera_names(MujocoPlant.load(case.system).model), case.duration)
 
 
 def film_of(

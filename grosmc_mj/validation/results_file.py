@@ -170,5 +170,5 @@ def write_json(path: Path, content: Any) -> None:
         with contextlib.suppress(OSError):
             aside.unlink()
         raise SetupError(
-            f"cannot write {path}: {error.strerror}; free the disk or choose another --out"
+            f"cannot write {path}: {error.strerror}; free the disk or choose another place"
         ) from error
