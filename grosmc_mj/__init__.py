@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from grosmc_mj.control.lqr import lqr
     from grosmc_mj.errors import DivergenceError, GrosmcError
     from grosmc_mj.plants import AnalyticPlant
+    from grosmc_mj.rendering.film import Film, Format, Take
+    from grosmc_mj.rendering.write import write_film
     from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
     from grosmc_mj.simulation.edits import BodyEdit
     from grosmc_mj.simulation.models import load_model
@@ -32,17 +34,21 @@ _HOMES = {
     "Controller": "control.controller",
     "Disturbance": "simulation.disturbances",
     "DivergenceError": "errors",
+    "Film": "rendering.film",
+    "Format": "rendering.film",
     "GrosmcError": "errors",
     "MujocoPlant": "simulation.mujoco_plant",
     "Pulse": "simulation.disturbances",
     "SineFrom": "simulation.disturbances",
     "Status": "simulation.trajectory",
+    "Take": "rendering.film",
     "Trajectory": "simulation.trajectory",
     "cases": "validation.cases",
     "chapter_controller": "validation.designs",
     "load_model": "simulation.models",
     "lqr": "control.lqr",
     "simulate": "simulation.simulate",
+    "write_film": "rendering.write",
 }
 
 __all__ = [
@@ -52,17 +58,21 @@ __all__ = [
     "Controller",
     "Disturbance",
     "DivergenceError",
+    "Film",
+    "Format",
     "GrosmcError",
     "MujocoPlant",
     "Pulse",
     "SineFrom",
     "Status",
+    "Take",
     "Trajectory",
     "cases",
     "chapter_controller",
     "load_model",
     "lqr",
     "simulate",
+    "write_film",
 ]
 
 
