@@ -15,7 +15,7 @@ import pytest
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.claims.balance import Balance, balance, linearizes, switching_amplitude
+from grosmc_mj.claims.balance import Balance, balance, switching_amplitude
 from grosmc_mj.claims.document import audit_document
 from grosmc_mj.claims.faults import FAULTS
 from grosmc_mj.claims.laboratory import Fault, Laboratory, physics_derivative, trial
@@ -160,7 +160,7 @@ def sized(law: Controller, found: Balance, factor: float) -> Controller:
     steered = abs(p.GB * found.decoupling)
     if hasattr(p, "epsilon"):
         return with_parameters(law, epsilon=factor * found.required * steered)
-    share = steered if linearizes(law) else abs(p.GB)
+    share = steered if law.linearizing else abs(p.GB)
     return with_parameters(law, eta=factor * found.required * share, gamma0=0.0, gamma1=0.0)
 
 
@@ -219,7 +219,7 @@ def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
 ) -> None:
     """Through feedback linearization the nominal plant under u_c is z1'' = -K z, exactly."""
     law, plant = chapter_controller(name, nominal(system)), nominal(system)
-    assert linearizes(law) is expected
+    assert law.linearizing is expected
     assert law.error is not None
     velocity = law.error.system.output + law.error.system.degrees_of_freedom
     misses = []

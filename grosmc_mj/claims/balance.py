@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import AnalyticPlant
 
@@ -53,7 +52,7 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
     assert error is not None
     z = np.array(error.state(t, x, p))
     velocity = error.system.output + error.system.degrees_of_freedom
-    if linearizes(law):
+    if law.linearizing:
         alpha, E = error.dynamics(t, x, p)
         u_c = (-float(p.K @ z) - alpha) / E
     else:
@@ -75,19 +74,12 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
     )
 
 
-def linearizes(law: Controller) -> bool:
-    """Whether a law goes through feedback linearization, eqs. (23) and (44)."""
-    error = law.error
-    assert error is not None
-    return law.law not in (laws.state_feedback(error), laws.grosmc_linear(error))
-
-
 def switching_amplitude(law: Controller, z: Array, E: float) -> float:
     """|u_d| of the law next to its surface, in the unit of u: eqs. (12), (37) and (55)."""
     p: Any = law.parameters
     if hasattr(p, "epsilon"):
         return p.epsilon / abs(p.GB * E)
     if hasattr(p, "eta"):
-        steered = abs(p.GB * E) if linearizes(law) else abs(p.GB)
+        steered = abs(p.GB * E) if law.linearizing else abs(p.GB)
         return p.eta / steered + p.gamma0 + p.gamma1 * float(np.hypot(*z))
     return 0.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.plants import AnalyticPlant, find_system
+from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -20,7 +20,6 @@ from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.validation.cases import Case, find_case
-from grosmc_mj.validation.metrics import Metric
 from grosmc_mj.validation.runs import (
     PlantName,
     RunResult,
@@ -92,29 +91,34 @@ class Laboratory:
         return self._kept[key]
 
     def run(self, case: Case, plant: PlantName, controller: str) -> RunResult:
-        """A case on a plant under a controller."""
+        """A case on a plant under a controller designed for it."""
         key = (case, plant, controller)
         if key not in self._runs:
-            self._runs[key] = run_on(
-                self._fault.case(case),
-                plant,
-                self.controller(case, plant, controller),
-                self.plant(case, plant),
-                self.settings,
-            )
+            law = self.controller(case, plant, controller)
+            self._runs[key] = self._run(case, plant, law)
         return self._runs[key]
+
+    def run_misdesigned(
+        self, case: Case, plant: PlantName, controller: str, variant: Variant
+    ) -> RunResult:
+        """A case under a controller designed from the equations of another variant."""
+        law = self.controller(case, plant, controller, variant)
+        key = ("misdesigned", case, plant, controller, variant)
+        return self.once(key, lambda: self._run(case, plant, law))
+
+    def _run(self, case: Case, plant: PlantName, law: Controller) -> RunResult:
+        """A run, with what is wrong."""
+        return run_on(self._fault.case(case), plant, law, self.plant(case, plant), self.settings)
 
     def case(self, system: str, name: str, plant: PlantName, controller: str) -> RunResult:
         """One of the chapter's cases, by name."""
         return self.run(find_case(system, name), plant, controller)
 
-    def metric(self, system: str, name: str, plant: PlantName, controller: str, key: str) -> Metric:
-        """A metric of one of the chapter's cases."""
-        return self.case(system, name, plant, controller).metrics[key]
-
-    def controller(self, case: Case, plant: PlantName, name: str) -> Controller:
-        """A controller as it is used: designed from the nominal plant."""
-        law = nominal_controller(case.system, name, design_variant(plant))
+    def controller(
+        self, case: Case, plant: PlantName, name: str, variant: Variant | None = None
+    ) -> Controller:
+        """A controller as it is used: designed from the nominal plant, of a variant if named."""
+        law = nominal_controller(case.system, name, variant or design_variant(plant))
         return self._fault.controller(law, case, plant)
 
     def plant(self, case: Case, name: PlantName) -> Plant:
@@ -160,7 +164,7 @@ def trial(
 
 def physics_derivative(plant: MujocoPlant) -> Callable[[Array, float, Array], Array]:
     """x' of a model in MuJoCo: (x, u, wrenches) -> (n,)."""
-    model, system = plant.model, find_system(plant.system.name)
+    model, system = plant.model, plant.system
     data, n = mujoco.MjData(model), plant.system.degrees_of_freedom
     bodies = [model.body(name).id for name in system.bodies]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
 
 from grosmc_mj.claims import arm, cart_pendulum, servo, theory
 from grosmc_mj.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
@@ -43,14 +43,6 @@ def find_claim(name: str) -> Claim:
     return found[name]
 
 
-def judge_all(
-    lab: Laboratory, claims: Sequence[Claim], *, refine: bool = True
-) -> Iterator[Finding]:
-    """Judge claims one by one."""
-    for claim in claims:
-        yield judge(lab, claim, refine=refine)
-
-
 def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
     """Measure a claim on every plant, at the laboratory's settings and at half the time steps.
 
@@ -79,6 +71,7 @@ def _verdict(claim: Claim, measured: Measured, refined: Measured | None) -> Verd
     """Supported or refuted if both measurements say so; otherwise there is no telling."""
     both = [measured] if refined is None else [measured, refined]
     answers = {claim.holds(each) for each in both}
-    if len(answers) > 1 or any(each.broken for each in both):
+    strange = any(each.value is not None and not math.isfinite(each.value) for each in both)
+    if strange or len(answers) > 1 or any(each.broken for each in both):
         return Verdict.INCONCLUSIVE
     return Verdict.SUPPORTED if answers.pop() else Verdict.REFUTED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,9 +14,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.claims.balance import Balance, balance
 from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.references import Sine
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.designs import PENDULUM_REGION, SERVO_UNCERTAINTY
 
@@ -134,7 +135,7 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
     ]
     if name == "grosmc":
         premises += [_gain(law, here, there), _start(run.sliding)]
-    premises.append(_met(run.status, law, run.state))
+    premises.append(_met(run, law))
     signals = {
         "time": np.array([t for t, _, _ in there]),
         "required": np.array([found.required for _, _, found in there]),
@@ -154,7 +155,7 @@ def _region(
     assert error is not None
     bound = REGIONS[case.system]
     axes = [np.linspace(-size, size, _GRID) for size in bound]
-    moving = abs(error.reference(0.37, law.parameters.reference)[1]) > 0
+    moving = isinstance(law.parameters.reference, Sine)
     times = np.linspace(0, 2, _PHASES, endpoint=False) if moving else np.array([0.0])
     signs = (-1.0, 1.0) if amplitude.any() else (0.0,)
     for t, z1, z2, sign in itertools.product(times.tolist(), *axes, signs):
@@ -252,7 +253,8 @@ def _matched(here: _Points, there: _Points) -> Premise:
         "rad/s",
         _reading(here, (_ROUNDING - each.unmatched for _, _, each in here)),
         _reading(there, (_ROUNDING - each.unmatched for _, _, each in there)),
-        note=f"the matched part of z1'' reaches {matched:.3g} rad/s²",
+        note=f"the matched part of z1'' reaches {matched:.3g} rad/s²; in mechanics this holds by "
+        "kinematics for the output, not for coordinates that the law does not see, such as a cart",
     )
 
 
@@ -289,6 +291,9 @@ def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
         needed = max(_times(each) for _, _, each in everywhere)
         name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
         restores = f"η, γ0 and γ1 {needed:.3g} times as large"
+        if math.isinf(needed):
+            eta = max(each.required * abs(_steered(law, each)) for _, _, each in everywhere)
+            restores = f"η = {eta:.3g}; there is no gain to multiply"
     found = Premise(
         name,
         source,
@@ -300,7 +305,13 @@ def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
     )
     if found.holds:
         return found
-    return Premise(**{**vars(found), "restores": restores})
+    return replace(found, restores=restores)
+
+
+def _steered(law: Controller, found: Balance) -> float:
+    """What eta is divided by in the laws (12) and (37)."""
+    p: Any = law.parameters
+    return p.GB * found.decoupling if law.linearizing else p.GB
 
 
 def _times(found: Balance) -> float:
@@ -319,18 +330,19 @@ def _start(sliding: Array | None) -> Premise:
     )  # fmt: skip
 
 
-def _met(status: object, law: Controller, state: Array) -> Premise:
-    """No singular state and no bound of the actuator was met."""
+def _met(run: Trajectory, law: Controller) -> Premise:
+    """No singular state was met and the actuator gave what it was asked for."""
     assert law.error is not None
     linearizable = law.error.system.linearizable
-    left = float(np.mean([not linearizable(x) for x in state[::_EVERY]]))
-    ended = status is not Status.COMPLETED
-    margin = -1.0 if ended or left else 1.0
+    left = float(np.mean([not linearizable(x) for x in run.state[::_EVERY]]))
+    ended = run.status is not Status.COMPLETED
+    saturated = float(np.mean(run.command != run.input)) if len(run.input) else 0.0
+    margin = -1.0 if ended or left or saturated else 1.0
     return Premise(
         "region kept",
         "section 3.2: X_0",
-        f"the run stays in {law.error.system.region}; the actuators have no limits",
+        f"the run stays in {law.error.system.region}, and the actuator gives what is asked for",
         "1",
         None,
-        Reading(Point(math.nan, (), margin), margin, left or float(ended)),
+        Reading(Point(math.nan, (), margin), margin, max(left, saturated, float(ended))),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from grosmc_mj.claims.balance import switching_amplitude
 from grosmc_mj.claims.claim import Claim, Measured
 from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.claims.measures import (
@@ -22,6 +23,7 @@ from grosmc_mj.claims.measures import (
     signals,
     within,
 )
+from grosmc_mj.control.lqr import lqr
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.designs import SERVO_UNCERTAINTY
 from grosmc_mj.validation.runs import PlantName
@@ -48,7 +50,7 @@ def _damping_falls(lab: Laboratory, plant: PlantName) -> Measured:
 
     The loop's linearization is taken by differences of x' on the plant, law and all.
     """
-    ratios = []
+    ratios, poles = [], []
     for name in ("nominal", "case2"):
         case = find_case("servo", name)
         law = lab.controller(case, plant, "lqr")
@@ -64,9 +66,30 @@ def _damping_falls(lab: Laboratory, plant: PlantName) -> Measured:
             [(loop(rest + d) - loop(rest - d)) / (2 * step) for d in step * np.eye(2)]
         )
         stiffness = np.linalg.det(jacobian)
+        poles.append(float(np.linalg.eigvals(jacobian).real.max()))
         ratios.append(-np.trace(jacobian) / (2 * np.sqrt(abs(stiffness))))
-    note = f"damping ratio {ratios[1]:.3g} under 3J, {ratios[0]:.3g} nominal"
+    note = (
+        f"damping ratio {ratios[1]:.3g} under 3J, {ratios[0]:.3g} nominal; slowest pole "
+        f"{poles[1]:.3g} and {poles[0]:.3g} 1/s"
+    )
     return Measured(100 * float(1 - ratios[1] / ratios[0]), note)
+
+
+def _undercut(lab: Laboratory, plant: PlantName) -> Measured:
+    """How far below J* the index (13) can go, in percent.
+
+    With u_c = -K x it is the integral of x'(Q + K'RK)x/2, to which u_d adds no cost: the least of
+    it is that of an LQR whose further input costs next to nothing. A law without u_d has none.
+    """
+    law = lab.controller(find_case("servo", "nominal"), plant, "grosmc")
+    design, x0 = law.lqr, np.array([1.0, 0.0])
+    assert design is not None
+    if switching_amplitude(law, x0, float(design.B[1, 0])) == 0:
+        return Measured(0.0, "the law has no input that (13) leaves out")
+    weight = design.Q + design.K.T @ design.R @ design.K
+    hurried = lqr(design.A - design.B @ design.K, design.B, weight, 1e-4)
+    ratio = hurried.optimal_cost(x0) / design.optimal_cost(x0)
+    return Measured(100 * (ratio - 1), "linear feedback as u_d, priced at a ten-thousandth")
 
 
 def _naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
@@ -164,11 +187,11 @@ CLAIMS = (
         system="servo",
         statement="Under three times the inertia the LQR's position is different",
         source="section 2.3, Fig. 2",
-        criterion="max |x1 of case 2 - x1 nominal|, at least 5 % of the step",
-        why="the chapter says different, not by how much: 5 % shows in its plots",
+        criterion="max |x1 of case 2 - x1 nominal|, at least 2 % of the step",
+        why="the chapter says different, not by how much: more than what counts as the same",
         measure=changed_response("servo", "case2", "lqr"),
         sense="at least",
-        threshold=5.0,
+        threshold=SAME,
         unit="%",
         plants=BOTH,
         untested="other weights than Q = I, R = 1",
@@ -205,7 +228,8 @@ CLAIMS = (
         threshold=10.0,
         unit="%",
         plants=BOTH,
-        untested="gain and phase margins",
+        untested="other measures: the slowest pole moves away from the axis, so by the degree of "
+        "stability the loop gets better; the phase margin falls by less than a tenth",
         exact=True,
     ),
     Claim(
@@ -226,7 +250,7 @@ CLAIMS = (
     Claim(
         id="servo-index",
         system="servo",
-        statement="The law minimizes the index (13), which weighs the continuous part of the input",
+        statement="With the law the index (13), of the continuous part of the input, is J*",
         source="Conclusion 1, eq. (13)",
         criterion="J with u_c over J*, less 1, in case 2, at most 1 %",
         why="sampling at 1 kHz costs a few tenths of a percent",
@@ -235,21 +259,39 @@ CLAIMS = (
         threshold=1.0,
         unit="%",
         plants=BOTH,
-        untested="whether another law reaches less of (13); by (7) none does on the nominal plant",
+        untested="whether J* is the least of (13), see servo-index-minimal",
+    ),
+    Claim(
+        id="servo-index-minimal",
+        system="servo",
+        statement="The performance index (13) is minimized",
+        source="Conclusion 1, eq. (13)",
+        criterion="least J of (13), with input that it leaves out, over J*, less 1, at least -1 %",
+        why="a minimum cannot be undercut; 1 % as for the index itself",
+        measure=_undercut,
+        sense="at least",
+        threshold=-1.0,
+        unit="%",
+        plants=("corrected",),
+        untested="inputs other than linear feedback; the switching term itself aims elsewhere",
+        defect=True,
+        exact=True,
+        equation=r"J = \tfrac12\int x^{\mathrm T}(Q + K^{\mathrm T}RK)\,x\,dt"
+        r"\quad\text{falls with any } u_d \text{ that hurries } x",
     ),
     Claim(
         id="servo-whole-cost",
         system="servo",
-        statement="The system designed is optimal",
-        source="Conclusion 1, section 2.4, eq. (4) with the whole input",
-        criterion="J with the whole u over J*, less 1, nominal, at most 5 %",
+        statement="The system designed is optimal, read as (4) with the whole input",
+        source="Conclusion 1, section 2.4, eq. (4)",
+        criterion="J with the whole u over J*, less 1, nominal, over 10 s, at most 5 %",
         why="5 % is what an engineer would still call optimal; (13) leaves u_d out of the bill",
         measure=excess_cost("servo", "nominal", "cost_whole"),
         sense="at most",
         threshold=5.0,
         unit="%",
         plants=BOTH,
-        untested="switching laws other than sgn",
+        untested="switching laws other than sgn; longer runs, which cost more and more",
         defect=True,
         equation=r"J = \tfrac12\int_0^\infty x^{\mathrm T}Qx + u_c^{\mathrm T}Ru_c\,dt"
         r"\quad\text{leaves out}\quad u_d^{\mathrm T}Ru_d",
@@ -261,7 +303,7 @@ CLAIMS = (
         statement="Under three times the inertia Assumption 4 bounds the uncertainty by the state",
         source="Assumption 4, eq. (12), case 2",
         criterion="gain sized without the switching term, over the required one, at least 1",
-        why="below 1 the law (12) cannot hold the surface: r = 1/3 asks for three times as much",
+        why="below 1 the surface is not guaranteed, though η and γ0 may have it to spare",
         measure=_naive_gain,
         sense="at least",
         threshold=1.0,

@@ -58,13 +58,14 @@ def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
 
 def _criterion(claim: Claim) -> str:
     """The threshold, in few characters."""
-    unit = claim.unit.replace("1", "").replace("unit of s per s", "")
+    unit = "" if claim.unit in ("1", "unit of s per s") else claim.unit
     return f"({_SIGNS[claim.sense]} {claim.threshold:g}{' ' if unit else ''}{unit})"
 
 
 LEGEND = (
-    "* suspected misprint or gap. In brackets: what the statement needs. Values are on physics, or "
-    "on the printed equations where these are at stake; --explain CLAIM tells the rest."
+    "* suspected misprint or gap. In brackets: what the statement needs. Values are on the plant "
+    "that decides: physics or, where it cannot be asked, the printed or the corrected equations; "
+    "--explain CLAIM tells the rest."
 )
 
 
@@ -87,9 +88,10 @@ def story(finding: Finding, expectation: Expectation | None, lab: Laboratory) ->
             evidence = "no time step enters"
         else:
             evidence = f"{shown(found.refined)} at T/2 (T = {1e3 * T:g} ms)"
-        note = f"; {found.measured.note}" if found.measured.note else ""
         line = Text(f"  {plant:<12}").append_text(word(found.verdict))
-        yield line.append(f"  {value}, {evidence}{note}")
+        yield line.append(f"  {value}, {evidence}")
+        if found.measured.note:
+            yield from _paragraph("", found.measured.note)
     if finding.because:
         yield from _paragraph("because", f"a premise failed: {finding.because}")
     yield from _paragraph("not tested", claim.untested or "nothing that the claim speaks of")

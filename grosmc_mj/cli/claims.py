@@ -30,6 +30,10 @@ def claims(command: Claims) -> int:
         raise ArgumentError("--explain names one claim: leave out the system")
     if command.page is not None and (command.system or command.explain):
         raise ArgumentError("--page is about all claims: leave out the system and --explain")
+    if command.json and (command.explain or command.page or command.self_test):
+        raise ArgumentError("--json is for the ledger: leave out --explain, --page and --self-test")
+    if command.self_test and (command.explain or command.page):
+        raise ArgumentError("--self-test tries claims: leave out --explain and --page")
     chosen = (
         select_claims(command.system) if command.explain is None else [find_claim(command.explain)]
     )
@@ -42,7 +46,7 @@ def claims(command: Claims) -> int:
     console = Console(highlight=False, width=max(100, Console().width))
     if command.explain is not None:
         _explain(console, findings[0], lab, command.out)
-        return screen.DONE
+        return _compare(console, findings, quiet=False)
     write_json(command.out / "claims.json", content)
     if command.page is not None:
         from grosmc_mj.claims.page import write_page

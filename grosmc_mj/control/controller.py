@@ -27,6 +27,7 @@ class Controller:
         gains: Gains worth showing, by the chapter's symbols.
         declared: What the gains were computed from, in words; empty if they are given.
         sliding_unit: Unit of s, if the law has a surface.
+        linearizing: Whether it goes through feedback linearization, eqs. (23) and (44).
     """
 
     name: str
@@ -39,3 +40,4 @@ class Controller:
     gains: Mapping[str, float] = field(default_factory=dict)
     declared: str = ""
     sliding_unit: str = ""
+    linearizing: bool = False

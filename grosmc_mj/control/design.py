@@ -121,7 +121,8 @@ def linearized_lqr(task: Task, name: str = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
     optimum = task.chain_optimum()
     law, source = laws.linearizing_feedback(task.error), "eqs. (23)+(28), (44)+(49)"
-    return _controller(name, law, task, task.feedback(optimum.K[0]), optimum, source)
+    parameters = task.feedback(optimum.K[0])
+    return _controller(name, law, task, parameters, optimum, source, linearizing=True)
 
 
 def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None) -> Controller:
@@ -155,7 +156,8 @@ def regulating_grosmc(
     """
     optimum, law = task.chain_optimum(), laws.grosmc_regulator(task.error)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
-    return _controller("grosmc", law, task, parameters, optimum, "eqs. (31)+(37)", declared)
+    source = "eqs. (31)+(37)"
+    return _controller("grosmc", law, task, parameters, optimum, source, declared, linearizing=True)
 
 
 def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = None) -> Controller:
@@ -175,7 +177,8 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
     optimum, law = task.chain_optimum(), laws.grosmc_tracker(task.error)
     surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))
-    return _controller("grosmc", law, task, parameters, optimum, "eqs. (51)+(55)")
+    source = "eqs. (51)+(55)"
+    return _controller("grosmc", law, task, parameters, optimum, source, linearizing=True)
 
 
 def _surface(task: Task, optimum: LqrDesign, G: ArrayLike | None) -> dict[str, Any]:
@@ -214,6 +217,8 @@ def _controller(
     optimum: LqrDesign,
     source: str,
     declared: str = "",
+    *,
+    linearizing: bool = False,
 ) -> Controller:
     """A controller with the gains that are worth showing."""
     switched = isinstance(parameters, SurfaceParameters)
@@ -230,6 +235,7 @@ def _controller(
         gains={"K1": float(optimum.K[0, 0]), "K2": float(optimum.K[0, 1]), **gains},
         declared=declared,
         sliding_unit=_sliding_unit(task, parameters) if switched else "",
+        linearizing=linearizing,
     )
 
 
