@@ -231,7 +231,7 @@ def _theorem(number: int, system: str, premise: str) -> Claim:
         system=system,
         statement=f"Theorem {number}: V' <= -η |s| wherever {premise} hold, η the declared rate",
         source=f"Theorem {number}, eqs. {('(14)', '(39)', '(56)')[number - 1]}",
-        criterion="largest s' sgn(s) + η over the declared family, at most 1e-6",
+        criterion="continuous: largest s' sgn(s) + η over the declared family, at most 1e-6",
         why="rounding; the gains make up for the input gain's loss, so η is not the law's own",
         measure=_reaching(system),
         sense="at most",

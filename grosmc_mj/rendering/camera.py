@@ -36,14 +36,6 @@ def _axes(camera: Any) -> Array:
     return np.array([np.cross(forward, up), up, -forward])
 
 
-def project(camera: Any, point: Array, width: int, height: int) -> tuple[float, float]:
-    """Where a point of the world is in the picture: column and row, counted from the top left."""
-    right, up, back = _axes(camera) @ (np.asarray(point, float) - camera.pos)
-    half = (camera.frustum_top - camera.frustum_bottom) / 2
-    unit = height / 2 / (half / camera.frustum_near * -back)
-    return (width / 2 + right * unit, height / 2 - up * unit)
-
-
 def visible_height(camera: Any, point: Array) -> float:
     """Height of what the picture shows at the distance of a point [m]."""
     depth = -(_axes(camera)[2] @ (np.asarray(point, float) - camera.pos))
