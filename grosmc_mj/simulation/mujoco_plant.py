@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from pathlib import Path
 from typing import Literal, get_args
 
 import mujoco
@@ -11,14 +12,20 @@ import mujoco
 from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
 from grosmc_mj.plants import AnalyticPlant, System, Variant, find_system
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
-from grosmc_mj.simulation.models import compile_spec, load_spec
+from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 
 
 @cache
-def _nominal_spec(name: str) -> mujoco.MjSpec:
-    """The shipped model of a system, read once: nobody changes it."""
+def _nominal_spec(name: str, path: Path, changed: int) -> mujoco.MjSpec:
+    """The model of a system, read once as long as its file stays: nobody changes the spec.
+
+    Args:
+        name: Name of the system.
+        path: Its file.
+        changed: When a file beside it, which it may include, last changed [ns].
+    """
     return load_spec(name)
 
 
@@ -54,8 +61,10 @@ class MujocoPlant:
         Raises:
             ModelError: If the name or an edit is not valid.
         """
-        system = find_system(name)
-        return cls(system, _nominal_spec(system.name), tuple(edits), timestep, integrator)
+        system, path = find_system(name), model_path(name)
+        changed = max(file.stat().st_mtime_ns for file in path.parent.glob("*.xml"))
+        spec = _nominal_spec(system.name, path, changed)
+        return cls(system, spec, tuple(edits), timestep, integrator)
 
     def __post_init__(self) -> None:
         if self.timestep is not None and not 0 < self.timestep < 1:
