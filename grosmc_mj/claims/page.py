@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -41,7 +42,12 @@ def write_page(
         aside.write_text(text + "\n", encoding="utf-8")
         aside.replace(path)
     except OSError as error:
-        raise SetupError(f"cannot write {path}: {error.strerror}") from error
+        raise SetupError(
+            f"cannot write {path}: {error.strerror}; free the disk or choose another place"
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)
     return [path, *figures.values()]
 
 

@@ -30,6 +30,8 @@ def claims(command: Claims) -> int:
         raise ArgumentError("--explain names one claim: leave out the system")
     if command.page is not None and (command.system or command.explain):
         raise ArgumentError("--page is about all claims: leave out the system and --explain")
+    if command.page is not None and (command.page.suffix != ".md" or command.page.is_dir()):
+        raise ArgumentError(f"--page {command.page} must be a file that ends in .md")
     if command.json and (command.explain or command.page or command.self_test):
         raise ArgumentError("--json is for the ledger: leave out --explain, --page and --self-test")
     if command.self_test and (command.explain or command.page):
