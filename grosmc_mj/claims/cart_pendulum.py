@@ -151,8 +151,7 @@ def _naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     """A gain sized on u_c alone, over the required one, in case 1 along the run."""
     case = find_case(_SYSTEM, "case1")
     result = lab.run(case, plant, "grosmc")
-    used = lab.plant(case, plant)
-    true = used.analytic() if isinstance(used, MujocoPlant) else used
+    true = lab.equations(case, plant)
     law, run = result.controller, result.trajectory
     naive = required = 0.0
     for row in range(0, len(run.time) - 1, 10):

@@ -125,6 +125,11 @@ class Laboratory:
         """A plant as it is used."""
         return self._fault.plant(case_plant(case, name, self.settings), case, name)
 
+    def equations(self, case: Case, name: PlantName) -> AnalyticPlant:
+        """The corrected equations of a plant as it is used, or the equations that it is."""
+        plant = self.plant(case, name)
+        return plant.analytic() if isinstance(plant, MujocoPlant) else plant
+
     def batch(
         self, cases: Sequence[Case], plant: PlantName, controller: str
     ) -> tuple[Controller, Trajectory]:

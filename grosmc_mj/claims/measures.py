@@ -15,7 +15,6 @@ from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.claims.premises import Premise, audit
 from grosmc_mj.plants import find_system
 from grosmc_mj.rendering.palette import LABELS
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.metrics import Comparison
@@ -100,8 +99,7 @@ def leaving_the_surface(system: str, case: str) -> Measure:
         result = lab.case(system, case, plant, "grosmc")
         run, law = result.trajectory, result.controller
         assert run.sliding is not None
-        used = lab.plant(result.case, plant)
-        true = used.analytic() if isinstance(used, MujocoPlant) else used
+        true = lab.equations(result.case, plant)
         nothing = np.zeros(6 * len(run.system.bodies))
         worst, note = 0.0, ""
         for row in range(0, len(run.time) - 1, _EVERY):

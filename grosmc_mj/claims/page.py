@@ -12,8 +12,7 @@ from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.claims.pictures import write_picture
 from grosmc_mj.claims.tables import shown
 from grosmc_mj.errors import SetupError
-
-_TITLES = {"servo": "Servo rotor", "cart_pendulum": "Cart-pendulum", "arm": "1-DOF arm"}
+from grosmc_mj.plants import find_system
 
 
 def write_page(
@@ -78,7 +77,7 @@ def _page(
     for system in dict.fromkeys(finding.claim.system for finding in findings):
         own = [finding for finding in findings if finding.claim.system == system]
         yield ""
-        yield f"## {_TITLES.get(system, system)}"
+        yield f"## {find_system(system).title}"
         yield ""
         yield "| claim | statement | found | needed | verdict |"
         yield "|---|---|---:|---:|---|"

@@ -16,7 +16,6 @@ from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.references import Sine
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.designs import PENDULUM_REGION, SERVO_UNCERTAINTY
@@ -117,8 +116,7 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
     """The premises, one by one."""
     law = lab.controller(case, "physics", name)
     run = lab.run(case, "physics", name).trajectory
-    plant = lab.plant(case, "physics")
-    true = plant.analytic() if isinstance(plant, MujocoPlant) else plant
+    true = lab.equations(case, "physics")
     amplitude = _largest_wrench(lab, case)
     here = list(_region(law, true, case, amplitude))
     rows = range(0, len(run.time) - 1, _EVERY)
