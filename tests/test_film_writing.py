@@ -358,7 +358,7 @@ def test_a_full_disk_is_one_line_that_says_what_to_do(
 def test_a_disk_that_is_full_for_the_last_file_names_the_films_own_option(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "f.json.part").symlink_to("/dev/full")
+    (tmp_path / ".f.part.json").symlink_to("/dev/full")
     assert film(tmp_path / "f.mp4", *SHORT) == cli.WRONG
     line = one_line(capfd)
     assert "f.json" in line

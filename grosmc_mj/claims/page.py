@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from grosmc_mj.claims.expected import Expectation
 from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.claims.pictures import write_picture
 from grosmc_mj.claims.tables import shown
-from grosmc_mj.errors import SetupError
+from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
 
 
@@ -36,17 +35,8 @@ def write_page(
         if _is_told(finding)
     }
     text = "\n".join(_page(findings, expected, figures, path.parent, lab))
-    aside = path.with_name(path.name + ".part")
-    try:
-        aside.write_text(text + "\n", encoding="utf-8")
-        aside.replace(path)
-    except OSError as error:
-        raise SetupError(
-            f"cannot write {path}: {error.strerror}; free the disk or choose another place"
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            aside.unlink(missing_ok=True)
+    with written_aside(path) as part:
+        part.write_text(text + "\n", encoding="utf-8")
     return [path, *figures.values()]
 
 

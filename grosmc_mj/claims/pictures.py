@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.claims.claim import Claim, Drawing, Finding, Verdict
 from grosmc_mj.claims.laboratory import Laboratory
-from grosmc_mj.errors import SetupError
+from grosmc_mj.files import written_aside
 from grosmc_mj.rendering.palette import COLOURS, GRID, OPTIMUM
 
 _STYLE: dict[Any, Any] = {
@@ -53,18 +52,8 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
             _draw_curves(curves, drawing)
         _draw_values(values, finding)
         figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=11.5)
-        aside = path.with_name(f".{path.name}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(aside, format="png", metadata={"Software": None})
-            aside.replace(path)
-        except OSError as error:
-            raise SetupError(
-                f"cannot write {path}: {error.strerror}; free the disk or choose another place"
-            ) from error
-        finally:
-            with contextlib.suppress(OSError):
-                aside.unlink(missing_ok=True)
+        with written_aside(path) as part:
+            figure.savefig(part, format="png", metadata={"Software": None})
     return path
 
 

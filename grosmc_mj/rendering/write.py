@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image
 
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.rendering.backends import find_backend, forget
 from grosmc_mj.rendering.board import Storyboard
 from grosmc_mj.rendering.ffmpeg import Ffmpeg, find_ffmpeg
@@ -89,13 +90,15 @@ def write_film(
     small = path.with_suffix(".gif") if gif else None
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
-        aside = {name: files.enter_context(_aside(name)) for name in (path, poster, small) if name}
+        aside = {
+            name: files.enter_context(written_aside(name)) for name in (path, poster, small) if name
+        }
         with contextlib.closing(draw_frames(board, backend, workers)) as frames:
             best = _encode(aside[path], path, board, film.format.fps, frames, advance, wish)
         try:
             Image.fromarray(best).save(aside[poster], optimize=True)
         except OSError as error:
-            raise _cannot_write(poster, error) from error
+            raise cannot_write(poster, error) from error
         if small is not None:
             _write_gif(program, aside[path], aside[small], small, film.format.width)
     return Written(path, poster, small, len(board.times), backend, program)
@@ -156,7 +159,7 @@ def _ffmpeg_stopped(path: Path, said: str) -> SetupError:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
     full = [line for line in lines if "No space left" in line]
     if full:
-        return _cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+        return cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     return SetupError(f"{path}: ffmpeg stopped: {lines[-1] if lines else 'it does not say why'}")
 
 
@@ -196,32 +199,3 @@ def _write_gif(program: Ffmpeg, film: Path, gif: Path, path: Path, width: int) -
         raise _ffmpeg_stopped(path, error.stderr or str(error)) from error
     finally:
         palette.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def _aside(path: Path) -> Iterator[Path]:
-    """A path to write to, renamed to the real one at the end and removed if that is not reached.
-
-    Raises:
-        SetupError: If it cannot be written.
-    """
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        part.touch()
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise _cannot_write(path, error) from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-
-
-def _cannot_write(path: Path, error: OSError) -> SetupError:
-    """One line about a file that cannot be written."""
-    return SetupError(
-        f"cannot write {path}: {error.strerror}; free the disk or choose another place"
-    )

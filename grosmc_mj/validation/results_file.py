@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import platform
 import subprocess
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import grosmc_mj
-from grosmc_mj.errors import SetupError
+from grosmc_mj.files import written_aside
 from grosmc_mj.validation.agreement import AGREEMENT_BOUND, Agreement
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.runs import RunResult, Settings
@@ -161,14 +160,5 @@ def write_json(path: Path, content: Any) -> None:
     Raises:
         SetupError: If it cannot be written.
     """
-    aside = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        aside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        aside.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            aside.unlink()
-        raise SetupError(
-            f"cannot write {path}: {error.strerror}; free the disk or choose another place"
-        ) from error
+    with written_aside(path) as part:
+        part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
