@@ -92,16 +92,27 @@ def interrupts_held() -> Iterator[None]:
     """Start processes that Ctrl-C in the terminal does not reach; ours arrives afterwards.
 
     A process inherits the blocked signal, so that it cannot print a traceback of its own while
-    this one ends it.
+    this one ends it. Blocking alone would not hold ours back: threads of the numerical libraries
+    take the signal too, and Python then interrupts the main thread between any two instructions.
     """
     # These are started with the first process, and unblock the signal when they are.
     resource_tracker.ensure_running()
     loky_resource_tracker.ensure_running()
+    held: list[int] = []
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    # A handler that C code has installed reads as None and could not be put back.
+    handler = signal.getsignal(signal.SIGINT) if in_main_thread else None
+    if handler is not None:
+        signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    if held:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _start(given: Path, backend: str, parent: int) -> None:
