@@ -160,6 +160,7 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
     """Interrupted after the first runs: one line, exit code 2, a document that says so."""
     program = (
         "import os, signal, threading, grosmc_mj.validation.runs as runs, grosmc_mj.cli as cli\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background\n"
         "original = runs.run_case\n"
         "count = 0\n"
         "def counted(*args):\n"
