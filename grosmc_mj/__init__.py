@@ -11,13 +11,27 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from grosmc_mj.control.controller import Controller
+    from grosmc_mj.control.design import (
+        Realization,
+        Task,
+        computed_torque_pd,
+        linearized_lqr,
+        regulating_grosmc,
+        tracking_grosmc,
+    )
+    from grosmc_mj.control.error_coordinates import ErrorCoordinates
+    from grosmc_mj.control.feedback_linearization import feedback_linearization
+    from grosmc_mj.control.gains import Uncertainty
     from grosmc_mj.control.lqr import lqr
+    from grosmc_mj.control.references import Setpoint, constant, reference
+    from grosmc_mj.control.switching import find_switching
     from grosmc_mj.errors import DivergenceError, GrosmcError
-    from grosmc_mj.plants import AnalyticPlant
+    from grosmc_mj.plants import AnalyticPlant, affine_plant
     from grosmc_mj.rendering.film import Film, Format, Take
     from grosmc_mj.rendering.write import write_film
     from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
     from grosmc_mj.simulation.edits import BodyEdit
+    from grosmc_mj.simulation.linearization import linearize
     from grosmc_mj.simulation.models import load_model
     from grosmc_mj.simulation.mujoco_plant import MujocoPlant
     from grosmc_mj.simulation.simulate import simulate
@@ -34,20 +48,35 @@ _HOMES = {
     "Controller": "control.controller",
     "Disturbance": "simulation.disturbances",
     "DivergenceError": "errors",
+    "ErrorCoordinates": "control.error_coordinates",
     "Film": "rendering.film",
     "Format": "rendering.film",
     "GrosmcError": "errors",
     "MujocoPlant": "simulation.mujoco_plant",
     "Pulse": "simulation.disturbances",
+    "Realization": "control.design",
+    "Setpoint": "control.references",
     "SineFrom": "simulation.disturbances",
     "Status": "simulation.trajectory",
     "Take": "rendering.film",
+    "Task": "control.design",
     "Trajectory": "simulation.trajectory",
+    "Uncertainty": "control.gains",
+    "affine_plant": "plants",
     "cases": "validation.cases",
     "chapter_controller": "validation.designs",
+    "computed_torque_pd": "control.design",
+    "constant": "control.references",
+    "feedback_linearization": "control.feedback_linearization",
+    "find_switching": "control.switching",
+    "linearize": "simulation.linearization",
+    "linearized_lqr": "control.design",
     "load_model": "simulation.models",
     "lqr": "control.lqr",
+    "reference": "control.references",
+    "regulating_grosmc": "control.design",
     "simulate": "simulation.simulate",
+    "tracking_grosmc": "control.design",
     "write_film": "rendering.write",
 }
 
@@ -58,20 +87,35 @@ __all__ = [
     "Controller",
     "Disturbance",
     "DivergenceError",
+    "ErrorCoordinates",
     "Film",
     "Format",
     "GrosmcError",
     "MujocoPlant",
     "Pulse",
+    "Realization",
+    "Setpoint",
     "SineFrom",
     "Status",
     "Take",
+    "Task",
     "Trajectory",
+    "Uncertainty",
+    "affine_plant",
     "cases",
     "chapter_controller",
+    "computed_torque_pd",
+    "constant",
+    "feedback_linearization",
+    "find_switching",
+    "linearize",
+    "linearized_lqr",
     "load_model",
     "lqr",
+    "reference",
+    "regulating_grosmc",
     "simulate",
+    "tracking_grosmc",
     "write_film",
 ]
 

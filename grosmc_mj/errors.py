@@ -19,6 +19,10 @@ class ArgumentError(GrosmcError, ValueError):
     """An argument of the wrong kind, shape, sign or size."""
 
 
+class PremiseError(GrosmcError, ValueError):
+    """An assumption of the theory does not hold for this plant."""
+
+
 class GainError(GrosmcError, ValueError):
     """A gain that cannot be designed, for instance because G B is singular."""
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.memory import Memory
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
@@ -25,6 +29,30 @@ def constant_input(t: float, x: Any, memory: Any, p: Any) -> float:
     return p.u
 
 
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Two constant inputs, in the units of the plant's, (2,)."""
+
+    u: Array
+
+
+def constant_inputs(t: float, x: Any, memory: Any, p: Any) -> tuple[float, float]:
+    memory.v[0], memory.v[1] = p.u[0], p.u[1]
+    return (p.u[0], p.u[1])
+
+
+def held(u: float | tuple[float, float]) -> Controller:
+    """A controller that holds one input or two."""
+    if isinstance(u, tuple):
+        memory = partial(_memory_of_two_inputs)
+        return Controller("open loop", constant_inputs, Inputs(np.array(u)), memory)
+    return Controller("open loop", constant_input, Input(u))
+
+
+def _memory_of_two_inputs() -> Memory:
+    return Memory(v=np.zeros(2))
+
+
 @pytest.fixture(params=list(SYSTEMS))
 def name(request: pytest.FixtureRequest) -> str:
     """Each system in turn."""
@@ -38,6 +66,6 @@ def plant(name: str) -> MujocoPlant:
 
 
 @pytest.fixture
-def open_loop() -> Callable[[float], Controller]:
+def open_loop() -> Callable[[float | tuple[float, float]], Controller]:
     """A controller that holds u, whatever the state."""
-    return lambda u: Controller("open loop", constant_input, Input(u))
+    return held

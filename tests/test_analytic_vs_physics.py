@@ -19,7 +19,7 @@ from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
-OpenLoop = Callable[[float], Controller]
+OpenLoop = Callable[[float | tuple[float, float]], Controller]
 
 # Accelerations at random states
 
@@ -52,13 +52,13 @@ def disagreement(
     data, p, n = mujoco.MjData(model), twin.parameters, system.degrees_of_freedom
     rng, ratios = np.random.default_rng(seed), np.empty(states)
     for i in range(states):
-        x, u = random_state(system.name, rng), rng.normal(0, 5)
+        x, u = random_state(system.name, rng), rng.normal(0, 5, len(system.inputs))
         w = rng.normal(0, 5 * wrenches, (model.nbody - 1, 6))
-        data.qpos[:], data.qvel[:], data.ctrl[0], data.xfrc_applied[1:] = x[:n], x[n:], u, w
+        data.qpos[:], data.qvel[:], data.ctrl[:], data.xfrc_applied[1:] = x[:n], x[n:], u, w
         mujoco.mj_forward(model, data)
         terms = [
             system.drift(x, p),
-            np.multiply(system.input_matrix(x, p), u),
+            np.reshape(system.input_matrix(x, p), (2 * n, -1)) @ u,
             system.disturbance(x, w.ravel(), p),
         ]
         difference = twin.derivative(x, u, w.ravel())[n:] - data.qacc
@@ -72,10 +72,13 @@ def random_edits(name: str, rng: np.random.Generator) -> tuple[BodyEdit, ...]:
     def scale(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
-    body = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link"}[name]
+    body = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link", "two_link_arm": "lower"}[name]
     edits = (BodyEdit(body, scale(0.25, 4), scale(0.5, 4)),)
     if name == "cart_pendulum":
         edits += (BodyEdit("cart", scale(0.25, 4)),)
+    if name == "two_link_arm":
+        edits += (BodyEdit("upper", scale(0.25, 4), scale(0.5, 4)),)
+        edits += (BodyEdit("payload", scale(0.25, 4)),)
     return edits
 
 
@@ -98,9 +101,10 @@ def test_the_comparison_notices_one_part_in_a_million(plant: MujocoPlant) -> Non
     n = plant.system.degrees_of_freedom
     x = random_state(plant.system.name, np.random.default_rng(3))
     data = mujoco.MjData(plant.model)
-    data.qpos[:], data.qvel[:], data.ctrl[0] = x[:n], x[n:], 1.0
+    u = np.ones(len(plant.system.inputs))
+    data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
     mujoco.mj_forward(plant.model, data)
-    difference = np.max(np.abs(other.derivative(x, 1.0)[n:] - data.qacc))
+    difference = np.max(np.abs(other.derivative(x, u)[n:] - data.qacc))
     assert difference > 100 * AGREEMENT * np.max(np.abs(data.qacc))
 
 
@@ -146,15 +150,25 @@ def test_printed_arm_is_off_by_the_missing_rate() -> None:
 DURATION = 1.0
 # Starts, inputs and timesteps [s] at which the error of RK4 is above rounding: the servo is so
 # slow (J/B = 6.6 s) that its steps must be long.
-START = {"servo": (0.2, -1.0), "cart_pendulum": (0.0, 0.4, 0.0, 0.0), "arm": (-0.5, 1.0)}
-INPUT = {"servo": 1.5, "cart_pendulum": 2.0, "arm": 0.1}
+START = {
+    "servo": (0.2, -1.0),
+    "cart_pendulum": (0.0, 0.4, 0.0, 0.0),
+    "arm": (-0.5, 1.0),
+    "two_link_arm": (-1.3, 0.3, 0.5, 0.5),
+}
+INPUT = {"servo": 1.5, "cart_pendulum": 2.0, "arm": 0.1, "two_link_arm": (1.0, -0.5)}
 FOURTH = {
     "servo": (0.2, 0.1, 0.05, 0.025),
     "cart_pendulum": (0.02, 0.01, 0.005, 0.0025),
     "arm": (0.1, 0.05, 0.025, 0.0125),
+    "two_link_arm": (0.02, 0.01, 0.005, 0.0025),
 }
 FIRST = (0.01, 0.005, 0.0025, 0.00125)
-WRENCHES = ((0.1, 0.2, 0.3, 0.4, -0.05, 0.6), (-0.4, 0.3, 0.2, 0.1, 0.06, -0.2))
+WRENCHES = (
+    (0.1, 0.2, 0.3, 0.4, -0.05, 0.6),
+    (-0.4, 0.3, 0.2, 0.1, 0.06, -0.2),
+    (0.3, -0.1, -0.2, 0.5, 0.04, 0.1),
+)
 
 
 def constant_wrenches(name: str) -> list[Disturbance]:

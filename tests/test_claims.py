@@ -23,7 +23,7 @@ from rich.console import Console
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.claims import expected
-from grosmc_mj.claims.balance import switching_amplitude
+from grosmc_mj.claims.balance import switching_rate
 from grosmc_mj.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
 from grosmc_mj.claims.document import claim_document
 from grosmc_mj.claims.expected import load_expectations, verdict_differences
@@ -39,7 +39,7 @@ from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.designs import chapter_controller, controller_names
 from grosmc_mj.validation.runs import PlantName, Settings, case_plant
 
-SYSTEMS = ("servo", "cart_pendulum", "arm")
+SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # No force makes an unmatched error, and algebra has no plant.
 NO_PHYSICS = {"servo-unmatched", "servo-index-minimal", "proof-3"}
 BY_ID = {claim.id: claim for claim in CLAIMS}
@@ -380,13 +380,13 @@ def samples(law: Controller, count: int = 20) -> list[tuple[float, Array]]:
     return [(0.01 * k, random.uniform(-1, 1, n)) for k in range(count)]
 
 
-def inputs(law: Controller) -> tuple[list[float], list[float]]:
-    """u and, for a law with a surface, s of a law along the samples."""
+def inputs(law: Controller) -> tuple[Array, Array]:
+    """u and, for a law with a surface, s of a law along the samples, (count, m)."""
     memory, u, s = law.memory(), [], []
     for t, x in samples(law):
-        u.append(law.law(t, x, memory, law.parameters))
-        s.append(getattr(memory, "s", 0.0))
-    return u, s
+        u.append(np.atleast_1d(law.law(t, x, memory, law.parameters)))
+        s.append(np.array(getattr(memory, "s", [0.0])))
+    return np.array(u), np.array(s)
 
 
 @each_law
@@ -395,17 +395,17 @@ def test_wrong_sign_negates_the_input_exactly(system: str, name: str) -> None:
         inputs(sound(system, name)),
         inputs(faulty("wrong sign of u", system, name)),
     )
-    assert wrong == [-each for each in u]
-    assert s_wrong == s
+    assert np.array_equal(wrong, -u)
+    assert np.array_equal(s_wrong, s)
 
 
 @each_law
 def test_zero_gain_leaves_the_continuous_law(system: str, name: str) -> None:
     law = faulty("zero switching gain", system, name)
-    continuous = {"servo": "lqr", "cart_pendulum": "fl-lqr", "arm": "lqr"}
-    alone = sound(system, continuous[system] if name == "grosmc" else name)
+    continuous = "fl-lqr" if system == "cart_pendulum" else "lqr"
+    alone = sound(system, continuous if name == "grosmc" else name)
     assert inputs(law)[0] == pytest.approx(inputs(alone)[0], rel=1e-13)
-    assert switching_amplitude(law, np.array([0.3, -0.2]), 1.7) == 0
+    assert switching_rate(law, np.full(law.coordinates.size, 0.3), np.eye(1)) == 0
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -413,22 +413,24 @@ def test_surface_without_its_integral_is_the_projection_alone(system: str) -> No
     law = faulty("integral left out", system)
     assert law.error is not None
     z = np.array([law.error.state(t, x, law.parameters) for t, x in samples(law)])
-    assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G, abs=1e-13)
+    assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G.T, abs=1e-13)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_small_projection_scales_all_that_is_made_of_it(system: str) -> None:
     """Consistently: s is a hundredth, so eqs. (12) and (37) have an eta a hundred times as strong.
 
-    And G_c = G (A - B K), G B = G B still hold.
+    And S = G (A - B K), G B = G B and its inverse still hold.
     """
     law, p = faulty("G too small", system), sound(system, "grosmc").parameters
     small = law.parameters
-    for name in ("G", "GA_c", "GB"):
+    for name in ("G", "S", "GB", "size_of_GB"):
         assert getattr(small, name) == pytest.approx(0.01 * getattr(p, name), rel=1e-15)
     assert law.lqr is not None
-    assert pytest.approx(small.GA_c, rel=1e-12) == small.G @ law.lqr.closed_loop
-    assert pytest.approx((small.G @ law.lqr.B).item(), rel=1e-12) == small.GB
+    assert pytest.approx(small.S, rel=1e-12) == small.G @ law.lqr.closed_loop
+    assert pytest.approx(small.G @ law.lqr.B, rel=1e-12) == small.GB
+    assert small.GB @ small.GB_inverse == pytest.approx(np.eye(len(small.GB)), rel=1e-12)
+    assert small.size_of_GB == pytest.approx(np.linalg.norm(small.GB), rel=1e-12)
     for name in ("K", "eta", "gamma0", "gamma1", "k", "epsilon"):
         assert np.all(getattr(small, name, 0) == getattr(p, name, 0))
 
@@ -467,7 +469,7 @@ def test_mass_without_inertia_scales_the_mass_only(system: str, case: str, body:
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_dropped_edit_leaves_the_nominal_plant(system: str) -> None:
-    case = {"servo": "case2", "cart_pendulum": "case1", "arm": "case2"}[system]
+    case = "case1" if system == "cart_pendulum" else "case2"
     nominal = MujocoPlant.load(system).analytic().parameters
     assert faulty_plant("edit dropped", system, case).analytic().parameters == nominal
     edited = case_plant(find_case(system, case), "physics", Settings())
@@ -489,7 +491,7 @@ def test_gravity_is_turned_in_the_copy_only(system: str) -> None:
 def test_printed_physics_are_the_printed_equations(system: str) -> None:
     plant = faulty_plant("printed physics", system, "nominal")
     assert isinstance(plant, AnalyticPlant)
-    assert plant.variant == ("corrected" if system == "servo" else "printed")
+    assert plant.variant == ("printed" if system in ("cart_pendulum", "arm") else "corrected")
 
 
 @pytest.mark.parametrize("name", ["gravity upside down", "edit dropped", "printed physics"])

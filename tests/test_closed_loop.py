@@ -83,9 +83,8 @@ def close_loop(
         disturbances=spec.disturbances,
     )
     optimal = controller(system, OPTIMAL[system])
-    assert optimal.error is not None
     assert optimal.lqr is not None
-    z = optimal.error.along(trajectory.time, trajectory.state, ctl.parameters.reference)
+    z = optimal.coordinates.along(trajectory.time, trajectory.state, ctl.parameters)
     return Run(trajectory, optimal.lqr, z, optimal.lqr.optimal_trajectory(z[0], trajectory.time))
 
 
@@ -234,13 +233,12 @@ def reaching_amplitude(run: Run, ctl: Controller) -> float:
     p = ctl.parameters
     if hasattr(p, "epsilon"):
         return float(p.epsilon + p.k * np.abs(run.sliding).max())
-    error = ctl.error
-    assert error is not None
-    gain = abs(p.GB)
+    error = ctl.coordinates
+    gain = abs(p.GB.item())
     if ctl.lqr is not None and ctl.lqr.B[1, 0] == 1:  # feedback-linearized: (ds/dx) g = G B E
         x = run.trajectory.state[:-1]
         E = [error.dynamics(0.0, row, p)[1] for row in x[::50]]
-        gain = abs(p.GB) * np.abs(E).max()
+        gain = abs(p.GB.item()) * np.abs(E).max()
     return float(p.eta + (p.gamma0 + p.gamma1 * np.hypot(*run.z.T).max()) * gain)
 
 

@@ -28,7 +28,7 @@ from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
-OpenLoop = Callable[[float], Controller]
+OpenLoop = Callable[[float | tuple[float, float]], Controller]
 
 PUSH = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 ENGINES: tuple[Engine, ...] = ("python", "native")
@@ -220,7 +220,12 @@ def test_wrench_across_the_plane_does_nothing(
 
 # Gone after its window
 
-STARTS = {"servo": [0.3, 1.0], "cart_pendulum": [0.0, 0.2, 0.0, 0.5], "arm": [-0.4, 1.0]}
+STARTS = {
+    "servo": [0.3, 1.0],
+    "cart_pendulum": [0.0, 0.2, 0.0, 0.5],
+    "arm": [-0.4, 1.0],
+    "two_link_arm": [-1.2, 0.4, 0.5, -0.3],
+}
 WRENCH = (0.2, 0.1, -0.3, 0.4, 0.5, 0.6)
 
 
@@ -232,14 +237,15 @@ def test_wrench_acts_in_its_window_and_leaves_no_trace(
     """Bit by bit the undisturbed run before its window, and an undisturbed restart after it."""
     name, model = plant.system.name, plant if kind == "physics" else plant.analytic()
     push = Disturbance(plant.system.bodies[-1], WRENCH, Pulse(0.05, 0.08))
-    control = open_loop(0.3)
+    u = 0.3 if len(plant.system.inputs) == 1 else (0.3, 0.2)
+    control = open_loop(u)
     pushed = simulate(
         model, control, STARTS[name], duration=0.2, disturbances=[push], engine=engine
     )
     free = simulate(model, control, STARTS[name], duration=0.2, engine=engine)
     after = simulate(model, control, pushed.state[80], duration=0.12, engine=engine)
 
-    np.testing.assert_array_equal(pushed.input, 0.3)
+    np.testing.assert_array_equal(pushed.input, np.broadcast_to(u, pushed.input.shape))
     np.testing.assert_array_equal(pushed.state[:51], free.state[:51])
     assert np.all(np.any(pushed.state[51:] != free.state[51:], axis=1))
     np.testing.assert_array_equal(pushed.state[80:], after.state)

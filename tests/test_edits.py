@@ -19,7 +19,13 @@ from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import load_model, load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
-MOVING = [("servo", "rotor"), ("cart_pendulum", "cart"), ("cart_pendulum", "pole"), ("arm", "link")]
+MOVING = [
+    ("servo", "rotor"),
+    ("cart_pendulum", "cart"),
+    ("cart_pendulum", "pole"),
+    ("arm", "link"),
+    ("two_link_arm", "payload"),
+]
 SCALES = [(4.0, 4.0), (0.3, 1.0), (1.0, 0.7), (2.5, 0.4)]
 every_body = pytest.mark.parametrize(("name", "body"), MOVING)
 every_scale = pytest.mark.parametrize(("a", "b"), SCALES)

@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from two_link_oracle import TwoLinkParameters, tip
 
 from grosmc_mj.errors import ArgumentError, DivergenceError
 from grosmc_mj.plants import SYSTEMS
@@ -28,8 +29,8 @@ from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.validation.cases import Case, find_case
-from grosmc_mj.validation.designs import chapter_controller
+from grosmc_mj.validation.cases import TWO_LINK_START, Case, find_case
+from grosmc_mj.validation.designs import TWO_LINK_CIRCLE, TWO_LINK_TIP, chapter_controller
 from grosmc_mj.validation.films import film_of, films_of
 from grosmc_mj.validation.runs import RunResult, Settings, run_case
 
@@ -45,7 +46,12 @@ SMALL = Format(width=480, height=320, fps=10)
 PICTURE = (320, 240)
 SIZES = [(320, 240), (480, 320), (1280, 720), (3840, 2160), (320, 2160), (3840, 240)]
 GREEN = palette.red_green_blue(palette.DISTURBANCE)
-STARTS = {"servo": [0.0, 0.0], "cart_pendulum": [0.0, -0.15, 0.0, 0.0], "arm": [0.5, math.pi]}
+STARTS = {
+    "servo": [0.0, 0.0],
+    "cart_pendulum": [0.0, -0.15, 0.0, 0.0],
+    "arm": [0.5, math.pi],
+    "two_link_arm": TWO_LINK_START,
+}
 # A torque about each system's joint is the last three of these [N, N m].
 FORCE, TORQUE = np.array([3.0, 0.0, -4.0]), np.array([0.0, 2.0, 0.0])
 # Positions in a scene are single precision: 1e-7 of some metres.
@@ -198,10 +204,17 @@ def test_start_and_end_of_a_run_are_no_recording_of_it() -> None:
         Film("A film", plant("servo").model, (Take("LQR", "#D55E00", run),))
 
 
-@pytest.mark.parametrize("ghost", [np.zeros(500), np.zeros((501, 1)), np.zeros(()), [1.0]])
+@pytest.mark.parametrize("ghost", [np.zeros(500), np.zeros((501, 2)), np.zeros(()), [1.0]])
 def test_a_ghost_needs_one_coordinate_an_instant(ghost: Any) -> None:
-    with pytest.raises(ArgumentError, match=r"LQR: the ghost has shape \(.*must be \(501,\)"):
+    with pytest.raises(ArgumentError, match=r"LQR: the ghost has shape \(.*must be \(501, 1\)"):
         Take("LQR", "#D55E00", short_run("servo"), ghost=ghost)
+
+
+def test_one_coordinate_may_be_given_as_a_row_or_as_a_column() -> None:
+    values = np.linspace(0, 1, 501)
+    for ghost in (values, values[:, None], values.tolist()):
+        take = Take("LQR", "#D55E00", short_run("servo"), ghost=ghost)
+        np.testing.assert_array_equal(take.ghosts, values[:, None])
 
 
 def test_a_film_of_two_cases_or_of_an_analytic_plant_is_refused() -> None:
@@ -300,7 +313,8 @@ def test_the_last_frame_says_that_the_only_run_ended_early() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "camera"), [("servo", "fixed"), ("cart_pendulum", "follow"), ("arm", "fixed")]
+    ("system", "camera"),
+    [("servo", "fixed"), ("cart_pendulum", "follow"), ("arm", "fixed"), ("two_link_arm", "fixed")],
 )
 def test_the_default_camera_moves_along_where_something_travels(system: str, camera: str) -> None:
     film = short_film(SMALL, system)
@@ -600,7 +614,7 @@ def test_the_model_that_is_filmed_is_left_as_it_was() -> None:
 
 # Arrows and arcs
 
-BODIES = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link"}
+BODIES = {"servo": "rotor", "cart_pendulum": "pole", "arm": "link", "two_link_arm": "lower"}
 
 
 def copied(geoms: Any) -> list[dict[str, Any]]:
@@ -796,8 +810,9 @@ def test_where_the_reference_rests_the_ghost_is_the_nominal_optimum(system: str)
         assert take.ghost is not None
         y = take.run.state[:, take.run.system.output]
         goal = {"servo": 1.0, "cart_pendulum": 0.0}[system]
-        assert take.ghost[0] == pytest.approx(y[0], abs=1e-12)
-        assert abs(take.ghost[-1] - goal) < 0.02 * abs(take.ghost[0] - goal)
+        ghost = take.ghosts[:, 0]
+        assert ghost[0] == pytest.approx(y[0], abs=1e-12)
+        assert abs(ghost[-1] - goal) < 0.02 * abs(ghost[0] - goal)
 
 
 def test_the_ghost_of_the_nominal_servo_is_what_lqr_makes_of_it() -> None:
@@ -805,7 +820,25 @@ def test_the_ghost_of_the_nominal_servo_is_what_lqr_makes_of_it() -> None:
     take = case_film("servo", "nominal").takes[0]
     assert take.ghost is not None
     # A law sampled every millisecond lags half of one behind: 1e-3 of the step's rate.
-    np.testing.assert_allclose(take.ghost, take.run.state[:, 0], rtol=0, atol=2e-3)
+    np.testing.assert_allclose(take.ghosts, take.run.state[:, :1], rtol=0, atol=2e-3)
+
+
+def test_ghost_of_two_outputs_has_the_reference_in_both_joints() -> None:
+    """The circle is the tip's: the ghost's joints are those that put it there."""
+    film = case_film("two_link_arm", "nominal")
+    assert (film.ghost_label, film.ghost_symbol) == ("reference", "yᵣ")
+    p = TwoLinkParameters.from_model(plant("two_link_arm").model)
+    for take in film.takes:
+        assert take.ghosts.shape == (len(take.run.time), 2)
+        # The elbow stays on the side that the run is on.
+        assert np.all(take.ghosts[:, 1] < 0)
+        for t, q in zip(take.run.time[::100], take.ghosts[::100], strict=True):
+            expected = TWO_LINK_TIP.reference(float(t), TWO_LINK_CIRCLE)
+            np.testing.assert_allclose(tip(q, p), [expected[0], expected[3]], rtol=0, atol=1e-8)
+        board = storyboard(replace(film, takes=(take,)))
+        assert board.controlled == (0, 1)
+        assert board.scenes[0].ghost is not None
+        assert board.scenes[0].ghost.shape == (len(board.times), 2)
 
 
 def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
@@ -813,7 +846,7 @@ def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
     assert (film.ghost_label, film.ghost_symbol) == ("reference", "yᵣ")
     for take in film.takes:
         expected = np.sin(math.pi * take.run.time)
-        np.testing.assert_allclose(np.asarray(take.ghost), expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(take.ghosts, expected[:, None], rtol=0, atol=1e-9)
 
 
 # Colours and names
@@ -821,9 +854,10 @@ def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
 
 @pytest.mark.parametrize("case", ["nominal", "case1"])
 def test_takes_have_the_palettes_colours_and_names(case: str) -> None:
-    film = case_film("cart_pendulum", case, SMALL, ("lqr", "fl-lqr", "grosmc"))
-    assert [take.colour for take in film.takes] == list(palette.COLOURS.values())
-    assert [take.label for take in film.takes] == list(palette.LABELS.values())
+    names = ("lqr", "fl-lqr", "grosmc")
+    film = case_film("cart_pendulum", case, SMALL, names)
+    assert [take.colour for take in film.takes] == [palette.COLOURS[name] for name in names]
+    assert [take.label for take in film.takes] == [palette.LABELS[name] for name in names]
     assert not any(take.ended for take in film.takes)
     reversed_film = case_film("cart_pendulum", case, SMALL, ("grosmc", "lqr"))
     assert [take.colour for take in reversed_film.takes] == ["#0072B2", "#D55E00"]

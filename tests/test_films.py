@@ -238,7 +238,7 @@ def test_the_poster_is_the_telling_frame_itself(written: Written, pair: Shot) ->
 def test_the_poster_shows_a_run_at_its_furthest_from_the_ghost(pair: Shot) -> None:
     def distance(index: int) -> float:
         rows = [(take, pair.film.rows(take)[index]) for take in pair.film.takes]
-        return max(abs(float(t.run.state[row, 1] - np.asarray(t.ghost)[row])) for t, row in rows)
+        return max(abs(float(t.run.state[row, 1] - t.ghosts[row, 0])) for t, row in rows)
 
     distances = [distance(index) for index in range(len(pair.frames))]
     assert distances[pair.board.telling] == max(distances) > 0
@@ -364,7 +364,7 @@ def pose(board: Storyboard, index: int, *, ghost: bool = False) -> mujoco.MjData
     mujoco.mj_setState(board.model, data, scene.physics[index], mujoco.mjtState.mjSTATE_FULLPHYSICS)
     if ghost:
         assert scene.ghost is not None
-        data.qpos[board.output] = scene.ghost[index]
+        data.qpos[list(board.controlled)] = scene.ghost[index]
     mujoco.mj_forward(board.model, data)
     return data
 

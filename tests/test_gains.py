@@ -11,19 +11,28 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Task, linear_grosmc
+from grosmc_mj.control.design import Task, linear_grosmc, regulating_grosmc
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
-from grosmc_mj.control.gains import SwitchingGains, Uncertainty, switching_gains
+from grosmc_mj.control.gains import (
+    SwitchingGains,
+    Uncertainty,
+    authority,
+    switching_gains,
+)
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.references import setpoint
+from grosmc_mj.control.references import Setpoint, setpoint
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.plants import SERVO, AnalyticPlant
+from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, System
 from grosmc_mj.plants.cart_pendulum import pole_torque
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.validation.designs import (
+    ARM_ERROR,
+    ARM_REFERENCE,
+    ARM_WEIGHTS,
     PENDULUM_DISTURBANCE,
     PENDULUM_ERROR,
     PENDULUM_UPRIGHT,
@@ -94,19 +103,18 @@ def points(plant: AnalyticPlant, uncertainty: Uncertainty, count: int) -> Iterat
 
 def shortfall(ctl: Controller, at: Point, rate: float) -> float:
     """How far s' sgn(s) exceeds -rate at a point, with s' from the true plant's equations."""
-    p, error = ctl.parameters, ctl.error
-    assert error is not None
+    p, error = ctl.parameters, ctl.coordinates
     position = error.system.output
     velocity = position + error.system.degrees_of_freedom
     x = np.zeros(len(error.system.states))
     x[position] = p.reference.value + error.sign * at.z[0]
     x[velocity] = error.sign * at.z[1]
-    memory = SurfaceMemory(z0=at.z - at.side * p.G / (p.G @ p.G), t=1.0)
+    memory = SurfaceMemory(z0=at.z - at.side * p.G[0] / (p.G[0] @ p.G[0]), t=1.0)
     u = ctl.law(1.0, x, memory, p)
-    assert np.sign(memory.s) == at.side
+    assert np.sign(memory.s).tolist() == [at.side]
     dx = at.plant.derivative(x, u, at.wrench)
     dz = error.sign * np.array([dx[position], dx[velocity]])
-    return float((p.G @ dz - p.GA_c @ at.z) * at.side + rate)
+    return float((p.G @ dz - p.S @ at.z).item() * at.side + rate)
 
 
 def with_gain(ctl: Controller, name: str, factor: float) -> Controller:
@@ -118,13 +126,12 @@ def with_gain(ctl: Controller, name: str, factor: float) -> Controller:
 def test_reaching_condition_holds_for_the_whole_declared_family(system):
     """s' s <= -eta |s|, eqs. (14) and (39), with the eta that was declared."""
     ctl, uncertainty = robust(system), family(system)
-    p, error = ctl.parameters, ctl.error
-    assert error is not None
+    p, error = ctl.parameters, ctl.coordinates
     for at in points(nominal(system), uncertainty, 200):
         short = shortfall(ctl, at, uncertainty.reaching_rate)
         # What gamma1 contributes to |s'|, at most, and so what the grid can miss.
         E = error.dynamics(0.0, np.zeros(4), replace(p, plant=at.plant.parameters))[1]
-        missed = GRID * abs(p.G[1] * E) * p.gamma1 * np.hypot(*at.z)
+        missed = GRID * abs(p.G[0, 1] * E.item()) * p.gamma1 * np.hypot(*at.z)
         assert short <= missed + 1e-9, f"short by {short:g} at {at}"
 
 
@@ -162,7 +169,7 @@ def test_gains_of_the_servo_are_the_closed_forms():
     p: Any = nominal("servo").parameters
     gains = robust("servo").parameters
     K = gains.K
-    gamma1 = 2 * math.hypot(K[0], K[1] - p.B / p.Kt)
+    gamma1 = 2 * math.hypot(K[0, 0], K[0, 1] - p.B / p.Kt)
 
     assert gains.gamma0 == pytest.approx(1.0 / p.Kt, rel=1e-12)
     assert (1 - GRID) * gamma1 <= gains.gamma1 <= gamma1 * (1 + 1e-12)
@@ -212,7 +219,7 @@ def test_pole_torque_is_a_hundredth_of_a_radian_per_second_squared():
 
 def gains_of(error: ErrorCoordinates, uncertainty: Uncertainty, **options: Any) -> SwitchingGains:
     p = robust(error.system.name).parameters
-    return switching_gains(error, p, p.K, uncertainty, **options)
+    return switching_gains(error, p, p.K, uncertainty, G=p.G, **options)
 
 
 @pytest.mark.parametrize(
@@ -240,19 +247,77 @@ def test_larger_family_needs_larger_gains():
     assert pushed.gamma1 == small.gamma1
 
 
-def reversing_input(x: Any, p: Any) -> tuple[float, float]:
+def reversing_servo() -> System:
     """A servo whose input acts backwards beyond half of its torque constant more."""
-    return (0.0, (1.0 - p.Kt) / p.J)
+    J, Kt = sp.symbols("J Kt")
+    equations = replace(SERVO.equations, g=(0, (1 - Kt) / J))
+    return replace(SERVO, equations=equations)
 
 
 @pytest.mark.parametrize("scale", [2.0, 1 / 0.667])
 def test_family_that_reverses_or_loses_the_input_is_refused(scale):
     """No gain helps where E*/E <= 0: the message says which ratio, where."""
-    error = ErrorCoordinates(replace(SERVO, input_matrix=reversing_input), setpoint, -1)
+    error = ErrorCoordinates(reversing_servo(), setpoint, -1)
     uncertainty = Uncertainty({"Kt": (1.0, scale)}, (0.0,) * 6, (1.0, 1.0), 0.2)
     p = robust("servo").parameters
     with pytest.raises(GainError, match=r"servo: the input gain of a declared plant is .* at z ="):
-        switching_gains(error, p, p.K, uncertainty, linearizing=False)
+        switching_gains(error, p, p.K, uncertainty, linearizing=False, G=p.G)
+
+
+def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
+    """An arm held at 0.3 rad with up to twice its payload: m g l cos q is not all cancelled.
+
+    By hand, at z = 0: alpha* - E*/E alpha = -(G* - G)/M*, where G* - G is the torque
+    (m* - m) g l cos q. It is divided by the true E* = 1/M*(q) wherever the arm may be: most at
+    the highest q of the region.
+    """
+    plant, held = nominal("arm"), 0.3
+    p: Any = plant.parameters
+    doubled = Uncertainty({"m": (1.0, 2.0)}, (0.0,) * 12, (0.5, 1.0), 0.2)
+    task = Task(plant, ErrorCoordinates(ARM, setpoint), Setpoint(held), *ARM_WEIGHTS)
+    ctl = regulating_grosmc(task, doubled)
+    torque = p.m * p.g * p.l * math.cos(held)
+    M = [p.J + 2 * p.m * p.l**2 + p.M_c * (1 + math.sin(q)) for q in (held, held + 0.5)]
+    assert ctl.parameters.gamma0 == pytest.approx(torque * M[1] / M[0], rel=1e-9)
+    for at in points(plant, doubled, 200):
+        missed = GRID * abs(ctl.parameters.G[0, 1]) / p.J * ctl.parameters.gamma1
+        short = shortfall(ctl, at, doubled.reaching_rate)
+        assert short <= missed * np.hypot(*at.z) + 1e-9, f"short by {short:g} at {at}"
+    without = with_gain(ctl, "gamma0", 0.0)
+    worst = max(shortfall(without, at, doubled.reaching_rate) for at in points(plant, doubled, 20))
+    assert worst > doubled.reaching_rate
+
+
+def test_gains_for_a_reference_that_moves_are_refused() -> None:
+    """y_r'' is a push of its own, which no bound in |z| covers."""
+    plant = nominal("arm")
+    certain = Uncertainty({}, (0.0,) * 12, (0.5, 1.0), 0.2)
+    task = Task(plant, ARM_ERROR, ARM_REFERENCE, *ARM_WEIGHTS)
+    with pytest.raises(GainError, match=r"arm: the reference moves.*give k and epsilon instead"):
+        regulating_grosmc(task, certain)
+
+
+@pytest.mark.parametrize("region", [(1.0,), (1.0, 1.0, 1.0)])
+def test_region_of_another_size_than_the_error_state_is_refused(region: tuple[float, ...]) -> None:
+    message = f"servo: the operating region has {len(region)} bounds, the error state 2 entries"
+    with pytest.raises(GainError, match=message):
+        gains_of(SERVO_ERROR, replace(SERVO_UNCERTAINTY, region=region), linearizing=False)
+
+
+def test_authority_over_one_input_is_the_ratio_of_the_gains() -> None:
+    assert authority(np.array([[0.6]]), np.array([[-3.0]])) == pytest.approx(-0.2, rel=1e-15)
+
+
+def test_authority_over_several_inputs_is_what_the_worst_signs_leave() -> None:
+    """min over rows and over all sides of (R sgn s)_i sgn s_i, by trying all of them."""
+    random = np.random.default_rng(4)
+    for m in (2, 3):
+        for _ in range(50):
+            steered, believed = random.normal(size=(2, m, m)) + 2 * np.eye(m)
+            R = steered @ np.linalg.inv(believed)
+            sides = [np.array(side) for side in itertools.product((-1.0, 1.0), repeat=m)]
+            worst = min(float((side * (R @ side)).min()) for side in sides)
+            assert authority(steered, believed) == pytest.approx(worst, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import FeedbackParameters
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
-from grosmc_mj.control.laws import norm, sgn
-from grosmc_mj.control.memory import SurfaceMemory
+from grosmc_mj.control.memory import Memory, SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Sine, setpoint, sine
 from grosmc_mj.control.surface import integral_surface
+from grosmc_mj.control.switching import sgn
+from grosmc_mj.control.vectors import norm
 from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -58,8 +59,7 @@ def controller(system: str, name: str) -> Controller:
 
 
 def coordinates(ctl: Controller) -> ErrorCoordinates:
-    assert ctl.error is not None
-    return ctl.error
+    return ctl.coordinates
 
 
 def states(system: str, count: int, seed: int = 0) -> Array:
@@ -80,15 +80,20 @@ def error_rate(ctl: Controller, plant: AnalyticPlant, t: float, x: Array, u: flo
 
 def off_surface(ctl: Controller, t: float, x: Array, s: float) -> SurfaceMemory:
     """Memory of a run that is off its surface by s when it reaches x at t > 0."""
-    z, G = np.array(coordinates(ctl).state(t, x, ctl.parameters)), ctl.parameters.G
+    z, G = np.array(coordinates(ctl).state(t, x, ctl.parameters)), ctl.parameters.G[0]
     return SurfaceMemory(z0=z - s * G / (G @ G), t=t)
+
+
+def weighed(memory: Memory) -> float:
+    """v of a law of one input."""
+    return float(np.asarray(memory.v).item())
 
 
 def surface_rate(ctl: Controller, plant: AnalyticPlant, t: float, x: Array, u: float) -> float:
     """s' = G z' - G (A - B K) z of eqs. (9), (32) and (52)."""
     p = ctl.parameters
     z = np.array(coordinates(ctl).state(t, x, p))
-    return float(p.G @ error_rate(ctl, plant, t, x, u) - p.GA_c @ z)
+    return float((p.G @ error_rate(ctl, plant, t, x, u) - p.S @ z).item())
 
 
 # The surface
@@ -110,13 +115,13 @@ def test_surface_is_exactly_zero_at_any_start(system, data):
     memory = ctl.memory()
     ctl.law(0.0, np.array(x), memory, ctl.parameters)
     assert isinstance(memory, SurfaceMemory)
-    assert memory.s == 0.0
+    assert memory.s.tolist() == [0.0]
 
 
 @dataclass(frozen=True)
 class Surface:
     G: Array
-    GA_c: Array
+    S: Array
 
 
 def test_surface_is_the_exact_integral_up_to_half_a_sample():
@@ -124,17 +129,19 @@ def test_surface_is_the_exact_integral_up_to_half_a_sample():
 
     With z = [sin t, cos 2t] every term of eq. (31) is known.
     """
-    p, end, remainders = Surface(np.array([0.7, -1.3]), np.array([2.0, 0.5])), 2.0, []
+    p, end, remainders = Surface(np.array([[0.7, -1.3]]), np.array([[2.0, 0.5]])), 2.0, []
+    surface = integral_surface(1, 2)
 
     def z(t: float) -> Array:
         return np.array([math.sin(t), math.cos(2 * t)])
 
-    exact = p.G @ (z(end) - z(0)) - p.GA_c @ [1 - math.cos(end), math.sin(2 * end) / 2]
+    integral = np.array([1 - math.cos(end), math.sin(2 * end) / 2])
+    exact = (p.G @ (z(end) - z(0)) - p.S @ integral).item()
     for N in (50, 100, 200):
         memory, T, s = SurfaceMemory(), end / N, math.nan
         for k in range(N + 1):
-            s = integral_surface(k * T, z(k * T), memory, p)
-        half_a_sample = T / 2 * (p.GA_c @ (z(end) - z(0)))
+            (s,) = surface(k * T, z(k * T), memory, p)
+        half_a_sample = T / 2 * (p.S @ (z(end) - z(0))).item()
         assert abs(s - exact) < 1.1 * abs(half_a_sample)
         remainders.append(abs(s - exact - half_a_sample))
     # O(T^2) with a next term in T^4: a quarter up to T^2 = 1.6e-3 times a number of order one.
@@ -166,14 +173,14 @@ def test_switching_term_meets_the_input_gain_GB_times_E(system):
         def s(x: Array, x0: Array = x) -> float:
             memory = off_surface(ctl, t, x0, 0.0)
             ctl.law(t, x, memory, p)
-            return memory.s
+            return float(memory.s.item())
 
         n = len(x)
         gradient = [(s(x + d) - s(x - d)) / (2 * step) for d in step * np.eye(n)]
         g = np.array(plant.system.input_matrix(x, plant.parameters))
-        E = 1.0 if system == "servo" else error.dynamics(t, x, p)[1]
+        E = np.eye(1) if system == "servo" else error.dynamics(t, x, p)[1]
         # s is linear in x, so the difference only rounds: 1e-16 * |s| / step.
-        assert gradient @ g == pytest.approx(p.GB * E, rel=1e-7)
+        assert gradient @ g == pytest.approx((p.GB @ E).item(), rel=1e-7)
 
 
 # The continuous and the switching part
@@ -187,7 +194,7 @@ def test_law_on_the_surface_is_the_optimal_law(system):
         memory = robust.memory()
         u = robust.law(0.0, x, memory, robust.parameters)
         assert isinstance(memory, SurfaceMemory)
-        assert memory.s == 0
+        assert memory.s.tolist() == [0]
         assert u == optimal.law(0.0, x, optimal.memory(), optimal.parameters)
 
 
@@ -215,13 +222,13 @@ def test_switching_part_drives_s_at_the_rate_of_the_proofs(system, s):
         memory = off_surface(ctl, t, x, s)
         u = ctl.law(t, x, memory, p)
         # s is a difference of numbers of the size of z.
-        assert memory.s == pytest.approx(s, abs=1e-14)
-        z, E = error.state(t, x, p), error.dynamics(t, x, p)[1]
+        assert memory.s.item() == pytest.approx(s, abs=1e-14)
+        z, E = error.state(t, x, p), error.dynamics(t, x, p)[1].item()
         if system == "arm":
-            expected = -(p.k * memory.s + p.epsilon * np.sign(s))
+            expected = -(p.k * memory.s.item() + p.epsilon * np.sign(s))
         else:
-            gain = abs(p.GB * (1.0 if system == "servo" else E))
-            expected = -(p.eta + (p.gamma0 + p.gamma1 * np.hypot(*z)) * gain) * np.sign(s)
+            gain = abs(p.GB.item() * (1.0 if system == "servo" else E))
+            expected = -(p.eta + (p.gamma0 + p.gamma1 * math.hypot(*z)) * gain) * np.sign(s)
         terms = np.abs(plant.derivative(x, u)).max() * np.abs(p.G).max()
         rate = surface_rate(ctl, plant, t, x, u)
         assert rate == pytest.approx(expected, rel=0, abs=ROUNDING * max(1, terms))
@@ -243,9 +250,10 @@ def test_feedback_linearization_leaves_a_chain_of_integrators(system, law):
     for x in states(system, 100):
         memory = off_surface(ctl, t, x, 0.3) if law == "grosmc" else ctl.memory()
         u = ctl.law(t, x, memory, ctl.parameters)
-        terms = max(np.abs(plant.derivative(x, u)).max(), abs(memory.v))
+        v = weighed(memory)
+        terms = max(np.abs(plant.derivative(x, u)).max(), abs(v))
         rate = error_rate(ctl, plant, t, x, u)
-        assert rate[1] == pytest.approx(memory.v, rel=0, abs=ROUNDING * max(1, terms))
+        assert rate[1] == pytest.approx(v, rel=0, abs=ROUNDING * max(1, terms))
 
 
 @linearizing
@@ -256,7 +264,7 @@ def test_feedback_linearization_misses_on_the_printed_equations(system, law):
     for x in states(system, 100):
         memory = ctl.memory()
         u = ctl.law(0.0, x, memory, ctl.parameters)
-        misses.append(abs(error_rate(ctl, plant, 0.0, x, u)[1] - memory.v))
+        misses.append(abs(error_rate(ctl, plant, 0.0, x, u)[1] - weighed(memory)))
     # The arm's error is 0.03 cos q |q'| |1 - q'| / M: of order 1 at rates of 3 rad/s.
     assert np.median(misses) > 0.1, f"median miss {np.median(misses):g} rad/s^2"
 
@@ -270,7 +278,7 @@ def test_tracking_law_leaves_e_as_a_chain_of_integrators_along_a_moving_referenc
         u = ctl.law(t, x, memory, ctl.parameters)
         ddq = plant.derivative(x, u)[1]
         e2_rate = ddq + math.pi**2 * math.sin(math.pi * t)
-        assert e2_rate == pytest.approx(memory.v, rel=0, abs=ROUNDING * max(1, abs(ddq)))
+        assert e2_rate == pytest.approx(weighed(memory), rel=0, abs=ROUNDING * max(1, abs(ddq)))
 
 
 @pytest.mark.parametrize(
@@ -301,16 +309,16 @@ def test_law_says_where_it_is_undefined_and_stays_finite(system, law, x, defined
 
 def test_laws_leave_their_numbers_alone_and_keep_no_memory_of_their_own():
     ctl, x = controller("cart_pendulum", "grosmc"), np.array([0.0, 0.2, 0.0, -0.4])
-    before = (ctl.parameters.G.copy(), ctl.parameters.GA_c.copy(), ctl.parameters.K.copy())
+    p, names = ctl.parameters, ("G", "S", "K", "GB", "GB_inverse")
+    before = {name: getattr(p, name).copy() for name in names}
 
     def run() -> list[float]:
         memory = ctl.memory()
-        return [ctl.law(1e-3 * k, x * k, memory, ctl.parameters) for k in range(4)]
+        return [ctl.law(1e-3 * k, x * k, memory, p) for k in range(4)]
 
     assert run() == run()
-    after = (ctl.parameters.G, ctl.parameters.GA_c, ctl.parameters.K)
-    for old, new in zip(before, after, strict=True):
-        np.testing.assert_array_equal(old, new)
+    for name, old in before.items():
+        np.testing.assert_array_equal(old, getattr(p, name))
 
 
 # Error coordinates and references
@@ -333,7 +341,7 @@ def test_reference_gives_its_own_derivatives(reference, p, t):
 def test_jacobian_of_the_servo_is_its_linear_equation_18():
     plant = nominal("servo")
     p: Any = plant.parameters
-    A, B = SERVO_ERROR.jacobian(FeedbackParameters(p, SERVO_STEP, np.zeros(2)))
+    A, B = SERVO_ERROR.jacobian(FeedbackParameters(p, SERVO_STEP, np.zeros((1, 2))))
     np.testing.assert_allclose(A, [[0, 1], [0, -p.B / p.J]], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(B, [[0], [-p.Kt / p.J]], rtol=1e-9)
 
@@ -341,7 +349,7 @@ def test_jacobian_of_the_servo_is_its_linear_equation_18():
 def test_jacobian_of_the_pendulum_is_the_linearized_lagrangian():
     """Upright: theta'' = (g theta + u/(M+m)) / (L (4/3 - m/(M+m)))."""
     p: Any = nominal("cart_pendulum").parameters
-    A, B = PENDULUM_ERROR.jacobian(FeedbackParameters(p, Setpoint(0.0), np.zeros(2)))
+    A, B = PENDULUM_ERROR.jacobian(FeedbackParameters(p, Setpoint(0.0), np.zeros((1, 2))))
     inertia = p.L * (4 / 3 - p.m / (p.M + p.m))
     np.testing.assert_allclose(A, [[0, 1], [p.g / inertia, 0]], rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(B, [[0], [1 / (p.M + p.m) / inertia]], rtol=1e-7)
@@ -350,8 +358,11 @@ def test_jacobian_of_the_pendulum_is_the_linearized_lagrangian():
 def test_errors_along_a_trajectory_are_those_that_the_law_sees():
     time, p = np.linspace(0, 1, 11), controller("arm", "lqr").parameters
     x = states("arm", 11)
-    z = ARM_ERROR.along(time, x, ARM_REFERENCE)
+    assert p.reference == ARM_REFERENCE
+    z = ARM_ERROR.along(time, x, p)
     for row, t, state in zip(z, time, x, strict=True):
         np.testing.assert_array_equal(row, ARM_ERROR.state(float(t), state, p))
-    servo = SERVO_ERROR.along(time, x, SERVO_STEP)
+    numbers = controller("servo", "lqr").parameters
+    assert numbers.reference == SERVO_STEP
+    servo = SERVO_ERROR.along(time, x, numbers)
     np.testing.assert_array_equal(servo, np.stack([1 - x[:, 0], -x[:, 1]], axis=1))

@@ -14,6 +14,7 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.designs import chapter_controller
 from grosmc_mj.validation.metrics import (
+    Comparison,
     compare_with_optimum,
     measure,
     overshoot,
@@ -140,6 +141,29 @@ def test_the_transient_ends_where_the_disturbance_begins(servo_lqr: Controller) 
     assert transient["settling_time"].value == pytest.approx(3.99, abs=0.05)
     assert transient["overshoot"].value == pytest.approx(0, abs=1e-9)
     assert transient["deviation"] == whole["deviation"]
+
+
+def test_comparison_is_in_the_output_s_own_coordinate(servo_lqr: Controller) -> None:
+    """The servo's error is theta_d - theta: its optimum is theta, its reference theta_d."""
+    run = optimal_run(servo_lqr)
+    found = compare_with_optimum(run, servo_lqr)
+    assert found.outputs == (0,)
+    assert found.reference.shape == found.optimum.shape == (len(TIME), 1)
+    np.testing.assert_array_equal(found.reference, 1.0)
+    np.testing.assert_allclose(found.optimum[:, 0], run.state[:, 0], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.error, found.z[:, 0])
+    np.testing.assert_array_equal(found.deviation, found.z[:, 0] - found.optimal[:, 0])
+
+
+def test_error_of_several_outputs_is_the_norm_of_theirs() -> None:
+    """Columns of z that are no outputs do not count."""
+    random = np.random.default_rng(0)
+    z, optimal = random.normal(size=(2, 50, 3))
+    nothing = np.zeros((50, 2))
+    found = Comparison(np.arange(50.0), z, optimal, (0, 2), nothing, nothing)
+    np.testing.assert_allclose(found.error, np.hypot(z[:, 0], z[:, 2]), rtol=1e-15)
+    away = z - optimal
+    np.testing.assert_allclose(found.deviation, np.hypot(away[:, 0], away[:, 2]), rtol=1e-15)
 
 
 def test_every_metric_has_a_unit_or_says_why_not(servo_lqr: Controller) -> None:

@@ -94,8 +94,9 @@ def test_the_system_names_the_model_in_the_order_of_the_state(name: str) -> None
     model, system = load_model(name), SYSTEMS[name]
     assert tuple(model.body(i).name for i in range(1, model.nbody)) == system.bodies
     assert tuple(model.joint(i).name for i in range(model.njnt)) == system.joints
-    assert (model.nq, model.nv, model.nu) == (len(system.joints), len(system.joints), 1)
-    assert model.actuator(0).name == system.actuator
+    assert (model.nq, model.nv) == (len(system.joints), len(system.joints))
+    assert tuple(model.actuator(i).name for i in range(model.nu)) == system.actuators
+    assert model.nu == (2 if name == "two_link_arm" else 1)
 
 
 def test_there_are_a_fixed_and_a_moving_camera_and_light(name: str) -> None:
@@ -189,6 +190,33 @@ def test_broken_mjcf_is_one_line_of_model_error(
     with pytest.raises(ModelError, match="servo") as caught:
         load("servo")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ('name="current"', 'name="voltage"', r"joints \('shaft',\) and actuators \('voltage',\)"),
+        ('name="shaft"', 'name="axle"', r"joints \('axle',\) and actuators \('current',\)"),
+        (
+            "</actuator>",
+            '<motor name="second" joint="shaft"/></actuator>',
+            r"joints \('shaft',\) and actuators \('current', 'second'\)",
+        ),
+    ],
+)
+def test_model_with_other_joints_or_actuators_is_refused(
+    old: str, new: str, found: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def changed(text: str) -> str:
+        text = text.replace(old, new)
+        return text.replace('joint="shaft"', 'joint="axle"') if new == 'name="axle"' else text
+
+    copy_models(tmp_path, changed)
+    monkeypatch.setattr(models, "_FOLDERS", (tmp_path,))
+    with pytest.raises(ModelError) as caught:
+        _ = MujocoPlant.load("servo").model
+    pattern = rf"servo: the model has {found}, must have \('shaft',\) and \('current',\)"
+    assert re.fullmatch(pattern, str(caught.value)), caught.value
 
 
 # Whether they are the chapter's systems

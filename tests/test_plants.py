@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -24,6 +25,7 @@ from grosmc_mj.plants import (
     ArmParameters,
     CartPendulumParameters,
     ServoParameters,
+    TwoLinkParameters,
     Variant,
     find_system,
 )
@@ -33,10 +35,14 @@ from grosmc_mj.simulation.models import load_model, load_spec
 SERVO_NUMBERS = ServoParameters(J=5.77e-2, B=8.8e-3, Kt=0.667)
 PENDULUM_NUMBERS = CartPendulumParameters(M=1.0, m=0.2, L=0.5, g=9.8)
 ARM_NUMBERS = ArmParameters(m=0.02, l=0.5, g=9.8, J=0.035, M_c=0.06)
+TWO_LINK_NUMBERS = TwoLinkParameters(
+    m1=1.5, l1=0.5, c1=0.25, I1=0.03125, m2=1.0, l2=0.4, c2=0.2, I2=0.16 / 12, mp=0.2, Ip=0.0, g=9.8
+)
 NUMBERS: dict[str, Any] = {
     "servo": SERVO_NUMBERS,
     "cart_pendulum": PENDULUM_NUMBERS,
     "arm": ARM_NUMBERS,
+    "two_link_arm": TWO_LINK_NUMBERS,
 }
 
 
@@ -155,15 +161,18 @@ def test_no_wrench_is_a_wrench_of_zero(name: str) -> None:
     plant = analytic(name)
     x = np.full(len(plant.system.states), 0.3)
     zero = np.zeros(6 * len(plant.system.bodies))
-    np.testing.assert_array_equal(plant.derivative(x, 0.7), plant.derivative(x, 0.7, zero))
+    u = np.full(len(plant.system.inputs), 0.7)
+    np.testing.assert_array_equal(plant.derivative(x, u), plant.derivative(x, u, zero))
 
 
-def test_output_is_the_controlled_coordinate_of_any_number_of_states(name: str) -> None:
-    plant = analytic(name)
-    symbol = plant.system.states[plant.system.output].symbol
-    assert symbol == {"servo": "θ", "cart_pendulum": "θ", "arm": "q"}[name]
-    x = np.arange(24.0).reshape(2, -1, len(plant.system.states))
-    np.testing.assert_array_equal(plant.output(x), x[..., plant.system.output])
+def test_output_is_the_controlled_coordinate(name: str) -> None:
+    system = SYSTEMS[name]
+    symbols = tuple(system.states[index].symbol for index in system.controlled)
+    assert symbols[0] == system.states[system.output].symbol
+    expected = {"servo": ("θ",), "cart_pendulum": ("θ",), "arm": ("q",)}
+    if name in expected:
+        assert symbols == expected[name]
+    assert system.equations.h == tuple(system.equations.x[index] for index in system.controlled)
 
 
 # Regions
@@ -227,6 +236,13 @@ DIMENSIONS: dict[str, dict[str, tuple[int, int, int]]] = {
         "M_c": INERTIA,
         "u": TORQUE,
     },
+    "two_link_arm": {
+        **dict.fromkeys(("m1", "m2", "mp"), (1, 0, 0)),
+        **dict.fromkeys(("l1", "c1", "l2", "c2"), (0, 1, 0)),
+        **dict.fromkeys(("I1", "I2", "Ip"), INERTIA),
+        "g": (0, 1, -2),
+        "u": TORQUE,
+    },
 }
 DIMENSIONLESS = (0, 0, 0)
 UNITS = {"kg": 0, "m": 1, "s": 2}
@@ -244,7 +260,7 @@ def change_of_derivative(name: str, variant: Variant, unit: str, disturbed: bool
     rates = [(kg, m, s - 1) for kg, m, s in states]
     rng = np.random.default_rng(7)
     x = rng.uniform(0.5, 1.5, len(states))
-    u = 1.3
+    u = np.linspace(1.3, 2.1, len(system.inputs))
     w = rng.normal(size=6 * len(system.bodies)) * disturbed
 
     plant = analytic(name, variant)
@@ -301,15 +317,46 @@ def energy(name: str, x: Array) -> float:
         rod = p.m * (2 * p.L) ** 2 / 12
         kinetic = p.M * cart @ cart + p.m * centre @ centre + rod * rate**2
         return float(kinetic / 2 + p.m * p.g * p.L * math.cos(x[1]))
+    if name == "two_link_arm":
+        p = TWO_LINK_NUMBERS
+        places, velocities, rates = two_link_velocities(x, p)
+        masses, inertias = (p.m1, p.m2, p.mp), (p.I1, p.I2, p.Ip)
+        kinetic = sum(m * v @ v for m, v in zip(masses, velocities, strict=True))
+        turning = sum(i * rate**2 for i, rate in zip(inertias, rates, strict=True))
+        height = sum(m * place[1] for m, place in zip(masses, places, strict=True))
+        return float((kinetic + turning) / 2 + p.g * height)
     return (0.1 + 0.06 * math.sin(x[0])) * x[1] ** 2 / 2 + 0.02 * 9.8 * 0.5 * math.sin(x[0])
 
 
-def power(name: str, x: Array, u: float, w: Array) -> float:
+def two_link_velocities(
+    x: Array, p: TwoLinkParameters
+) -> tuple[Sequence[Any], Sequence[Any], Array]:
+    """Places and velocities of the three centres of mass in the x-z plane, and their rates."""
+    angles, rates = np.array([x[0], x[0] + x[1]]), np.array([x[2], x[2] + x[3]])
+    along = [np.array([math.cos(a), math.sin(a)]) for a in angles]
+    across = [
+        rate * np.array([-math.sin(a), math.cos(a)]) for a, rate in zip(angles, rates, strict=True)
+    ]
+    places = [p.c1 * along[0], p.l1 * along[0] + p.c2 * along[1], p.l1 * along[0] + p.l2 * along[1]]
+    velocities = [
+        p.c1 * across[0],
+        p.l1 * across[0] + p.c2 * across[1],
+        p.l1 * across[0] + p.l2 * across[1],
+    ]
+    return places, velocities, np.array([rates[0], rates[1], rates[1]])
+
+
+def power(name: str, x: Array, inputs: Array, w: Array) -> float:
     """Power [W] of input, wrenches and friction."""
-    n = len(x) // 2
+    n, u = len(x) // 2, float(inputs[0])
     if name == "servo":
         friction = -SERVO_NUMBERS.B * x[1] ** 2
         return SERVO_NUMBERS.Kt * u * x[1] + friction - w[4] * x[1]
+    if name == "two_link_arm":
+        _, velocities, rates = two_link_velocities(x, TWO_LINK_NUMBERS)
+        pushes = w.reshape(3, 6)
+        pushed = sum(push[[0, 2]] @ v for push, v in zip(pushes, velocities, strict=True))
+        return float(inputs @ x[2:] + pushed - pushes[:, 4] @ rates)
     if name == "cart_pendulum":
         cart, centre, rate = pendulum_velocities(x, PENDULUM_NUMBERS)
         forces = w[[0, 2]] @ cart + w[[6, 8]] @ centre
@@ -332,10 +379,11 @@ def drift_of_energy(name: str, variant: Variant, x0: tuple[float, ...], duration
 FREE = {"cart_pendulum": ((0.0, 0.1, 0.3, 0.0), 10.0), "arm": ((0.0, 0.5), 10.0)}
 
 
-@pytest.mark.parametrize("name", FREE)
+@pytest.mark.parametrize("name", [*FREE, "two_link_arm"])
 def test_corrected_plants_conserve_energy(name: str) -> None:
     # Some hundred steps of relative error 1e-12, on energies of 1 J (pendulum) and 0.1 J.
-    assert drift_of_energy(name, "corrected", *FREE[name]) < 1e-10
+    start = FREE.get(name, ((-1.2, 0.4, 0.5, -0.3), 5.0))
+    assert drift_of_energy(name, "corrected", *start) < 1e-10
 
 
 @pytest.mark.parametrize(("name", "gain"), [("cart_pendulum", 0.1), ("arm", 0.03)])
@@ -349,7 +397,7 @@ def test_frictionless_servo_keeps_its_speed() -> None:
     np.testing.assert_array_equal(plant.derivative([0.3, 2.0]), [2.0, 0.0])
 
 
-vectors = st.lists(st.floats(-5, 5), min_size=17, max_size=17).map(np.array)
+vectors = st.lists(st.floats(-5, 5), min_size=24, max_size=24).map(np.array)
 
 
 @pytest.mark.parametrize("name", list(SYSTEMS))
@@ -359,7 +407,7 @@ def test_energy_changes_by_the_power_of_input_wrench_and_friction(name: str, vec
     """dE/dt along x' equals force times velocity, for every state, input and wrench."""
     plant = analytic(name)
     n, nw = len(plant.system.states), 6 * len(plant.system.bodies)
-    x, u, w = vector[:n], float(vector[4]), vector[5 : 5 + nw]
+    x, u, w = vector[:n], vector[4 : 4 + len(plant.system.inputs)], vector[6 : 6 + nw]
     rate = plant.derivative(x, u, w)
     step = 1e-4
     gradient = np.array(

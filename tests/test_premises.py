@@ -15,7 +15,7 @@ import pytest
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.claims.balance import Balance, balance, switching_amplitude
+from grosmc_mj.claims.balance import Balance, balance, switching_rate
 from grosmc_mj.claims.document import audit_document
 from grosmc_mj.claims.faults import FAULTS
 from grosmc_mj.claims.laboratory import Fault, Laboratory, physics_derivative, trial
@@ -62,9 +62,8 @@ def with_parameters(law: Controller, **changes: Any) -> Controller:
 
 def state(law: Controller, t: float, z: Array) -> Array:
     """The plant's state at an error state, with the cart at rest."""
-    assert law.error is not None
-    system, sign = law.error.system, law.error.sign
-    y_r, dy_r, _ = law.error.reference(t, law.parameters.reference)
+    system, sign = law.coordinates.system, law.coordinates.sign
+    y_r, dy_r, _ = law.coordinates.reference(t, law.parameters.reference)
     x = np.zeros(len(system.states))
     x[system.output] = y_r + sign * z[0]
     x[system.output + system.degrees_of_freedom] = dy_r + sign * z[1]
@@ -73,7 +72,7 @@ def state(law: Controller, t: float, z: Array) -> Array:
 
 def beside_surface(law: Controller, t: float, z: Array, s: float) -> SurfaceMemory:
     """A memory with which the law finds itself at s."""
-    G = law.parameters.G
+    G = law.parameters.G[0]
     return SurfaceMemory(z0=z - s * G / (G @ G), t=t)
 
 
@@ -87,19 +86,30 @@ def random_points(system: str, count: int) -> list[tuple[float, Array, Array]]:
     ]
 
 
-def claimed_rate(law: Controller, found: Balance, u: float) -> float:
-    """s' = G_2 [push + E* u_d]."""
-    E_true = found.gain_ratio * found.decoupling
-    return float(law.parameters.G[1] * (found.push + E_true * (u - found.u_c)))
+def steering(law: Controller, found: Balance) -> float:
+    """G_2 E of the law's model: what one unit of input moves s' by."""
+    return float(law.parameters.G[0, 1] * found.determinant)
+
+
+def claimed_rate(law: Controller, found: Balance, u: float, sign: float) -> float:
+    """s' = +-push + r G_2 E u_d: the balance leaves open which way s is pushed."""
+    u_d = u - found.u_c.item()
+    return sign * found.push + found.gain_ratio * steering(law, found) * u_d
 
 
 def surface_rate(law: Controller, t: float, z: Array, dx: Array) -> float:
     """s' = G z' - G (A - B K) z of eqs. (9), (32) and (52), from the plant's x'."""
-    assert law.error is not None
-    system, p = law.error.system, law.parameters
-    ddy_r = law.error.reference(t, p.reference)[2]
-    dz2 = law.error.sign * (dx[system.output + system.degrees_of_freedom] - ddy_r)
-    return float(p.G @ np.array([z[1], dz2]) - p.GA_c @ z)
+    system, p = law.coordinates.system, law.parameters
+    ddy_r = law.coordinates.reference(t, p.reference)[2]
+    dz2 = law.coordinates.sign * (dx[system.output + system.degrees_of_freedom] - ddy_r)
+    return float((p.G @ np.array([z[1], dz2]) - p.S @ z).item())
+
+
+def pushed_away(law: Controller, true: AnalyticPlant, t: float, z: Array, w: Array) -> float:
+    """The sign of s' under the continuous part of the law alone."""
+    x = state(law, t, z)
+    u_c = balance(law, true, t, x, w).u_c
+    return math.copysign(1.0, surface_rate(law, t, z, true.derivative(x, u_c, w)))
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -110,7 +120,12 @@ def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
         u = law.law(t, x, beside_surface(law, t, z, 1e-9), law.parameters)
-        claimed = claimed_rate(law, balance(law, true, t, x, w), u)
+        found = balance(law, true, t, x, w)
+        sign = pushed_away(law, true, t, z, w)
+        claimed = claimed_rate(law, found, u, sign)
+        # The same through the rates: rho, less what r leaves of it.
+        against = found.gain_ratio * found.configured
+        assert claimed == pytest.approx(sign * found.push - against, rel=1e-8, abs=1e-8)
         # A and B of the servo's law are a Jacobian by differences, good to 1e-10.
         for dx in (true.derivative(x, u, w), physics(x, u, w)):
             assert claimed == pytest.approx(surface_rate(law, t, z, dx), rel=1e-8, abs=1e-8)
@@ -120,48 +135,45 @@ def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
 def test_balance_is_the_slope_of_the_law_s_own_surface(system: str) -> None:
     """s of two samples a short time apart, with the plant integrated and the input held."""
     law, true = robust(system), perturbed(system).analytic()
-    assert law.error is not None
     for t, z, w in random_points(system, 8):
         x = state(law, t, z)
         slopes = []
         for h in (1e-4, 5e-5):
             memory = beside_surface(law, t, z, 1e-3)
             u = law.law(t, x, memory, law.parameters)
-            before = memory.s
+            before = memory.s.item()
             # The midpoint rule: its error in s is of order h^3.
             after = x + h * true.derivative(x + h / 2 * true.derivative(x, u, w), u, w)
             law.law(t + h, after, memory, law.parameters)
-            slopes.append((memory.s - before) / h)
-        claimed = claimed_rate(law, balance(law, true, t, x, w), u)
+            slopes.append((memory.s.item() - before) / h)
+        sign = pushed_away(law, true, t, z, w)
+        claimed = claimed_rate(law, balance(law, true, t, x, w), u, sign)
         # First order in h, so that the extrapolation's error is of order h^2.
         assert 2 * slopes[1] - slopes[0] == pytest.approx(claimed, rel=2e-5, abs=2e-5)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_required_amplitude_is_the_one_that_stops_s(system: str) -> None:
-    """|u_d| = required against the push makes s' = 0; nothing smaller does, on either side."""
+def test_required_rate_is_the_one_that_stops_s(system: str) -> None:
+    """rho = required against the push makes s' = 0; nothing smaller does, on either side."""
     law, true = robust(system), perturbed(system).analytic()
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
         found = balance(law, true, t, x, w)
-        against = -math.copysign(1.0, found.push * found.gain_ratio * found.decoupling)
+        u_d = -pushed_away(law, true, t, z, w) * found.required / steering(law, found)
         rates = [
             surface_rate(law, t, z, true.derivative(x, found.u_c + share * u_d, w))
-            for u_d in [against * found.required]
             for share in (0.0, 0.5, 1.0)
         ]
+        assert abs(rates[0]) == pytest.approx(found.push, rel=1e-8, abs=1e-8)
         assert rates[1] == pytest.approx(rates[0] / 2, rel=1e-6)
         assert rates[2] == pytest.approx(0, abs=1e-8 * max(1.0, abs(rates[0])))
 
 
 def sized(law: Controller, found: Balance, factor: float) -> Controller:
-    """The law with a switching input of ``factor`` times the required one, at this state."""
-    p = law.parameters
-    steered = abs(p.GB * found.decoupling)
-    if hasattr(p, "epsilon"):
-        return with_parameters(law, epsilon=factor * found.required * steered)
-    share = steered if law.linearizing else abs(p.GB)
-    return with_parameters(law, eta=factor * found.required * share, gamma0=0.0, gamma1=0.0)
+    """The law with a switching rate of ``factor`` times the required one, at this state."""
+    if hasattr(law.parameters, "epsilon"):
+        return with_parameters(law, epsilon=factor * found.required)
+    return with_parameters(law, eta=factor * found.required, gamma0=0.0, gamma1=0.0)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -183,14 +195,14 @@ def test_law_with_the_required_gain_approaches_from_both_sides_and_with_less_doe
                 # So near that k s of eq. (55) is below what the factor changes.
                 memory = beside_surface(weak, t, z, side * 1e-11)
                 u = weak.law(t, x, memory, weak.parameters)
-                assert math.copysign(1.0, memory.s) == side
+                assert math.copysign(1.0, memory.s.item()) == side
                 rates.append(side * surface_rate(weak, t, z, true.derivative(x, u, w)))
             approaches[factor] = max(rates) < 0
         assert list(approaches.values()) == [True, False]
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_switching_amplitude_is_what_the_law_adds_to_its_continuous_part(system: str) -> None:
+def test_switching_rate_is_what_the_law_adds_to_its_continuous_part(system: str) -> None:
     law = robust(system)
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
@@ -198,8 +210,9 @@ def test_switching_amplitude_is_what_the_law_adds_to_its_continuous_part(system:
         jumps = [
             law.law(t, x, beside_surface(law, t, z, s), law.parameters) for s in (-1e-13, 1e-13)
         ]
-        assert abs(jumps[1] - jumps[0]) / 2 == pytest.approx(found.configured, rel=1e-9)
-        assert sum(jumps) / 2 == pytest.approx(found.u_c, rel=1e-9, abs=1e-9)
+        rate = abs(steering(law, found) * (jumps[1] - jumps[0])) / 2
+        assert rate == pytest.approx(found.configured, rel=1e-9)
+        assert sum(jumps) / 2 == pytest.approx(found.u_c.item(), rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -220,18 +233,17 @@ def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
     """Through feedback linearization the nominal plant under u_c is z1'' = -K z, exactly."""
     law, plant = chapter_controller(name, nominal(system)), nominal(system)
     assert law.linearizing is expected
-    assert law.error is not None
-    velocity = law.error.system.output + law.error.system.degrees_of_freedom
+    velocity = law.coordinates.system.output + law.coordinates.system.degrees_of_freedom
     misses = []
     for t, z, _ in random_points(system, 10):
         x = state(law, t, z)
         found = balance(law, plant, t, x, np.zeros(6 * len(plant.system.bodies)))
-        ddy_r = law.error.reference(t, law.parameters.reference)[2]
-        ddz = law.error.sign * (plant.derivative(x, found.u_c)[velocity] - ddy_r)
-        misses.append(abs(ddz + float(law.parameters.K @ z)))
+        ddy_r = law.coordinates.reference(t, law.parameters.reference)[2]
+        ddz = law.coordinates.sign * (plant.derivative(x, found.u_c)[velocity] - ddy_r)
+        misses.append(abs(ddz + (law.parameters.K @ z).item()))
         if not hasattr(law.parameters, "GB"):
-            assert switching_amplitude(law, z, found.decoupling) == 0
-            assert found.u_c == law.law(t, x, law.memory(), law.parameters)
+            assert switching_rate(law, z, np.array([[found.determinant]])) == 0
+            assert found.u_c.item() == law.law(t, x, law.memory(), law.parameters)
     # The linear laws leave a closed loop of their own: z1'' = (A - B K) z, another one.
     assert bool(max(misses) < 1e-12) is expected
 
@@ -295,7 +307,7 @@ def test_printed_epsilon_fails_and_its_requirement_is_the_closed_form() -> None:
     assert found.region is not None
     assert found.along is not None
     M = 0.1 + 0.06 * math.sin(-1.5)
-    assert found.region.margin == pytest.approx(6 * M - 0.5, rel=1e-9)
+    assert found.region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
     assert found.region.worst.x[0] == pytest.approx(-1.5)
     # On the reference itself, without the error's transient.
     t = np.linspace(0, 2, 20001)

@@ -364,10 +364,24 @@ def test_run_ends_for_the_first_reason(kind):
 
 
 @each_engine
+def test_controller_is_refused_at_another_control_period_than_its_own(engine: Engine) -> None:
+    """A discrete-time surface belongs to one sampling time; without one any will do."""
+    ctl = replace(controller("servo", "lqr"), control_period=2e-3)
+    for wrong in (1e-3, 4e-3):
+        message = rf"lqr is designed for a control period of 0\.002 s, not {wrong:g} s"
+        with pytest.raises(ArgumentError, match=message):
+            start_servo(controller=ctl, control_period=wrong, timestep=1e-3, engine=engine)
+    run = start_servo(controller=ctl, control_period=2e-3, timestep=1e-3, engine=engine)
+    assert run.status == Status.COMPLETED
+    # 0.002 from 1e-3 twice is the same period to rounding.
+    start_servo(controller=ctl, control_period=1e-3 + 1e-3, timestep=1e-3, engine=engine)
+
+
+@each_engine
 def test_law_without_an_answer_is_a_divergence(engine: Engine):
     """A law that returns no number ends the run at that sample."""
     ctl = controller("servo", "lqr")
-    law = replace(ctl, parameters=replace(ctl.parameters, K=np.full(2, np.nan)))
+    law = replace(ctl, parameters=replace(ctl.parameters, K=np.full((1, 2), np.nan)))
     for kind in ("corrected", "physics"):
         with pytest.raises(DivergenceError) as info:
             start_servo(plant=plant_of("servo", kind), controller=law, engine=engine)

@@ -186,4 +186,4 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
 
 def test_plan_names_each_run_once() -> None:
     runs = plan(select_cases((), None))
-    assert len(runs) == len(set(runs)) == 57
+    assert len(runs) == len(set(runs)) == 87

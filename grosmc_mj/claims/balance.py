@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.gains import authority
 from grosmc_mj.plants import AnalyticPlant
 
 
 class Balance(NamedTuple):
     """One state, one plant, one wrench.
 
-    With z1'' = alpha + E u by the law's model and alpha* + E* u + d on the true plant,
+    With z_i^(r_i) = alpha + E u by the law's model, alpha* + E* u + d on the true plant and G_r
+    the columns of G that meet the rows of the inputs,
 
-        s' = G_2 [(alpha* - alpha) + (E* - E) u_c + d + E* u_d].
+        s' = G_r [(alpha* - alpha) + (E* - E) u_c + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
 
     Attributes:
-        gain_ratio: r = E*/E.
-        push: (alpha* - alpha) + (E* - E) u_c + d, in the unit of z1''.
-        required: |push / E*|, the least |u_d| that keeps |s| from growing.
-        configured: |u_d| of the law next to the surface; 0 for a law that does not switch.
-        decoupling: E of the law's model.
-        unmatched: What the uncertainty does to z1' instead of z1''.
-        u_c: The continuous part of the input.
+        gain_ratio: What is left of rho: r = E*/E for one input, else as ``authority``.
+        push: The largest entry of the first part of s', in the unit of s per second.
+        required: push / r, the least rho that keeps |s| from growing.
+        configured: rho of the law; 0 for a law that does not switch.
+        determinant: det E of the law's model.
+        unmatched: What the uncertainty does to the other rows of z'.
+        u_c: The continuous part of the input, (m,).
     """
 
     gain_ratio: float
     push: float
     required: float
     configured: float
-    decoupling: float
+    determinant: float
     unmatched: float
-    u_c: float
+    u_c: Array
 
 
 def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) -> Balance:
@@ -48,38 +49,39 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
         x: State, (n,).
         w: Wrenches, (6 * bodies,).
     """
-    error, p = law.error, law.parameters
-    assert error is not None
+    error, p = law.coordinates, law.parameters
     z = np.array(error.state(t, x, p))
-    velocity = error.system.output + error.system.degrees_of_freedom
+    rows = list(error.linearization.last_rows)
     if law.linearizing:
         alpha, E = error.dynamics(t, x, p)
-        u_c = (-float(p.K @ z) - alpha) / E
+        u_c = np.linalg.solve(E, -(p.K @ z) - alpha)
     else:
         assert law.lqr is not None
-        alpha, E = float(law.lqr.A[1] @ z), float(law.lqr.B[1, 0])
-        u_c = -float(p.K @ z)
-    alpha_true, E_true = error.dynamics(t, x, replace(p, plant=true.parameters))
-    pushed = np.array(error.system.disturbance(x, w, true.parameters))
-    d = error.sign * pushed[velocity]
-    push = (alpha_true - alpha) + (E_true - E) * u_c + d
+        alpha, E = law.lqr.A[rows] @ z, law.lqr.B[rows]
+        u_c = -(p.K @ z)
+    drift, gain = error.moved(t, x, p, true.parameters, w)
+    E_true = gain[rows]
+    push = (drift[rows] - alpha) + (E_true - E) @ u_c
+    G_r = p.G[:, rows] if hasattr(p, "G") else np.eye(len(rows))
+    r = authority(G_r @ E_true, G_r @ E)
+    pushing = float(np.abs(G_r @ push).max())
     return Balance(
-        gain_ratio=E_true / E,
-        push=push,
-        required=abs(push / E_true),
-        configured=switching_amplitude(law, z, E),
-        decoupling=E,
-        unmatched=float(abs(pushed[error.system.output])),
+        gain_ratio=r,
+        push=pushing,
+        required=pushing / r if r > 0 else np.inf,
+        configured=switching_rate(law, z, E),
+        determinant=float(np.linalg.det(E)),
+        unmatched=float(np.abs(error.unmatched(t, x, p, drift)).max(initial=0.0)),
         u_c=u_c,
     )
 
 
-def switching_amplitude(law: Controller, z: Array, E: float) -> float:
-    """|u_d| of the law next to its surface, in the unit of u: eqs. (12), (37) and (55)."""
+def switching_rate(law: Controller, z: Array, E: Array) -> float:
+    """rho of the law, what its switching term asks of s': eqs. (12), (37) and (55)."""
     p: Any = law.parameters
     if hasattr(p, "epsilon"):
-        return p.epsilon / abs(p.GB * E)
+        return p.epsilon * p.switching.gain
     if hasattr(p, "eta"):
-        steered = abs(p.GB * E) if law.linearizing else abs(p.GB)
-        return p.eta / steered + p.gamma0 + p.gamma1 * float(np.hypot(*z))
+        size = float(np.linalg.norm(p.GB @ E)) if law.linearizing else p.size_of_GB
+        return p.switching.gain * (p.eta + (p.gamma0 + p.gamma1 * float(np.linalg.norm(z))) * size)
     return 0.0

@@ -156,11 +156,13 @@ def _naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     naive = required = 0.0
     for row in range(0, len(run.time) - 1, 10):
         found = balance(law, true, float(run.time[row]), run.state[row], np.zeros(12))
-        naive = max(naive, abs(found.push / found.decoupling))
+        naive = max(naive, found.push)
         required = max(required, found.required)
     if required < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
-    return of(result, naive / required, f"{naive:.3g} N sized so, {required:.3g} N required")
+    return of(
+        result, naive / required, f"{naive:.3g} rad/s² sized so, {required:.3g} rad/s² required"
+    )
 
 
 def _travel(lab: Laboratory) -> Drawing:

@@ -8,13 +8,13 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import mujoco
-import numpy as np
 
 from grosmc_mj.claims.claim import Claim, Verdict
 from grosmc_mj.claims.laboratory import Fault, Laboratory
 from grosmc_mj.claims.ledger import CLAIMS, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
+from grosmc_mj.control.vectors import each
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.edits import apply_edits
 from grosmc_mj.simulation.models import compile_spec
@@ -38,37 +38,52 @@ class Caught(NamedTuple):
 
 
 @cache
-def _negated(law: Law) -> Law:
-    """The law with the other sign of u."""
-    sound = jitable(law)
+def _negated(law: Law, m: int) -> Law:
+    """The law of m inputs with the other sign of u."""
+    sound, minus = jitable(law), each(m, lambda i, u: -u[i])
 
     def negated(t: float, x: Any, memory: Any, p: Any) -> float:
         return -sound(t, x, memory, p)
 
-    return negated
+    def all_negated(t: float, x: Any, memory: Any, p: Any) -> Any:
+        return minus(sound(t, x, memory, p))
+
+    return negated if m == 1 else all_negated
 
 
 def _wrong_sign(law: Controller, _case: Case, _plant: PlantName) -> Controller:
-    return replace(law, law=_negated(law.law))
+    m = law.error.inputs if law.error else 1
+    return replace(law, law=_negated(law.law, m))
 
 
 def _no_switching(law: Controller, _case: Case, _plant: PlantName) -> Controller:
     gains = dict.fromkeys(("eta", "gamma0", "gamma1", "k", "epsilon"), 0.0)
-    own = {name: value for name, value in gains.items() if hasattr(law.parameters, name)}
+    own: dict[str, Any] = {
+        name: value for name, value in gains.items() if hasattr(law.parameters, name)
+    }
+    if hasattr(law.parameters, "switching"):
+        own["switching"] = replace(law.parameters.switching, gain=0.0)
     return replace(law, parameters=replace(law.parameters, **own))
 
 
 def _no_integral(law: Controller, _case: Case, _plant: PlantName) -> Controller:
-    if not hasattr(law.parameters, "GA_c"):
+    if not hasattr(law.parameters, "S"):
         return law
-    return replace(law, parameters=replace(law.parameters, GA_c=np.zeros(2)))
+    return replace(law, parameters=replace(law.parameters, S=0 * law.parameters.S))
 
 
 def _small_g(law: Controller, _case: Case, _plant: PlantName) -> Controller:
     p = law.parameters
-    if not hasattr(p, "GA_c"):
+    if not hasattr(p, "S"):
         return law
-    small = replace(p, G=0.01 * p.G, GA_c=0.01 * p.GA_c, GB=0.01 * p.GB)
+    small = replace(
+        p,
+        G=0.01 * p.G,
+        S=0.01 * p.S,
+        GB=0.01 * p.GB,
+        GB_inverse=100 * p.GB_inverse,
+        size_of_GB=0.01 * p.size_of_GB,
+    )
     return replace(law, parameters=small)
 
 
@@ -82,7 +97,8 @@ def _knows_the_plant(law: Controller, case: Case, plant: PlantName) -> Controlle
     if plant == "printed":
         # With its printed a, eq. (40) is singular for the heavier poles of such a design.
         return law
-    return chapter_controller(law.name, MujocoPlant.load(case.system, edits=case.edits).analytic())
+    edited = MujocoPlant.load(case.system, edits=case.edits).analytic()
+    return chapter_controller(law.name, edited, design=case.controllers)
 
 
 def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:

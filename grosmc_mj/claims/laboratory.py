@@ -9,6 +9,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -118,7 +119,13 @@ class Laboratory:
         self, case: Case, plant: PlantName, name: str, variant: Variant | None = None
     ) -> Controller:
         """A controller as it is used: designed from the nominal plant, of a variant if named."""
-        law = nominal_controller(case.system, name, variant or design_variant(plant))
+        law = nominal_controller(
+            case.system,
+            name,
+            variant or design_variant(plant),
+            self.settings.realization(case.controllers),
+            case.controllers,
+        )
         return self._fault.controller(law, case, plant)
 
     def plant(self, case: Case, name: PlantName) -> Plant:
@@ -148,7 +155,7 @@ class Laboratory:
         )
         return law, run
 
-    def derivative(self, plant: Plant) -> Callable[[Array, float, Array], Array]:
+    def derivative(self, plant: Plant) -> Callable[[Array, ArrayLike, Array], Array]:
         """x' as a function of x, u and the wrenches, of the equations or of MuJoCo."""
         if isinstance(plant, AnalyticPlant):
             return plant.derivative
@@ -167,14 +174,14 @@ def trial(
     return Case(system, name, name, "this project", x0, duration, edits, disturbances)
 
 
-def physics_derivative(plant: MujocoPlant) -> Callable[[Array, float, Array], Array]:
+def physics_derivative(plant: MujocoPlant) -> Callable[[Array, ArrayLike, Array], Array]:
     """x' of a model in MuJoCo: (x, u, wrenches) -> (n,)."""
     model, system = plant.model, plant.system
     data, n = mujoco.MjData(model), plant.system.degrees_of_freedom
     bodies = [model.body(name).id for name in system.bodies]
 
-    def derivative(x: Array, u: float, w: Array) -> Array:
-        data.qpos, data.qvel, data.ctrl[0] = x[:n], x[n:], u
+    def derivative(x: Array, u: ArrayLike, w: Array) -> Array:
+        data.qpos, data.qvel, data.ctrl[:] = x[:n], x[n:], u
         data.xfrc_applied[bodies] = np.reshape(w, (-1, 6))
         mujoco.mj_forward(model, data)
         return np.concatenate([x[n:], data.qacc])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from grosmc_mj.claims import arm, cart_pendulum, servo, theory
+from grosmc_mj.claims import arm, cart_pendulum, holding, servo, theory, two_link_arm
 from grosmc_mj.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
 from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.errors import ArgumentError, unknown_name
@@ -13,7 +13,14 @@ from grosmc_mj.validation.runs import PlantName
 
 CLAIMS: tuple[Claim, ...] = tuple(
     sorted(
-        (*servo.CLAIMS, *cart_pendulum.CLAIMS, *arm.CLAIMS, *theory.CLAIMS),
+        (
+            *servo.CLAIMS,
+            *cart_pendulum.CLAIMS,
+            *holding.CLAIMS,
+            *arm.CLAIMS,
+            *two_link_arm.CLAIMS,
+            *theory.CLAIMS,
+        ),
         key=lambda claim: list(SYSTEMS).index(claim.system),
     )
 )

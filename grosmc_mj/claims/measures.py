@@ -12,7 +12,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.claims.balance import balance
 from grosmc_mj.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.claims.laboratory import Laboratory
-from grosmc_mj.claims.premises import Premise, audit
+from grosmc_mj.claims.premises import Premise, audit, per_second
 from grosmc_mj.plants import find_system
 from grosmc_mj.rendering.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status
@@ -55,9 +55,8 @@ def deviation(system: str, case: str, controller: str) -> Measure:
 
 
 def from_optimum(found: Comparison) -> float:
-    """max |x1 - x1*| in percent of |x1(0)|."""
-    away = np.abs(found.z[:, 0] - found.optimal[:, 0]).max()
-    return 100 * float(away / abs(found.z[0, 0]))
+    """max |y - y*| in percent of the initial error."""
+    return 100 * float(np.abs(found.deviation).max() / abs(found.error[0]))
 
 
 def changed_response(system: str, case: str, controller: str) -> Measure:
@@ -65,7 +64,7 @@ def changed_response(system: str, case: str, controller: str) -> Measure:
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
         results = [lab.case(system, name, plant, controller) for name in (case, "nominal")]
-        z = [result.comparison.z[:, 0] for result in results]
+        z = [result.comparison.error for result in results]
         n = min(map(len, z))
         change = 100 * float(np.abs(z[0][:n] - z[1][:n]).max() / abs(z[1][0]))
         broken = next((r for r in results if r.status is not Status.COMPLETED), None)
@@ -105,8 +104,7 @@ def leaving_the_surface(system: str, case: str) -> Measure:
         for row in range(0, len(run.time) - 1, _EVERY):
             t, x = float(run.time[row]), run.state[row]
             found = balance(law, true, t, x, nothing)
-            moved = abs(law.parameters.G[1] * found.gain_ratio * found.decoupling)
-            band = 2 * lab.settings.control_period * moved * found.configured
+            band = 2 * lab.settings.control_period * found.gain_ratio * found.configured
             if band == 0:
                 return of(result, None, "the law does not switch")
             if abs(run.sliding[row]) / band > worst:
@@ -151,7 +149,7 @@ def outputs(
             run = lab.case(system, case, "physics", name).trajectory
             curves.append(Curve(LABELS[name], run.time, run.state[:, output], name))
         last = lab.case(system, case, "physics", controllers[-1]).comparison
-        curves.append(Curve("nominal optimum", last.time, last.optimum))
+        curves.append(Curve("nominal optimum", last.time, last.optimum[:, 0]))
         return Drawing("time t [s]", f"{signal.name} {signal.symbol} [{signal.unit}]", curves)
 
     return draw
@@ -172,17 +170,17 @@ def signals(system: str, case: str, name: str) -> Callable[[Laboratory], Drawing
 
 
 def gains(system: str, case: str) -> Callable[[Laboratory], Drawing]:
-    """Required and configured switching input along the run."""
+    """Required and configured ρ along the run."""
 
     def draw(lab: Laboratory) -> Drawing:
         found = audit(lab, find_case(system, case)).signals
-        unit = lab.case(system, case, "physics", "grosmc").trajectory.system.input.unit
+        unit = lab.case(system, case, "physics", "grosmc").controller.sliding_unit
         return Drawing(
             "time t [s]",
-            f"switching input [{unit}]",
+            f"switching rate ρ [{per_second(unit)}]",
             [
-                Curve("required |push / E_true|", found["time"], found["required"]),
-                Curve("configured |u_d|", found["time"], found["configured"], "grosmc"),
+                Curve("required", found["time"], found["required"]),
+                Curve("configured", found["time"], found["configured"], "grosmc"),
             ],
         )
 

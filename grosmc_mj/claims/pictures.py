@@ -5,27 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from grosmc_mj.claims.claim import Claim, Drawing, Finding, Verdict
 from grosmc_mj.claims.laboratory import Laboratory
-from grosmc_mj.files import written_aside
-from grosmc_mj.rendering.palette import COLOURS, GRID, OPTIMUM
+from grosmc_mj.rendering.figure import figure_written
+from grosmc_mj.rendering.palette import COLOURS, OPTIMUM
 
-_STYLE: dict[Any, Any] = {
-    "font.size": 10,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": GRID,
-    "legend.fontsize": 8.5,
-    "savefig.dpi": 130,
-    "figure.constrained_layout.use": True,
-}
 _DOTS = {
     Verdict.SUPPORTED: ("#009E73", "o"),
     Verdict.REFUTED: ("#D55E00", "X"),
@@ -42,9 +29,8 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
         SetupError: If it cannot be written.
     """
     claim = finding.claim
-    with mpl.rc_context(_STYLE):
-        drawing = claim.drawing(lab) if claim.drawing is not None else None
-        figure = Figure(figsize=(7.2, 5.4 if drawing else 2.2))
+    drawing = claim.drawing(lab) if claim.drawing is not None else None
+    with figure_written(path, (7.2, 5.4 if drawing else 2.2), (".png",)) as figure:
         if drawing is None:
             values = figure.subplots()
         else:
@@ -52,8 +38,6 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
             _draw_curves(curves, drawing)
         _draw_values(values, finding)
         figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=11.5)
-        with written_aside(path) as part:
-            figure.savefig(part, format="png", metadata={"Software": None})
     return path
 
 

@@ -14,20 +14,29 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.claims.balance import Balance, balance
 from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.references import Sine
+from grosmc_mj.control.references import Circle, Sine
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.cases import Case
-from grosmc_mj.validation.designs import PENDULUM_REGION, SERVO_UNCERTAINTY
+from grosmc_mj.validation.designs import (
+    PENDULUM_REGION,
+    SERVO_UNCERTAINTY,
+    TWO_LINK_UNCERTAINTY,
+)
 
-# Where the premises are computed, |z1| and |z2|: what the gains were declared for and, for the
-# arm, whose gains are printed, what its own start and reference span.
-REGIONS: Mapping[str, tuple[float, float]] = {
+# Where the premises are computed, |z1|, |z2| ..., by design: what the gains were declared for and,
+# for the arm and the circle, whose gains are given, what start and reference span.
+REGIONS: Mapping[str, tuple[float, ...]] = {
     "servo": SERVO_UNCERTAINTY.region,
     "cart_pendulum": PENDULUM_REGION,
     "arm": (0.5, 1.5),
+    "two_link_arm": (0.15, 0.5, 0.15, 0.5),
+    "two_link_arm regulation": TWO_LINK_UNCERTAINTY.region,
 }
-_GRID, _PHASES, _EVERY = 13, 16, 5
+# The grid's points are for all axes together.
+_GRID, _EVERY = 169, 5
+# Phases of a moving reference, by the number of axes.
+_PHASES = {2: 16, 4: 8}
 # s(0), the rank of numbers and the like hold to rounding.
 _ROUNDING = 1e-9
 
@@ -94,7 +103,7 @@ class Audit:
         case: The case.
         controller: Name of the controller.
         premises: In the order of the theory.
-        signals: Along the run, for figures: time, required and configured |u_d|.
+        signals: Along the run, for figures: time, required and configured rho.
     """
 
     case: Case
@@ -149,21 +158,29 @@ def _region(
     law: Controller, true: AnalyticPlant, case: Case, amplitude: Array
 ) -> Iterator[tuple[float, Array, Balance]]:
     """The balance over the operating region, with the case's wrench at either bound."""
-    error, system = law.error, true.system
-    assert error is not None
-    bound = REGIONS[case.system]
-    axes = [np.linspace(-size, size, _GRID) for size in bound]
-    moving = isinstance(law.parameters.reference, Sine)
-    times = np.linspace(0, 2, _PHASES, endpoint=False) if moving else np.array([0.0])
-    signs = (-1.0, 1.0) if amplitude.any() else (0.0,)
-    for t, z1, z2, sign in itertools.product(times.tolist(), *axes, signs):
-        y_r, dy_r, _ = error.reference(t, law.parameters.reference)
-        x = np.zeros(len(system.states))
-        x[system.output] = y_r + error.sign * z1
-        x[system.output + system.degrees_of_freedom] = dy_r + error.sign * z2
-        if abs(x[system.output]) > system.position_bound or not system.linearizable(x):
+    error, system = law.coordinates, true.system
+    bound = REGIONS[case.controllers]
+    points = int((_GRID ** (1 / len(bound)) - 1) / 2) * 2 + 1
+    axes = [np.linspace(-size, size, points) for size in bound]
+    moving = isinstance(law.parameters.reference, (Sine, Circle))
+    times = np.linspace(0, 2, _PHASES[len(bound)], endpoint=False) if moving else np.array([0.0])
+    pushes = list(_corners(amplitude))
+    for t, *z in itertools.product(times.tolist(), *axes):
+        x = error.place(t, z, law.parameters)
+        controlled = np.abs(x[list(system.controlled)])
+        if controlled.max() > system.position_bound or not system.linearizable(x):
             continue
-        yield t, x, balance(law, true, t, x, sign * amplitude)
+        for w in pushes:
+            yield t, x, balance(law, true, t, x, w)
+
+
+def _corners(amplitude: Array) -> Iterator[Array]:
+    """Every sign of each component that acts: two pushes need not point the same way."""
+    acting = np.flatnonzero(amplitude)
+    for signs in itertools.product((-1.0, 1.0), repeat=len(acting)):
+        w = np.zeros_like(amplitude)
+        w[acting] = signs * amplitude[acting]
+        yield w
 
 
 def _largest_wrench(lab: Laboratory, case: Case) -> Array:
@@ -196,48 +213,50 @@ def _linear(law: Controller) -> list[Premise]:
     """Assumption 1 and G B, of the law's linear model."""
     assert law.lqr is not None
     A, B = law.lqr.A, law.lqr.B
-    reach = np.hstack([B, A @ B])
+    reach = np.hstack([np.linalg.matrix_power(A, k) @ B for k in range(len(A))])
     values = np.linalg.svd(reach, compute_uv=False)
     found = [
         Premise(
             "controllability",
             "Assumption 1",
-            "rank [B, AB] = 2: smallest over largest singular value above rounding",
+            "rank [B, AB ...] = n: smallest over largest singular value above rounding",
             "1",
             _single(float(values[-1] / values[0]) - _ROUNDING),
             None,
-            note=f"rank {np.linalg.matrix_rank(reach)} of 2",
+            note=f"rank {np.linalg.matrix_rank(reach)} of {len(A)}",
         )
     ]
     p: Any = law.parameters
     if hasattr(p, "GB"):
-        share = abs(p.GB) / float(np.linalg.norm(p.G) * np.linalg.norm(B))
+        least = float(np.linalg.svd(p.GB, compute_uv=False).min())
+        share = least / float(np.linalg.norm(p.G) * np.linalg.norm(B))
         found.append(
             Premise(
                 "G B nonsingular",
                 "eqs. (8), (31), (51)",
-                "|GB| / (|G| |B|) above rounding",
+                "least singular value of GB, over |G| |B|, above rounding",
                 "1",
                 _single(share - _ROUNDING),
                 None,
-                note=f"G B = {p.GB:.4g}",
+                note=f"G B = {_matrix(p.GB)}",
             )
         )
     return found
 
 
 def _decoupling(law: Controller, here: _Points, there: _Points) -> Premise:
-    """Relative degree two: E(x) of eq. (21) keeps away from zero."""
+    """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
     assert law.error is not None
-    x0 = np.zeros(len(law.error.system.states))
-    scale = abs(law.error.dynamics(0.0, x0, law.parameters)[1])
+    x0 = law.coordinates.place(0.0, np.zeros(law.error.size), law.parameters)
+    scale = abs(float(np.linalg.det(law.coordinates.dynamics(0.0, x0, law.parameters)[1])))
+    degrees = ", ".join(map(str, law.coordinates.linearization.relative_degree))
     return Premise(
-        "relative degree 2",
+        f"relative degree {degrees}",
         "eqs. (21)-(23), Assumption 7",
-        "decoupling matrix |E(x)| / |E(0)| above rounding",
+        "decoupling matrix: |det E(x)| over the one at zero error, above rounding",
         "1",
-        _reading(here, (abs(each.decoupling) / scale - _ROUNDING for _, _, each in here)),
-        _reading(there, (abs(each.decoupling) / scale - _ROUNDING for _, _, each in there)),
+        _reading(here, (abs(each.determinant) / scale - _ROUNDING for _, _, each in here)),
+        _reading(there, (abs(each.determinant) / scale - _ROUNDING for _, _, each in there)),
     )
 
 
@@ -247,12 +266,13 @@ def _matched(here: _Points, there: _Points) -> Premise:
     return Premise(
         "matching",
         "Assumptions 3, 5 and 9",
-        "no uncertainty in z1' (it is z2 by kinematics)",
-        "rad/s",
+        "no uncertainty in the rows of z' without an input",
+        "1/s",
         _reading(here, (_ROUNDING - each.unmatched for _, _, each in here)),
         _reading(there, (_ROUNDING - each.unmatched for _, _, each in there)),
-        note=f"the matched part of z1'' reaches {matched:.3g} rad/s²; in mechanics this holds by "
-        "kinematics for the output, not for coordinates that the law does not see, such as a cart",
+        note=f"the matched part moves s by up to {matched:.3g} a second; in mechanics this holds "
+        "by kinematics for the output, not for coordinates that the law does not see, such as a "
+        "cart",
     )
 
 
@@ -262,7 +282,7 @@ def _sign(here: _Points, there: _Points) -> Premise:
     return Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
-        "r = E_true/E_nominal positive",
+        "r = E_true/E_nominal positive (several inputs: what dominance leaves of it)",
         "1",
         _reading(here, (each.gain_ratio - _ROUNDING for _, _, each in here)),
         _reading(there, (each.gain_ratio - _ROUNDING for _, _, each in there)),
@@ -274,12 +294,9 @@ def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
     everywhere = [*here, *there]
     p: Any = law.parameters
-    unit = law.error.system.input.unit if law.error else ""
+    unit = per_second(law.sliding_unit)
     if hasattr(p, "epsilon"):
-        region, along = (
-            max(each.required * abs(p.GB * each.decoupling) for _, _, each in points)
-            for points in (here, there)
-        )
+        region, along = (max(each.required for _, _, each in points) for points in (here, there))
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (
             f"ε = {along:.3g} along the run and {region:.3g} over the region, "
@@ -290,12 +307,12 @@ def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
         name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
         restores = f"η, γ0 and γ1 {needed:.3g} times as large"
         if math.isinf(needed):
-            eta = max(each.required * abs(_steered(law, each)) for _, _, each in everywhere)
+            eta = max(each.required for _, _, each in everywhere)
             restores = f"η = {eta:.3g}; there is no gain to multiply"
     found = Premise(
         name,
         source,
-        "configured |u_d| at least the required |push / E_true|",
+        "the law's switching rate ρ at least push / r, what is required of it",
         unit,
         _reading(here, (each.configured - each.required for _, _, each in here)),
         _reading(there, (each.configured - each.required for _, _, each in there)),
@@ -306,10 +323,15 @@ def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
     return replace(found, restores=restores)
 
 
-def _steered(law: Controller, found: Balance) -> float:
-    """What eta is divided by in the laws (12) and (37)."""
-    p: Any = law.parameters
-    return p.GB * found.decoupling if law.linearizing else p.GB
+def _matrix(values: Array) -> str:
+    """A small matrix in one line; one number without brackets."""
+    rows = ["  ".join(f"{value:.4g}" for value in row) for row in values]
+    return rows[0] if values.size == 1 else f"[{'; '.join(rows)}]"
+
+
+def per_second(unit: str) -> str:
+    """The unit of a rate of change."""
+    return f"{unit.removesuffix('/s')}/s²" if unit.endswith("/s") else f"{unit}/s"
 
 
 def _times(found: Balance) -> float:
@@ -321,7 +343,7 @@ def _times(found: Balance) -> float:
 
 def _start(sliding: Array | None) -> Premise:
     """There is no reaching phase: s(0) = 0."""
-    start = math.nan if sliding is None or not len(sliding) else abs(float(sliding[0]))
+    start = math.nan if sliding is None or not len(sliding) else float(np.abs(sliding[0]).max())
     return Premise(
         "s(0) = 0", "eqs. (8), (31), (51)", "|s(0)| zero to rounding", "1", None,
         _single(_ROUNDING - start),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grosmc_mj.claims.balance import switching_amplitude
+from grosmc_mj.claims.balance import switching_rate
 from grosmc_mj.claims.claim import Claim, Measured
 from grosmc_mj.claims.laboratory import Laboratory
 from grosmc_mj.claims.measures import (
@@ -84,7 +84,7 @@ def _undercut(lab: Laboratory, plant: PlantName) -> Measured:
     law = lab.controller(find_case("servo", "nominal"), plant, "grosmc")
     design, x0 = law.lqr, np.array([1.0, 0.0])
     assert design is not None
-    if switching_amplitude(law, x0, float(design.B[1, 0])) == 0:
+    if switching_rate(law, x0, design.B[1:]) == 0:
         return Measured(0.0, "the law has no input that (13) leaves out")
     weight = design.Q + design.K.T @ design.R @ design.K
     hurried = lqr(design.A - design.B @ design.K, design.B, weight, 1e-4)

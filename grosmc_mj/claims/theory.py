@@ -23,7 +23,6 @@ from grosmc_mj.claims.measures import (
 from grosmc_mj.claims.premises import REGIONS
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import AnalyticPlant, find_system
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
@@ -99,20 +98,20 @@ def _approach(
     w: Array,
 ) -> float:
     """s' sgn(s) next to the surface; -infinity where the plant or the law is undefined."""
-    error, p = law.error, law.parameters
-    assert error is not None
+    error, p = law.coordinates, law.parameters
     system = error.system
-    y_r, dy_r, ddy_r = error.reference(t, p.reference)
-    x = np.zeros(len(system.states))
+    ddy_r = error.reference(t, p.reference)[-1]
+    x = error.place(t, z, p)
     velocity = system.output + system.degrees_of_freedom
-    x[system.output], x[velocity] = y_r + error.sign * z[0], dy_r + error.sign * z[1]
     if abs(x[system.output]) > system.position_bound or not system.linearizable(x):
         return -np.inf
-    near = 1e-6 * side * p.G / (p.G @ p.G)
-    memory = SurfaceMemory(z0=z - near, t=t)
+    near = 1e-6 * side * p.G[0] / (p.G[0] @ p.G[0])
+    memory = law.memory()
+    assert isinstance(memory, SurfaceMemory)
+    memory.z0[:], memory.t = z - near, t
     u = law.law(t, x, memory, p)
     dz2 = error.sign * (derivative(x, u, w)[velocity] - ddy_r)
-    return float(side * (p.G @ np.array([z[1], dz2]) - p.GA_c @ z))
+    return float(side * (p.G @ np.array([z[1], dz2]) - p.S @ z)[0])
 
 
 def _reached(system: str, body: str, torque: float) -> Callable[[Laboratory, PlantName], Measured]:
@@ -199,19 +198,14 @@ def _unmatched(lab: Laboratory, plant: PlantName) -> Measured:
     case = find_case("servo", "nominal")
     law, servo = lab.controller(case, plant, "grosmc"), lab.plant(case, plant)
     assert isinstance(servo, AnalyticPlant)
-    drift, size = servo.system.drift, _DRIFT_OF_ERROR
-
-    @jitable
-    def drifting(x: Array, p: object) -> tuple[float, ...]:
-        rate, acceleration = drift(x, p)
-        return (rate + size, acceleration)
-
-    assert law.error is not None
-    strange = replace(servo, system=replace(servo.system, drift=drifting))
-    # The law itself goes on believing in the true kinematics.
-    law = replace(law, error=replace(law.error, system=strange.system))
+    equations = servo.system.equations
+    rate, acceleration = equations.f
+    drifting = replace(equations, f=(rate + _DRIFT_OF_ERROR, acceleration))
+    strange = replace(servo, system=replace(servo.system, equations=drifting))
+    # The law goes on believing in the true kinematics: it is designed for another system.
+    unaware = replace(law, error=None)
     run = simulate(
-        strange, law, case.x0, duration=5.0, control_period=lab.settings.control_period,
+        strange, unaware, case.x0, duration=5.0, control_period=lab.settings.control_period,
         timestep=lab.settings.timestep, engine="python",
     )  # fmt: skip
     return Measured(from_optimum(compare_with_optimum(run, law)))

@@ -20,7 +20,8 @@ System = Annotated[Positional[str], arg(metavar="SYSTEM", name="system")]
 class Validate:
     """Run the chapter's cases and say whether they come out as recorded.
 
-    Every case of each SYSTEM (servo, cart_pendulum, arm; all of them, if none is named) runs on
+    Every case of each SYSTEM (servo, cart_pendulum, arm, two_link_arm; all of them, if none is
+    named) runs on
     the analytic plants (the chapter's printed equations where they are misprinted, and the
     corrected ones) and in MuJoCo, under LQR and under GROSMC. A table goes to standard output;
     figures (PNG and SVG, numbered as in the chapter) and validation.json go to --out. The claims of
@@ -37,6 +38,10 @@ class Validate:
         control_period: Time between two samples of the law, in s; a multiple of the timestep.
         timestep: Physics timestep, in s.
         integrator: MuJoCo's integrator: RK4, implicitfast, implicit or Euler.
+        switching: Switching law of the sliding mode laws: sign as in the chapter, boundary-layer,
+            implicit, implicit-estimate, super-twisting, adaptive, unit-vector or
+            implicit-unit-vector.
+        surface: printed, or discrete: zero at every sample of the nominal plant.
         out: Folder for validation.json and the figures.
         claims: Whether to judge the chapter's claims too; this needs every case of a SYSTEM and
             the default settings.
@@ -54,6 +59,8 @@ class Validate:
     control_period: Annotated[float, arg(metavar="S")] = 1e-3
     timestep: Annotated[float, arg(metavar="S")] = 1e-3
     integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
+    switching: Annotated[str, arg(metavar="NAME")] = "sign"
+    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
     claims: bool = True
     figures: bool = True
@@ -77,7 +84,7 @@ class Claims:
     repository expects.
 
     Attributes:
-        system: servo, cart_pendulum or arm.
+        system: servo, cart_pendulum, arm or two_link_arm.
         explain: Tell the whole story of this claim, and write its figure to --out.
         json: Print JSON instead of tables.
         self_test: Put faults into laws and plants, one at a time, and show which claims notice.
@@ -103,7 +110,7 @@ class Premises:
     where it is, how often it is violated, and the smallest gain that restores it.
 
     Attributes:
-        system: servo, cart_pendulum or arm.
+        system: servo, cart_pendulum, arm or two_link_arm.
         case: Only this case: nominal, case1 or case2.
         controller: Whose premises.
         out: Folder for premises_SYSTEM.json.
@@ -131,7 +138,7 @@ class Compare:
     mass and length. Exit code 1 if the corrected equations do not agree to 1e-10.
 
     Attributes:
-        system: servo, cart_pendulum or arm.
+        system: servo, cart_pendulum, arm or two_link_arm.
         states: Random states of each comparison.
         edits: Random edits of mass (x0.25 to x4) and length (x0.5 to x4).
         seed: Of the random numbers.
@@ -142,6 +149,62 @@ class Compare:
     states: Annotated[int, arg(metavar="N")] = 1000
     edits: Annotated[int, arg(metavar="N")] = 5
     seed: Annotated[int, arg(metavar="N")] = 0
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+
+@dataclass(frozen=True)
+class Region:
+    """Map from which starts each law of a SYSTEM converges, in MuJoCo.
+
+    Each map has N x N starts of two states, by default the error of the controlled position and
+    its rate; the other states start at rest. One map for each law on the nominal plant and on a
+    perturbed one, under the law of the nominal. A start has converged if every error that the law
+    regulates is within 1 degree and 0.1 rad/s (0.02 m and 0.1 m/s) at the end, or well within them
+    at an earlier look; it has left the region if any sample of the law finds the state where the
+    feedback linearization is undefined (the pole at or below the horizontal; the Jacobian LQR is
+    stopped there too); the plant may be singular; or the run stays and does not converge.
+
+    Writes region_SYSTEM.json, .png and .svg to --out, and a table to standard output.
+
+    Attributes:
+        system: servo, cart_pendulum, arm or two_link_arm.
+        controllers: Laws to map, such as cart-ism and cart-pfl; by default those of validate.
+        case: The perturbed plant: a case that edits bodies.
+        points: Starts along each axis, from 2 to 1000.
+        axes: Two states that the starts differ in, such as theta theta_dot or p theta.
+        angle: Starts of an angle go from -DEG to DEG.
+        rate: Starts of an angular rate go from -RATE to RATE, in rad/s.
+        position: Starts of a position go from -M to M.
+        speed: Starts of a speed go from -SPEED to SPEED, in m/s.
+        duration: Time that a start is given to converge, in s.
+        integrator: MuJoCo's integrator: implicitfast is the quickest; RK4, which the other commands
+            use, takes four times as long.
+        switching: Switching law of the sliding mode laws, as for validate.
+        surface: printed or discrete, as for validate.
+        out: Folder for region_SYSTEM.json and the figure.
+    """
+
+    system: System
+    case: Annotated[
+        str | None, arg(metavar="NAME", help_behavior_hint="(default: the first that edits bodies)")
+    ] = None
+    controllers: Annotated[
+        tuple[str, ...],
+        arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: those of validate)"),
+    ] = ()
+    points: Annotated[int, arg(metavar="N")] = 100
+    axes: Annotated[
+        tuple[str, str] | None,
+        arg(metavar="X Y", help_behavior_hint="(default: the controlled position and its rate)"),
+    ] = None
+    angle: Annotated[float, arg(metavar="DEG")] = 90.0
+    rate: Annotated[float, arg(metavar="RATE")] = 10.0
+    position: Annotated[float, arg(metavar="M")] = 1.0
+    speed: Annotated[float, arg(metavar="SPEED")] = 2.0
+    duration: Annotated[float, arg(metavar="S")] = 12.0
+    integrator: Annotated[str, arg(metavar="NAME")] = "implicitfast"
+    switching: Annotated[str, arg(metavar="NAME")] = "sign"
+    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
 
@@ -159,7 +222,7 @@ class Film:
     egl, osmesa and, where there is a display, glfw; grosmc-mj doctor says what is missing.
 
     Attributes:
-        system: servo, cart_pendulum or arm.
+        system: servo, cart_pendulum, arm or two_link_arm.
         case: nominal, case1 or case2.
         controllers: One to four of those that grosmc-mj list shows.
         camera: Camera of the model: fixed, follow or wide; by default follow where it moves along
@@ -169,10 +232,13 @@ class Film:
         speed: Seconds of the run in a second of the film.
         start: First instant shown, in s.
         stop: End of what is shown, in s.
+        duration: How long the runs last, in s, where that is not the case's own time.
         output: The film; by default renders/films/SYSTEM_CASE.mp4.
         gif: Whether to write a small GIF too.
         workers: Rendering processes; by default one a core.
         probe: Whether to try the backends anew instead of trusting the last answer.
+        switching: Switching law of the sliding mode laws, as for validate.
+        surface: printed or discrete, as for validate.
     """
 
     system: System
@@ -186,12 +252,58 @@ class Film:
     stop: Annotated[
         float | None, arg(name="to", metavar="T", help_behavior_hint="(default: the run's end)")
     ] = None
+    duration: Annotated[
+        float | None, arg(metavar="S", help_behavior_hint="(default: the case's)")
+    ] = None
     output: Annotated[
         Path | None, arg(aliases=("-o",), metavar="FILE.mp4", help_behavior_hint="")
     ] = None
     gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     probe: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    switching: Annotated[str, arg(metavar="NAME")] = "sign"
+    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
+
+
+@dataclass(frozen=True)
+class Switching:
+    """Measure accuracy and chattering of every switching law against sample time.
+
+    On a scalar with a sine disturbance, whose input gain is right or wrong by a factor, and on the
+    chapter's cases in MuJoCo under GROSMC, with the printed and with the discrete-time surface:
+    largest |s|, distance from the optimal trajectory, zero crossings, total variation of the
+    input, J of the whole input over J*. Tables go to standard output; switching.json and the
+    figure, switching.png and switching.svg, to --out.
+
+    Attributes:
+        system: servo, cart_pendulum or arm.
+        out: Folder for switching.json and the figure.
+    """
+
+    system: OptionalSystem = None
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Hold the pole and the cart: what the chapter's law leaves out, and what it costs.
+
+    The cart-pendulum runs in MuJoCo for 20 or 30 s in each case under the chapter's law, which
+    lets the cart go, and under three that hold both: LQR of all four states, the same with section
+    2's integral sliding mode, and section 3's linearization with an outer loop on the cart. With
+    four states the pole's length is not matched: a second table says what each choice of G makes of
+    that, a third how much of each uncertainty the input can reach. Writes hold.json, hold.png and
+    hold.svg to --out.
+
+    Attributes:
+        switching: Switching law of the sliding mode laws, as for validate.
+        surface: printed or discrete, as for validate.
+        out: Folder for hold.json and the figure.
+    """
+
+    switching: Annotated[str, arg(metavar="NAME")] = "implicit"
+    surface: Annotated[str, arg(metavar="printed|discrete")] = "discrete"
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
 
 @dataclass(frozen=True)
@@ -242,7 +354,10 @@ Command = (
     | Annotated[Premises, subcommand("premises")]
     | Annotated[Film, subcommand("film")]
     | Annotated[List, subcommand("list")]
+    | Annotated[Hold, subcommand("hold")]
     | Annotated[Compare, subcommand("compare")]
+    | Annotated[Region, subcommand("region")]
+    | Annotated[Switching, subcommand("switching")]
     | Annotated[Bench, subcommand("bench")]
     | Annotated[Doctor, subcommand("doctor")]
     | Annotated[Readme, subcommand("readme")]

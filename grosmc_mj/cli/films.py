@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 FOLDER = "films"
 _MOST_WORKERS = 256
+# Of the runs of a film [s].
+_LONGEST = 120.0
 
 
 def film(command: Film) -> int:
@@ -37,7 +40,17 @@ def film(command: Film) -> int:
     )
     if command.workers is not None and not 1 <= command.workers <= _MOST_WORKERS:
         raise ArgumentError(f"--workers {command.workers} must be from 1 to {_MOST_WORKERS}")
-    case, settings = find_case(command.system, command.case), Settings()
+    case = find_case(command.system, command.case)
+    if command.duration is not None:
+        if not 0 < command.duration <= _LONGEST:
+            raise ArgumentError(
+                f"--duration {command.duration:g} s must be positive and at most {_LONGEST:g} s"
+            )
+        case = replace(case, duration=command.duration)
+    settings = Settings(
+        switching=command.switching,
+        surface=command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
+    )
     names = tuple(dict.fromkeys(command.controllers))
     check_request(case, names, form)
     path = command.output or Path("renders") / FOLDER / f"{case.system}_{case.name}.mp4"

@@ -17,7 +17,7 @@ def list_systems(_: List) -> int:
     for name, system in SYSTEMS.items():
         console.print(f"[bold]{name}[/]  {system.title}")
         for case in cases(name):
-            console.print(f"  {case.name:<8} {case.title}  [dim]({case.source})[/]")
+            console.print(f"  {case.name:<12} {case.title}  [dim]({case.source})[/]")
         console.print(f"  plants       {', '.join(plant_names(name))}")
         console.print(f"  controllers  {', '.join(controller_names(name))}")
         for alias, (same, why) in DESIGNS[name].aliases.items():

@@ -38,12 +38,14 @@ def validate(command: Validate) -> int:
         command.control_period,
         command.timestep,
         command.integrator,  # pyright: ignore[reportArgumentType]  checked by the plant
+        command.switching,
+        command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
     )
     selected = select_cases(command.systems, command.case)
     if command.record and settings != Settings():
         raise ArgumentError(
             "--record needs the default settings: leave out --engine, --control-period, "
-            "--timestep and --integrator"
+            "--timestep, --integrator, --switching and --surface"
         )
     systems = list(dict.fromkeys(case.system for case in selected))
     results: list[RunResult] = []

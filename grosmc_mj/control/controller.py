@@ -10,6 +10,9 @@ from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.state_coordinates import StateCoordinates
+from grosmc_mj.control.switching import Reach
+from grosmc_mj.errors import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +21,8 @@ class Controller:
 
     Attributes:
         name: ``lqr``, ``fl-lqr``, ``grosmc`` or the user's own.
-        law: (t, x, memory, p) -> u in the unit of the plant's input; plain Python.
+        law: (t, x, memory, p) -> u in the unit of the plant's input, a number or, for several
+            inputs, a tuple; plain Python.
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
         error: The error coordinates that the law regulates, if it has them.
@@ -28,16 +32,33 @@ class Controller:
         declared: What the gains were computed from, in words; empty if they are given.
         sliding_unit: Unit of s, if the law has a surface.
         linearizing: Whether it goes through feedback linearization, eqs. (23) and (44).
+        switching: Name of its switching law; empty if it has none.
+        control_period: The one sampling time that it is designed for [s]; None for any.
+        with_reach: Makes its law for another switching law, if it has one.
     """
 
     name: str
     law: Law
     parameters: Any
     memory: Callable[[], Memory] = Memory
-    error: ErrorCoordinates | None = None
+    error: ErrorCoordinates | StateCoordinates | None = None
     lqr: LqrDesign | None = None
     source: str = ""
     gains: Mapping[str, float] = field(default_factory=dict)
     declared: str = ""
     sliding_unit: str = ""
     linearizing: bool = False
+    switching: str = ""
+    control_period: float | None = None
+    with_reach: Callable[[Reach], Law] | None = None
+
+    @property
+    def coordinates(self) -> ErrorCoordinates:
+        """The error coordinates of a law that regulates outputs.
+
+        Raises:
+            ArgumentError: If it regulates the whole state, or nothing.
+        """
+        if not isinstance(self.error, ErrorCoordinates):
+            raise ArgumentError(f"{self.name} has no outputs that it regulates")
+        return self.error

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,10 +16,11 @@ from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty, switching_gains
-from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.control.memory import Memory, SurfaceMemory
-from grosmc_mj.control.surface import surface_matrix
-from grosmc_mj.errors import GainError
+from grosmc_mj.control.lqr import LqrDesign, lqr, priced
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.surface import drift_of_surface, surface_matrix
+from grosmc_mj.control.switching import Reach, Sign, Switching
+from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.plants import AnalyticPlant
 
 
@@ -28,7 +31,7 @@ class FeedbackParameters:
     Attributes:
         plant: The nominal plant's parameters.
         reference: The reference's parameters.
-        K: Feedback gain, (2,).
+        K: Feedback gain, (m, n).
     """
 
     plant: Any
@@ -41,14 +44,20 @@ class SurfaceParameters(FeedbackParameters):
     """Numbers of the integral surface, eqs. (8), (31) and (51).
 
     Attributes:
-        G: Projection, (2,).
-        GA_c: G (A - B K), (2,).
-        GB: G B.
+        G: Projection, (m, n).
+        S: What G z drifts by on the optimal trajectory [1/s], (m, n): ``drift_of_surface``.
+        GB: G B, (m, m).
+        GB_inverse: Its inverse, (m, m).
+        size_of_GB: Its norm.
+        switching: The switching law.
     """
 
     G: Array
-    GA_c: Array
-    GB: float
+    S: Array
+    GB: Array
+    GB_inverse: Array
+    size_of_GB: float
+    switching: Switching
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +88,40 @@ class TrackingParameters(SurfaceParameters):
     epsilon: float
 
 
+@dataclass(frozen=True)
+class Realization:
+    """How a sliding mode law is realized by a sampled controller.
+
+    Attributes:
+        switching: Its switching law.
+        control_period: Sampling time of the discrete-time surface [s]; None for the printed
+            surface, which any sampling time goes with.
+    """
+
+    switching: Switching = field(default_factory=Sign)
+    control_period: float | None = None
+
+    def __post_init__(self) -> None:
+        period = self.control_period
+        if period is not None and not (math.isfinite(period) and period > 0):
+            raise ArgumentError(f"control period {period:g} s must be finite and positive")
+
+
+AS_PRINTED = Realization()
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """A nominal plant, what of it is regulated, and the index that weighs it.
 
     Attributes:
         plant: The plant that the law believes in.
-        error: The error coordinates z, two of them.
+        error: The error coordinates z, n of them.
         reference: Parameters of the reference that ``error`` measures from.
-        Q: Weight of z, positive semidefinite, (2, 2).
-        R: Weight of the input, or of v after linearization; positive.
+        Q: Weight of z, positive semidefinite, (n, n).
+        R: Weight of the input, or of v after linearization; positive definite, (m, m) or a
+            number.
+        realization: How a sliding mode law is sampled.
     """
 
     plant: AnalyticPlant
@@ -96,17 +129,24 @@ class Task:
     reference: Any
     Q: ArrayLike
     R: ArrayLike
+    realization: Realization = AS_PRINTED
 
     def linearization_optimum(self) -> LqrDesign:
         """LQR on the Jacobian linearization about zero error; exact for the linear servo."""
-        return lqr(*self.error.jacobian(self.feedback(np.zeros(2))), self.Q, self.R)
+        nothing = np.zeros((self.error.inputs, self.error.size))
+        return lqr(*self.error.jacobian(self.feedback(nothing)), self.Q, self.R)
 
     def chain_optimum(self) -> LqrDesign:
-        """LQR on z1'' = v, the Brunovsky form of eqs. (24) and (45)."""
-        return lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], self.Q, self.R)
+        """LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45).
+
+        Raises:
+            GainError: If the weights do not fit.
+        """
+        chains = self.error.linearization
+        return lqr(chains.A, chains.B, self.Q, self.R)
 
     def feedback(self, K: Array) -> FeedbackParameters:
-        """Numbers of a law with this gain, (2,)."""
+        """Numbers of a law with this gain, (m, n)."""
         return FeedbackParameters(self.plant.parameters, self.reference, K)
 
 
@@ -114,15 +154,40 @@ def linear_lqr(task: Task) -> Controller:
     """LQR (5) on the plant's linearization."""
     optimum = task.linearization_optimum()
     law = laws.state_feedback(task.error)
-    return _controller("lqr", law, task, task.feedback(optimum.K[0]), optimum, "eqs. (5)-(6)")
+    return _controller("lqr", law, task, task.feedback(optimum.K), optimum, "eqs. (5)-(6)")
 
 
 def linearized_lqr(task: Task, name: str = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
     optimum = task.chain_optimum()
     law, source = laws.linearizing_feedback(task.error), "eqs. (23)+(28), (44)+(49)"
-    parameters = task.feedback(optimum.K[0])
-    return _controller(name, law, task, parameters, optimum, source, linearizing=True)
+    return _controller(name, law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
+
+
+def computed_torque_pd(task: Task, frequency: float, damping: float) -> Controller:
+    """Feedback linearization with the same two poles for every output: v = -w^2 e - 2 D w e'.
+
+    What it is compared with is its own nominal trajectory, not an optimum; J* is what that costs.
+
+    Args:
+        task: What is designed for; every output must have relative degree two.
+        frequency: w [rad/s].
+        damping: D.
+
+    Raises:
+        GainError: If a number is not positive or an output has another relative degree.
+    """
+    chains = task.error.linearization
+    if set(chains.relative_degree) != {2} or not (frequency > 0 and damping > 0):
+        raise GainError(
+            f"computed-torque PD with frequency {frequency:g} rad/s and damping {damping:g}: both "
+            f"must be positive, and the relative degrees {chains.relative_degree} all 2"
+        )
+    row = np.array([[frequency**2, 2 * damping * frequency]])
+    optimum = priced(chains.A, chains.B, task.Q, task.R, np.kron(np.eye(task.error.inputs), row))
+    law = laws.linearizing_feedback(task.error)
+    source = "eqs. (23), (44) with v = -Kp e - Kd e'"
+    return _controller("pd", law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
 
 
 def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None) -> Controller:
@@ -131,14 +196,14 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
     Args:
         task: What is designed for.
         uncertainty: What the law shall withstand.
-        G: Projection of the surface, (1, 2); B+ by default.
+        G: Projection of the surface, (m, n); B+ by default.
 
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    optimum, law = task.linearization_optimum(), laws.grosmc_linear(task.error)
+    optimum, with_reach = task.linearization_optimum(), partial(laws.grosmc_linear, task.error)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=False)
-    return _controller("grosmc", law, task, parameters, optimum, "eqs. (8)+(12)", declared)
+    return _sliding(with_reach, task, parameters, optimum, "eqs. (8)+(12)", declared)
 
 
 def regulating_grosmc(
@@ -149,15 +214,15 @@ def regulating_grosmc(
     Args:
         task: What is designed for.
         uncertainty: What the law shall withstand.
-        G: Projection of the surface, (1, 2); B+ by default.
+        G: Projection of the surface, (m, n); B+ by default.
 
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    optimum, law = task.chain_optimum(), laws.grosmc_regulator(task.error)
+    optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_regulator, task.error)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
     source = "eqs. (31)+(37)"
-    return _controller("grosmc", law, task, parameters, optimum, source, declared, linearizing=True)
+    return _sliding(with_reach, task, parameters, optimum, source, declared, linearizing=True)
 
 
 def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = None) -> Controller:
@@ -167,29 +232,92 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
         task: What is designed for.
         k: Proportional reaching gain [1/s].
         epsilon: Switching gain, in the unit of s per second.
-        G: Projection of the surface, (1, 2); B+ by default.
+        G: Projection of the surface, (m, n); B+ by default.
 
     Raises:
         GainError: If G B is singular or a gain is not positive.
     """
     if not (k > 0 and epsilon > 0):
         raise GainError(f"k = {k:g} and epsilon = {epsilon:g} must be positive")
-    optimum, law = task.chain_optimum(), laws.grosmc_tracker(task.error)
+    optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_tracker, task.error)
     surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))
     source = "eqs. (51)+(55)"
-    return _controller("grosmc", law, task, parameters, optimum, source, linearizing=True)
+    return _sliding(with_reach, task, parameters, optimum, source, linearizing=True)
+
+
+def realized(controller: Controller, realization: Realization) -> Controller:
+    """The same design sampled in another way; a law that does not switch stays as it is.
+
+    Nothing that a design computes depends on its switching law or its control period.
+    """
+    if controller.with_reach is None or controller.lqr is None:
+        return controller
+    p, switching = controller.parameters, realization.switching
+    changes: dict[str, Any] = {"switching": switching}
+    # A shaped law has no surface of its own that a period would enter.
+    period = realization.control_period if hasattr(p, "S") else None
+    if hasattr(p, "S"):
+        changes["S"] = drift_of_surface(p.G, controller.lqr, period)
+    memory = controller.memory()
+    m = len(controller.lqr.K)
+    return replace(
+        controller,
+        law=controller.with_reach(switching.reach(m)),
+        parameters=replace(p, **changes),
+        memory=switching.new_memory(m, len(memory.z0)),  # pyright: ignore
+        switching=switching.name,
+        control_period=period,
+    )
+
+
+def _sliding(
+    with_reach: Callable[[Reach], laws.Law],
+    task: Task,
+    parameters: SurfaceParameters,
+    optimum: LqrDesign,
+    source: str,
+    declared: str = "",
+    *,
+    linearizing: bool = False,
+) -> Controller:
+    """A sliding mode controller, sampled as the task says."""
+    law = with_reach(task.realization.switching.reach(task.error.inputs))
+    made = _controller(
+        "grosmc", law, task, parameters, optimum, source, declared, linearizing=linearizing
+    )
+    return replace(made, with_reach=with_reach)
+
+
+def surface_numbers(
+    optimum: LqrDesign, realization: Realization, G: ArrayLike | None = None
+) -> dict[str, Any]:
+    """The fields of ``SurfaceParameters`` beyond those of the feedback.
+
+    Args:
+        optimum: What the surface follows.
+        realization: How it is sampled.
+        G: Projection, (m, n); B+ by default.
+
+    Raises:
+        GainError: If G B is singular.
+    """
+    matrix = surface_matrix(G, optimum.B)
+    GB = matrix @ optimum.B
+    return {
+        "G": matrix,
+        "S": drift_of_surface(matrix, optimum, realization.control_period),
+        "GB": GB,
+        "GB_inverse": np.linalg.inv(GB),
+        "size_of_GB": float(np.linalg.norm(GB)),
+        "switching": realization.switching,
+    }
 
 
 def _surface(task: Task, optimum: LqrDesign, G: ArrayLike | None) -> dict[str, Any]:
-    """Numbers of the surface that follows an optimum."""
-    matrix = surface_matrix(G, optimum.B)
-    return {
-        **vars(task.feedback(optimum.K[0])),
-        "G": matrix[0],
-        "GA_c": (matrix @ optimum.closed_loop)[0],
-        "GB": float((matrix @ optimum.B)[0, 0]),
-    }
+    """Numbers of feedback and surface."""
+    feedback = vars(task.feedback(optimum.K))
+    return {**feedback, **surface_numbers(optimum, task.realization, G)}
 
 
 def _bounded(
@@ -201,10 +329,17 @@ def _bounded(
     linearizing: bool,
 ) -> tuple[BoundedParameters, str]:
     """Surface and gains of the laws (12) and (37), and what they were computed from."""
-    K = optimum.K[0]
-    gains = switching_gains(task.error, task.feedback(K), K, uncertainty, linearizing=linearizing)
+    surface = _surface(task, optimum, G)
+    gains = switching_gains(
+        task.error,
+        task.feedback(optimum.K),
+        optimum.K,
+        uncertainty,
+        linearizing=linearizing,
+        G=surface["G"],
+    )
     parameters = BoundedParameters(
-        **_surface(task, optimum, G), eta=gains.eta, gamma0=gains.gamma0, gamma1=gains.gamma1
+        **surface, eta=gains.eta, gamma0=gains.gamma0, gamma1=gains.gamma1
     )
     return parameters, uncertainty.describe(gains.gain_ratio)
 
@@ -224,26 +359,38 @@ def _controller(
     switched = isinstance(parameters, SurfaceParameters)
     shown = ("eta", "gamma0", "gamma1", "k", "epsilon")
     gains = {name: getattr(parameters, name) for name in shown if hasattr(parameters, name)}
+    m, n = optimum.K.shape
+    first = {f"K{j + 1}": float(optimum.K[0, j]) for j in range(n)}
+    every = {f"K{i + 1}{j + 1}": float(optimum.K[i, j]) for i in range(m) for j in range(n)}
+    switching = task.realization.switching
     return Controller(
         name=name,
         law=law,
         parameters=parameters,
-        memory=SurfaceMemory if switched else Memory,
+        memory=switching.new_memory(m, n) if switched else partial(_without_surface, m),
         error=task.error,
         lqr=optimum,
         source=source,
-        gains={"K1": float(optimum.K[0, 0]), "K2": float(optimum.K[0, 1]), **gains},
+        gains={**(first if m == 1 else every), **gains},
         declared=declared,
         sliding_unit=_sliding_unit(task, parameters) if switched else "",
         linearizing=linearizing,
+        switching=switching.name if switched else "",
+        control_period=task.realization.control_period if switched else None,
     )
+
+
+def _without_surface(m: int) -> Memory:
+    """Memory of a law of m inputs without a surface."""
+    return Memory(v=np.zeros(m))
 
 
 def _sliding_unit(task: Task, parameters: SurfaceParameters) -> str:
     """Unit of s: with G B = 1 that of the input times time, else that of the error's rate."""
-    # With B = [0, 1] both are the rate's.
-    if math.isclose(parameters.GB, parameters.G[1]):
-        return task.plant.system.velocities[task.plant.system.output].unit
-    if math.isclose(parameters.GB, 1):
+    rows = list(task.error.linearization.last_rows)
+    # With G in the last rows only and G B = 1 both are the rate's.
+    if np.allclose(parameters.GB, parameters.G[:, rows]):
+        return task.error.units[rows[0]]
+    if np.allclose(parameters.GB, np.eye(len(parameters.GB))):
         return f"{task.plant.system.input.unit} s"
     return "1"

@@ -1,4 +1,4 @@
-"""The error state that a law regulates, and how the input moves it: eqs. (17), (24) and (45)."""
+"""The error state that a law regulates, and how the inputs move it: eqs. (17), (24) and (45)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,22 @@ import scipy.differentiate
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.feedback_linearization import (
+    FeedbackLinearization,
+    feedback_linearization,
+)
 from grosmc_mj.control.references import ReferenceFunction
+from grosmc_mj.control.vectors import Vector, each
+from grosmc_mj.errors import PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 
-Pair = tuple[float, float]
+_PER_SECOND = ("", "/s", "/s²", "/s³")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorCoordinates:
-    """z = sign * [y - y_r, y' - y_r'] for an output of relative degree two.
+    """z = sign * (T(x) - [y_r, y_r', ...]), each output with its derivatives below r_i.
 
     It is the chapter's x for the servo (sign -1: theta_d - theta, eq. (17)), its z = T(x) for
     the pendulum (y_r = 0, eq. (22)) and its e for the arm (eq. (45)).
@@ -30,75 +36,198 @@ class ErrorCoordinates:
         system: The plant's equations.
         reference: y_r(t) and its derivatives, from ``p.reference``.
         sign: +1 for y - y_r, -1 for y_r - y.
+        outputs: y in symbols, as many as inputs; the system's own by default.
+        guess: A state near which z determines x, (n,); zero by default. It matters where
+            several states have the same outputs.
+        unit: Unit of the outputs, if they are no states.
     """
 
     system: System
     reference: ReferenceFunction
     sign: Literal[1, -1] = 1
+    outputs: tuple[Any, ...] | None = None
+    guess: tuple[float, ...] | None = None
+    unit: str = ""
 
     @cached_property
-    def state(self) -> Callable[[float, Any, Any], Pair]:
-        """Jitable (t, x, p) -> z."""
-        reference, sign = self.reference, float(self.sign)
-        position = self.system.output
-        velocity = position + self.system.degrees_of_freedom
+    def linearization(self) -> FeedbackLinearization:
+        """T, K and E of the outputs.
 
-        @jitable
-        def error_state(t: float, x: Any, p: Any) -> Pair:
-            y_r, dy_r, _ = reference(t, p.reference)
-            return (sign * (x[position] - y_r), sign * (x[velocity] - dy_r))
-
-        return error_state
-
-    @cached_property
-    def dynamics(self) -> Callable[[float, Any, Any], Pair]:
-        """Jitable (t, x, p) -> (alpha, E) of z1'' = alpha + E u, by the nominal ``p.plant``.
-
-        alpha is L_f^2 h - y_r'' and E the decoupling matrix L_g L_f h of eqs. (23) and (44).
+        Raises:
+            PremiseError: If they have no vector relative degree.
         """
-        system, reference, sign = self.system, self.reference, float(self.sign)
-        drift, input_matrix = system.drift, system.input_matrix
-        velocity = system.output + system.degrees_of_freedom
+        return feedback_linearization(self.system.equations, self.outputs)
 
-        @jitable
-        def error_dynamics(t: float, x: Any, p: Any) -> Pair:
-            _, _, ddy_r = reference(t, p.reference)
-            alpha = sign * (drift(x, p.plant)[velocity] - ddy_r)
-            return (alpha, sign * input_matrix(x, p.plant)[velocity])
+    @property
+    def inputs(self) -> int:
+        """m, the number of inputs and outputs."""
+        return self.system.equations.inputs
 
-        return error_dynamics
+    @property
+    def size(self) -> int:
+        """Number of entries of z."""
+        return sum(self.linearization.relative_degree)
 
-    def along(self, time: ArrayLike, x: ArrayLike, reference_parameters: Any) -> Array:
-        """z at every sample of a trajectory: time (N,), x (N, n); returns (N, 2)."""
-        x = np.asarray(x, float)
-        position = self.system.output
-        velocity = position + self.system.degrees_of_freedom
-        y_r = np.array([self.reference(t, reference_parameters) for t in np.asarray(time, float)])
-        return self.sign * (x[:, [position, velocity]] - y_r[:, :2])
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each entry of z."""
+        chains = self.linearization
+        states = dict(zip(chains.equations.x, self.system.states, strict=True))
+        found = []
+        for output, degree in zip(chains.h, chains.relative_degree, strict=True):
+            unit = states[output].unit if output in states else self.unit
+            found += [unit + _PER_SECOND[min(order, 3)] for order in range(degree)]
+        return tuple(found)
 
-    def jacobian(self, parameters: Any) -> tuple[Array, Array]:
+    @property
+    def output_rows(self) -> tuple[int, ...]:
+        """Entries of z that are outputs' errors; the others are their derivatives."""
+        return self.linearization.first_rows
+
+    @cached_property
+    def _lower(self) -> tuple[int, ...]:
+        """Where the reference's values are that z is measured from."""
+        places, first = [], 0
+        for degree in self.linearization.relative_degree:
+            places += range(first, first + degree)
+            first += degree + 1
+        return tuple(places)
+
+    @cached_property
+    def _highest(self) -> tuple[int, ...]:
+        """Where the reference's derivatives of order r_i are."""
+        return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
+
+    @cached_property
+    def state(self) -> Callable[[float, Any, Any], Vector]:
+        """Jitable (t, x, p) -> z, by the nominal ``p.plant``."""
+        reference, transformation = self.reference, self.linearization.transformation
+        difference = _signed_difference(self.size, float(self.sign), self._lower)
+
+        def error_state(t: float, x: Any, p: Any) -> Vector:
+            return difference(transformation(x, p.plant), reference(t, p.reference))
+
+        return jitable(error_state)
+
+    @cached_property
+    def nonlinearity(self) -> Callable[[float, Any, Any], Vector]:
+        """Jitable (t, x, p) -> alpha of z_i^(r_i) = alpha_i + (E u)_i, by the nominal plant.
+
+        It is L_f^r h - y_r^(r) of eqs. (23) and (44).
+        """
+        reference, nonlinearity = self.reference, self.linearization.nonlinearity
+        difference = _signed_difference(self.inputs, float(self.sign), self._highest)
+
+        def error_nonlinearity(t: float, x: Any, p: Any) -> Vector:
+            return difference(nonlinearity(x, p.plant), reference(t, p.reference))
+
+        return jitable(error_nonlinearity)
+
+    @cached_property
+    def decoupling_matrix(self) -> Callable[[Any, Any], Vector]:
+        """Jitable (x, p) -> E, row by row, by the nominal plant."""
+        matrix, sign = self.linearization.decoupling_matrix, float(self.sign)
+        if self.sign == 1:
+            return jitable(lambda x, p: matrix(x, p.plant))
+        negated = each(self.inputs**2, lambda i, E: sign * E[i])
+        return jitable(lambda x, p: negated(matrix(x, p.plant)))
+
+    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
+        """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
+        alpha = np.array(self.nonlinearity(t, x, p))
+        return alpha, np.reshape(self.decoupling_matrix(x, p), (self.inputs, self.inputs))
+
+    def moved(
+        self, t: float, x: Array, p: Any, plant: Any, w: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
+        """(drift, gain) of z' = drift + gain u on a true plant, as the law sees it: eq. (24).
+
+        z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            p: The law's parameters, with ``plant`` and ``reference``.
+            plant: Parameters of the true plant.
+            w: Wrenches on it, (6 * bodies,); None for none.
+
+        Returns:
+            drift (size,) and gain (size, m).
+        """
+        equations = self.system.equations
+        f = np.array(equations.drift(x, plant))
+        if w is not None:
+            f = f + np.array(equations.disturbance(x, np.asarray(w, float), plant))
+        g = np.reshape(equations.input_matrix(x, plant), (len(f), -1))
+        slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(f)))
+        raised = np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
+        return self.sign * (slope @ f - raised), self.sign * slope @ g
+
+    def unmatched(self, t: float, x: Array, p: Any, drift: Array) -> Array:
+        """What a drift of z' does to the rows without an input, beyond the chains of eq. (24)."""
+        chains = self.linearization
+        z = np.array(self.state(t, x, p))
+        return np.delete(drift - chains.A @ z, chains.last_rows)
+
+    def along(self, time: ArrayLike, x: ArrayLike, parameters: Any) -> Array:
+        """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
+        z = self.outputs_along(x, parameters.plant)
+        return self.sign * (z - self.reference_along(time, parameters.reference))
+
+    def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
+        """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
+        x, chains = np.asarray(x, float), self.linearization
+        names = list(chains.equations.x)
+        if all(t in names for t in chains.T):
+            return x[:, [names.index(t) for t in chains.T]]
+        return np.array([chains.transformation(row, plant) for row in x])
+
+    def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
+        """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""
+        rows = [self.reference(t, parameters) for t in np.asarray(time, float).tolist()]
+        return np.array(rows)[:, self._lower]
+
+    def place(self, t: float, z: ArrayLike, p: Any) -> Array:
+        """A state with this error, with all else at rest, (n,).
+
+        Raises:
+            PremiseError: If there is none near the guess.
+        """
+        guess = np.zeros(len(self.system.states)) if self.guess is None else np.array(self.guess)
+        lower = np.array(self.reference(t, p.reference))[list(self._lower)]
+        return self.linearization.place(lower + self.sign * np.asarray(z, float), p.plant, guess)
+
+    def jacobian(self, p: Any) -> tuple[Array, Array]:
         """(A, B) of the linearization of z' about z = 0 with the other coordinates at rest.
 
         Args:
-            parameters: With ``plant`` and ``reference``, as the laws have them.
+            p: With ``plant`` and ``reference``, as the laws have them.
 
         Returns:
-            A (2, 2) and B (2, 1).
+            A (size, size) and B (size, m).
         """
-        n, position = len(self.system.states), self.system.output
-        velocity = position + self.system.degrees_of_freedom
-        y_r, dy_r, _ = self.reference(0.0, parameters.reference)
+        chains, size, m = self.linearization, self.size, self.inputs
+        if m > 1 and not chains.complete:
+            raise PremiseError(f"{self.system.name}: z leaves out a part of the state")
 
         def rate(zu: Array) -> Array:
-            """z1'' at columns of (z1, z2, u)."""
+            """z_i^(r_i) at columns of (z, u)."""
+            flat = zu.reshape(size + m, -1)
+            columns = []
+            for column in flat.T:
+                alpha, E = self.dynamics(0.0, self.place(0.0, column[:size], p), p)
+                columns.append(alpha + E @ column[size:])
+            return np.array(columns).T.reshape(m, *zu.shape[1:])
 
-            def one(z1: float, z2: float, u: float) -> float:
-                x = np.zeros(n)
-                x[position], x[velocity] = y_r + self.sign * z1, dy_r + self.sign * z2
-                alpha, E = self.dynamics(0.0, x, parameters)
-                return alpha + E * u
+        slopes = scipy.differentiate.jacobian(rate, np.zeros(size + m)).df
+        A, B = chains.A.copy(), np.zeros((size, m))
+        rows = list(chains.last_rows)
+        A[rows], B[rows] = slopes[:, :size], slopes[:, size:]
+        return A, B
 
-            return np.vectorize(one)(*zu)[None]
 
-        slopes = scipy.differentiate.jacobian(rate, np.zeros(3)).df[0]
-        return np.array([[0.0, 1.0], slopes[:2]]), np.array([[0.0], slopes[2:]])
+def _signed_difference(
+    count: int, sign: float, places: tuple[int, ...]
+) -> Callable[[Any, Any], Vector]:
+    """Jitable (values, reference) -> sign (values - the reference's entries at the places)."""
+    return each(count, lambda i, values, y_r: sign * (values[i] - y_r[places[i]]))

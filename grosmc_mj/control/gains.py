@@ -14,8 +14,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError, GainError
 
-# Points of the grids over which the suprema are taken; both include every corner.
-_SCALES, _STATES = 5, 21
+# Points of the grids over which the suprema are taken; both include every corner. The number of
+# states is for all axes together.
+_SCALES, _STATES = 5, 441
 # A step from z = 0 at which the mismatch is linear: its square is below rounding of the gains.
 _NEAR = 1e-4
 
@@ -28,14 +29,14 @@ class Uncertainty:
         scales: Range of the true value of a parameter over its nominal one, by its name.
         wrench: Largest magnitude of each disturbance component, [force, torque] in N and N m
             of each body of the system.
-        region: Largest |z1| and |z2| of the error state.
+        region: Largest |z1|, |z2| ... of the error state.
         reaching_rate: The eta of eqs. (14) and (39) that the true plant shall keep: the rate of
             |s|, in the unit of s per second.
     """
 
     scales: Mapping[str, tuple[float, float]]
     wrench: tuple[float, ...]
-    region: tuple[float, float]
+    region: tuple[float, ...]
     reaching_rate: float
 
     def __post_init__(self) -> None:
@@ -53,9 +54,10 @@ class Uncertainty:
         """The declaration in one line, with the input-gain ratio that it leads to."""
         scales = [f"{name} x{low:g} to x{high:g}" for name, (low, high) in self.scales.items()]
         pushes = [f"{size:.3g}" for size in self.wrench if size]
+        bounds = [f"|z{i + 1}| <= {bound:.3g}" for i, bound in enumerate(self.region)]
         return (
             f"{', '.join(scales) or 'no variation'}; wrench up to {', '.join(pushes) or '0'} N m; "
-            f"|z1| <= {self.region[0]:.3g}, |z2| <= {self.region[1]:.3g}; reaching rate "
+            f"{', '.join(bounds)}; reaching rate "
             f"{self.reaching_rate:g}; input gain down to {ratio:.3g} of the nominal one"
         )
 
@@ -67,7 +69,8 @@ class SwitchingGains(NamedTuple):
         eta: Reaching gain, in the unit of s per second.
         gamma0: Constant part of the bound, in the unit of the input.
         gamma1: Its slope over the norm of the error state.
-        gain_ratio: Smallest r = E_true/E_nominal in the family.
+        gain_ratio: Smallest r = E_true/E_nominal in the family; for several inputs what is left
+            of it on the diagonal of R, see ``authority``.
     """
 
     eta: float
@@ -83,21 +86,23 @@ def switching_gains(
     uncertainty: Uncertainty,
     *,
     linearizing: bool,
+    G: Array,
 ) -> SwitchingGains:
-    """Gains that keep s' s <= -eta |s| for every plant of the declared family.
+    """Gains that keep s_i' s_i <= -eta |s_i| for every plant of the declared family.
 
-    With z1'' = alpha + E u by the model that the law is designed for (the nominal plant or, for
-    a linear law, its linearization), alpha* + E* u + d on the true plant, the continuous law u_0
-    and u = u_0 + u_dis,
+    With z_i^(r_i) = alpha + E u by the model that the law is designed for (the nominal plant or,
+    for a linear law, its linearization), alpha* + E* u + d on the true plant, the continuous law
+    u_0, u = u_0 + u_d and G_r the columns of G that meet the inputs' rows,
 
-        s' = G_2 [(alpha* - alpha) + (E* - E) u_0 + d + E* u_dis],   G_2 the second entry of G.
+        s' = G_r [(alpha* - alpha) + (E* - E) u_0 + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
 
-    u_dis meets the true input gain E*, not the nominal one, so the assumptions' bounds are met
-    with the gain's own uncertainty counted, which breaks the circle of Assumption 4:
+    The switching term meets the true input gain, not the nominal one, so the assumptions' bounds
+    are met with the gain's own uncertainty counted, which breaks the circle of Assumption 4. Of
+    rho = eta + (gamma0 + gamma1 |z|) |G_r E| a part r is left (``authority``):
 
-        eta    = reaching_rate / min r,                              r = E*/E
-        gamma0 = sup |d / E*|
-        gamma1 = sup |(alpha* - alpha) + (E* - E) u_0| / (|E*| |z|).
+        eta    = reaching_rate / min r
+        gamma0 = sup |G_r (c + d)| / (r |G_r E|),   c the mismatch at z = 0
+        gamma1 = sup |G_r [(alpha* - alpha) + (E* - E) u_0 - c]| / (r |G_r E| |z|).
 
     The suprema are over a grid of the declared scales and the operating region with all their
     corners, and over all directions next to z = 0.
@@ -105,84 +110,97 @@ def switching_gains(
     Args:
         error: Error coordinates of the law.
         nominal: The law's parameters, with ``plant`` and ``reference``.
-        K: Its feedback gain, (2,).
+        K: Its feedback gain, (m, n).
         uncertainty: The declared family.
-        linearizing: Whether u_0 is (-K z - alpha)/E, as in eq. (37), or -K z, as in eq. (12).
+        linearizing: Whether u_0 is E^-1 (-K z - alpha), as in eq. (37), or -K z, as in eq. (12).
+        G: Projection of the surface, (m, n).
 
     Raises:
-        GainError: If a plant of the family reverses or loses the input, when no gain helps; or
-            if the mismatch has a constant part, for which the formula has no room.
+        GainError: If a plant of the family reverses or loses an input, when no gain helps; or if
+            the reference moves, for which the formula has no room.
     """
-    A, B = error.jacobian(nominal)
-    velocity = error.system.output + error.system.degrees_of_freedom
-    gamma0, gamma1, ratio = 0.0, 0.0, math.inf
+    if len(uncertainty.region) != error.size:
+        raise GainError(
+            f"{error.system.name}: the operating region has {len(uncertainty.region)} bounds, the "
+            f"error state {error.size} entries"
+        )
+    _refuse_moving(error, nominal)
+    rows = list(error.linearization.last_rows)
+    A, B = error.jacobian(nominal) if not linearizing else (np.zeros(0), np.zeros(0))
+    G_r, origin = G[:, rows], np.zeros(error.size)
+    gamma0, gamma1, least = 0.0, 0.0, math.inf
+
+    def mismatch(z: Array, x: Array, plant: Any) -> tuple[Array, Array, Array]:
+        """E and E*, and (alpha* - alpha) + (E* - E) u_0."""
+        if linearizing:
+            alpha, E = error.dynamics(0.0, x, nominal)
+            u_0 = np.linalg.solve(E, -(K @ z) - alpha)
+        else:
+            alpha, E, u_0 = A[rows] @ z, B[rows], -(K @ z)
+        drift, gain = error.moved(0.0, x, nominal, plant)
+        return E, gain[rows], (drift[rows] - alpha) + (gain[rows] - E) @ u_0
+
+    states = [(z, error.place(0.0, z, nominal)) for z in _states(uncertainty.region)]
+    at_rest = error.place(0.0, origin, nominal)
     for plant in _family(nominal.plant, uncertainty.scales):
-        true = replace(nominal, plant=plant)
-        _refuse_constant_mismatch(error, nominal, true)
-        slope = []
-        for z in _states(uncertainty.region):
-            x = _state(error, nominal, z)
-            if linearizing:
-                alpha, E = error.dynamics(0.0, x, nominal)
-            else:
-                alpha, E = float(A[1] @ z), float(B[1, 0])
-            alpha_true, E_true = error.dynamics(0.0, x, true)
-            r = E_true / E
+        slopes, held = [], mismatch(origin, at_rest, plant)[2]
+        for z, x in states:
+            E, E_true, found = mismatch(z, x, plant)
+            r = authority(G_r @ E_true, G_r @ E)
             if not r > 1e-9:
                 raise GainError(
                     f"{error.system.name}: the input gain of a declared plant is {r:g} of the "
                     f"nominal one at z = {z}; no switching gain can make up for that"
                 )
-            u_0 = (-(K @ z) - alpha) / E if linearizing else -(K @ z)
-            mismatch = (alpha_true - alpha) + (E_true - E) * u_0
-            share = mismatch / (abs(E_true) * float(np.hypot(*z)))
-            if len(slope) < len(z):
-                slope.append(share)
-            gamma1 = max(gamma1, abs(share))
-            pushed = sum(
-                abs(error.system.disturbance(x, unit * size, plant)[velocity])
-                for unit, size in zip(
-                    np.eye(len(uncertainty.wrench)), uncertainty.wrench, strict=True
-                )
-                if size
-            )
-            gamma0 = max(gamma0, pushed / abs(E_true))
-            ratio = min(ratio, r)
+            reach = r * float(np.linalg.norm(G_r @ E))
+            share = G_r @ (found - held) / (reach * float(np.linalg.norm(z)))
+            if len(slopes) < len(z):
+                slopes.append(share)
+            gamma1 = max(gamma1, float(np.abs(share).max()))
+            pushed = np.abs(G_r @ held)
+            for unit, size in zip(np.eye(len(uncertainty.wrench)), uncertainty.wrench, strict=True):
+                if size:
+                    still = error.moved(0.0, x, nominal, plant)[0]
+                    moved = error.moved(0.0, x, nominal, plant, unit * size)[0]
+                    pushed = pushed + np.abs(G_r @ (moved - still)[rows])
+            gamma0, least = max(gamma0, float(pushed.max()) / reach), min(least, r)
         # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.
-        gamma1 = max(gamma1, float(np.hypot(*slope)))
-    eta = uncertainty.reaching_rate / ratio
-    return SwitchingGains(float(eta), float(gamma0), float(gamma1), float(ratio))
+        gamma1 = max(gamma1, float(np.linalg.norm(slopes, axis=0).max()))
+    # Rounding is no mismatch.
+    gamma0, gamma1 = (value if value > 1e-12 else 0.0 for value in (gamma0, gamma1))
+    return SwitchingGains(uncertainty.reaching_rate / least, gamma0, gamma1, least)
 
 
-def _state(error: ErrorCoordinates, nominal: Any, z: Array) -> Array:
-    """The plant's state at an error state, with the reference at t = 0 and all else at rest."""
-    position = error.system.output
-    y_r, dy_r, _ = error.reference(0.0, nominal.reference)
-    x = np.zeros(len(error.system.states))
-    x[position] = y_r + error.sign * z[0]
-    x[position + error.system.degrees_of_freedom] = dy_r + error.sign * z[1]
-    return x
+def authority(steered: Array, believed: Array) -> float:
+    """What a true input gain leaves of a switching term: the least row of R, by dominance.
+
+    With R = steered believed^-1 and s' = push - rho R sgn(s), each entry of s is driven back by
+    rho (R_ii - sum_j |R_ij|) at least. For one input it is r = E*/E.
+
+    Args:
+        steered: G_r E* of the true plant, (m, m).
+        believed: G_r E of the law's model, (m, m).
+    """
+    R = steered @ np.linalg.inv(believed)
+    diagonal = np.diag(R)
+    return float((diagonal - (np.abs(R).sum(axis=1) - np.abs(diagonal))).min())
 
 
-def _refuse_constant_mismatch(error: ErrorCoordinates, nominal: Any, true: Any) -> None:
-    """Refuse a mismatch at z = 0, such as a payload's weight or a moving reference.
+def _refuse_moving(error: ErrorCoordinates, nominal: Any) -> None:
+    """Refuse a reference that moves: the grid is of states at rest.
 
     Raises:
-        GainError: If there is one.
+        GainError: If it does.
     """
-    position, m = error.system.output, error.system.degrees_of_freedom
-    y_r, *slopes = error.reference(0.0, nominal.reference)
-    x = np.zeros(2 * m)
-    x[position] = y_r
-    alpha, E = error.dynamics(0.0, x, nominal)
-    alpha_true, E_true = error.dynamics(0.0, x, true)
-    held = abs(alpha_true - alpha * E_true / E)
-    if any(slopes) or held > 1e-9 * max(1.0, abs(alpha)):
-        raise GainError(
-            f"{error.system.name}: the declared plants differ by {held:g} at rest on the "
-            "reference, or the reference moves: a bound in |z| cannot cover that; give k and "
-            "epsilon instead"
-        )
+    degrees, values = error.linearization.relative_degree, error.reference(0.0, nominal.reference)
+    first = 0
+    for degree in degrees:
+        if any(values[first + 1 : first + degree + 1]):
+            raise GainError(
+                f"{error.system.name}: the reference moves: a bound in |z| cannot cover that; "
+                "give k and epsilon instead"
+            )
+        first += degree + 1
 
 
 def _family(nominal: Any, scales: Mapping[str, tuple[float, float]]) -> list[Any]:
@@ -194,8 +212,9 @@ def _family(nominal: Any, scales: Mapping[str, tuple[float, float]]) -> list[Any
     ]
 
 
-def _states(region: tuple[float, float]) -> list[Array]:
+def _states(region: tuple[float, ...]) -> list[Array]:
     """A step along each axis next to the origin, then the grid of error states without it."""
-    axes = [np.linspace(-bound, bound, _STATES) for bound in region]
+    points = round(_STATES ** (1 / len(region))) // 2 * 2 + 1  # odd, so that it has the axes
+    axes = [np.linspace(-bound, bound, points) for bound in region]
     grid = [np.array(z) for z in itertools.product(*axes) if any(z)]
-    return [*(_NEAR * np.eye(2)), *grid]
+    return [*(_NEAR * np.eye(len(region))), *grid]

@@ -1,53 +1,39 @@
 """The laws of the chapter, each written once as (t, x, memory, p) -> u.
 
-Every function here makes a law for given error coordinates. A law is plain Python for one
-simulation; ``p`` is the parameter dataclass of its controller, ``memory`` belongs to the run.
-Made once per coordinates, so that the compiled engine compiles it once.
+Every function here makes a law for given error coordinates, for any number of inputs. A law is
+plain Python for one simulation; ``p`` is the parameter dataclass of its controller, ``memory``
+belongs to the run. Made once per coordinates, so that the compiled engine compiles it once.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.state_coordinates import StateCoordinates
 from grosmc_mj.control.surface import integral_surface
-from grosmc_mj.jitable import jitable
+from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.vectors import algebra, norm
 
-Law = Callable[[float, Any, Any, Any], float]
-
-
-@jitable
-def sgn(s: float) -> float:
-    """The sign function as printed: -1, 0 or 1."""
-    if s > 0.0:
-        return 1.0
-    return -1.0 if s < 0.0 else 0.0
-
-
-@jitable
-def times(K: Any, z: Any) -> float:
-    """K z of a row K (2,) and a state z (2,)."""
-    return K[0] * z[0] + K[1] * z[1]
-
-
-@jitable
-def norm(z: Any) -> float:
-    """The Euclidean norm of z, (2,)."""
-    return math.sqrt(z[0] * z[0] + z[1] * z[1])
+# What a law regulates: outputs' errors through feedback linearization, or the whole state.
+Coordinates = ErrorCoordinates | StateCoordinates
+# For one input u is a number, for more a tuple.
+Law = Callable[[float, Any, Any, Any], Any]
 
 
 @cache
-def state_feedback(error: ErrorCoordinates) -> Law:
+def state_feedback(error: Coordinates) -> Law:
     """The optimal law of a linear plant, eq. (5): u = -K x."""
-    error_state = error.state
+    error_state, m = error.state, error.inputs
+    times, subtract, store, given = _operations(m)
+    nothing = algebra(m).nothing
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        u = -times(p.K, error_state(t, x, p))
-        memory.v = u
-        return u
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
+        u = subtract(nothing, times(p.K, error_state(t, x, p)))
+        store(memory.v, u)
+        return given(u)
 
     return law
 
@@ -55,81 +41,95 @@ def state_feedback(error: ErrorCoordinates) -> Law:
 @cache
 def linearizing_feedback(error: ErrorCoordinates) -> Law:
     """The optimal law through feedback linearization, eqs. (23)+(28) and (44)+(49)."""
-    error_state, error_dynamics = error.state, error.dynamics
+    error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
+    times, subtract, store, given = _operations(error.inputs)
+    solve, nothing = algebra(error.inputs).solve, algebra(error.inputs).nothing
     linearizable = error.system.linearizable
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         if not linearizable(x):
             memory.undefined = 1.0
-            return 0.0
-        alpha, E = error_dynamics(t, x, p)
-        v = -times(p.K, error_state(t, x, p))
-        memory.v = v
-        return (v - alpha) / E
+            return given(nothing)
+        v = subtract(nothing, times(p.K, error_state(t, x, p)))
+        store(memory.v, v)
+        return given(solve(matrix(x, p), subtract(v, nonlinearity(t, x, p))))
 
     return law
 
 
 @cache
-def grosmc_linear(error: ErrorCoordinates) -> Law:
+def grosmc_linear(error: Coordinates, reach: Reach) -> Law:
     """GROSMC of a linear plant: the surface (8) and the law (12)."""
     error_state = error.state
+    surface = integral_surface(error.inputs, error.size)
+    times, subtract, store, given = _operations(error.inputs)
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
-        s = integral_surface(t, z, memory, p)
-        u_c = -times(p.K, z)
-        u_d = -(p.eta + (p.gamma0 + p.gamma1 * norm(z)) * abs(p.GB)) * sgn(s) / p.GB
-        u = u_c + u_d
-        memory.v = u
-        return u
+        s = surface(t, z, memory, p)
+        rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * p.size_of_GB
+        u_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
+        u = subtract(u_d, times(p.K, z))
+        store(memory.v, u)
+        return given(u)
 
     return law
 
 
 @cache
-def grosmc_regulator(error: ErrorCoordinates) -> Law:
+def grosmc_regulator(error: ErrorCoordinates, reach: Reach) -> Law:
     """GROSMC of an affine plant: the surface (31) and the law (37).
 
-    With s of eq. (31), (ds/dx) g = G B E(x), and u_con of eq. (36) is E^-1 (v_0 - K(x)).
+    With s of eq. (31), (ds/dx) g = G B E(x), and u_con of eq. (36) is E^-1 (v_0 - K(x)); so
+    u_dis of eq. (37) is E^-1 v_d with G B v_d the rate that the switching law asks of s.
     """
-    error_state, error_dynamics = error.state, error.dynamics
-    linearizable = error.system.linearizable
+    error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
+    surface = integral_surface(error.inputs, error.size)
+    times, subtract, store, given = _operations(error.inputs)
+    solve, product = algebra(error.inputs).solve, algebra(error.inputs).product
+    linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
-        s = integral_surface(t, z, memory, p)
+        s = surface(t, z, memory, p)
         if not linearizable(x):
             memory.undefined = 1.0
-            return 0.0
-        alpha, E = error_dynamics(t, x, p)
-        ds_dx_g = p.GB * E
-        u_con = (-times(p.K, z) - alpha) / E
-        u_dis = -(p.eta + (p.gamma0 + p.gamma1 * norm(z)) * abs(ds_dx_g)) * sgn(s) / ds_dx_g
-        u = u_con + u_dis
-        memory.v = alpha + E * u
-        return u
+            return given(nothing)
+        E = matrix(x, p)
+        ds_dx_g = product(p.GB, E)
+        rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * norm(ds_dx_g)
+        v_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
+        v = subtract(v_d, times(p.K, z))
+        store(memory.v, v)
+        return given(solve(E, subtract(v, nonlinearity(t, x, p))))
 
     return law
 
 
 @cache
-def grosmc_tracker(error: ErrorCoordinates) -> Law:
+def grosmc_tracker(error: ErrorCoordinates, reach: Reach) -> Law:
     """GROSMC for tracking: the surface (51) and the law (55) in the feedback (44)."""
-    error_state, error_dynamics = error.state, error.dynamics
-    linearizable = error.system.linearizable
+    error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
+    surface = integral_surface(error.inputs, error.size)
+    times, subtract, store, given = _operations(error.inputs)
+    solve = algebra(error.inputs).solve
+    linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
-        s = integral_surface(t, z, memory, p)
+        s = surface(t, z, memory, p)
         if not linearizable(x):
             memory.undefined = 1.0
-            return 0.0
-        alpha, E = error_dynamics(t, x, p)
-        v_c = -times(p.K, z)
-        v_d = -(p.k * s + p.epsilon * sgn(s)) / p.GB
-        v = v_c + v_d
-        memory.v = v
-        return (v - alpha) / E
+            return given(nothing)
+        v_d = times(p.GB_inverse, reach(s, p.k, p.epsilon, memory, p.switching))
+        v = subtract(v_d, times(p.K, z))
+        store(memory.v, v)
+        return given(solve(matrix(x, p), subtract(v, nonlinearity(t, x, p))))
 
     return law
+
+
+def _operations(m: int) -> tuple[Callable, Callable, Callable, Callable]:
+    """What every law computes with: times, subtract, store, given."""
+    found = algebra(m)
+    return found.times, found.subtract, found.store, found.given

@@ -122,6 +122,29 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
     return design
 
 
+def priced(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, K: ArrayLike) -> LqrDesign:
+    """A given stable feedback u = -K x with what the index (4) says of it.
+
+    P is not the Riccati equation's but the cost of this feedback, from Lyapunov's equation.
+
+    Args:
+        A: State matrix, (n, n).
+        B: Input matrix, (n, m).
+        Q: Weight of the state, (n, n).
+        R: Weight of the input, (m, m).
+        K: Gain, (m, n).
+
+    Raises:
+        GainError: If A - B K is not stable.
+    """
+    A, B, Q, R, K = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (A, B, Q, R, K))
+    closed = A - B @ K
+    if np.linalg.eigvals(closed).real.max() >= 0:
+        raise GainError(f"K = {K.tolist()} does not stabilize A - B K")
+    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(Q + K.T @ R @ K))
+    return LqrDesign(A, B, Q, R, K, P)
+
+
 def _unsolvable(A: Array, B: Array, Q: Array, why: object) -> str:
     """One line about a pair without a stabilizing optimum."""
     return (

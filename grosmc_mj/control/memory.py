@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -11,31 +12,40 @@ from grosmc_mj.arrays import Array
 
 @dataclass
 class Memory:
-    """Memory of a law without dynamics. Every field is recorded at every sample.
+    """Memory of a law of one input without dynamics. Every field is recorded at every sample.
 
     Attributes:
-        v: The input that the law's quadratic index weighs: u, or the v of eqs. (23) and (44).
+        v: The input that the law's quadratic index weighs: u, or the v of eqs. (23) and (44);
+            a number or, for m inputs, (m,).
         undefined: 1 once the law has met a state where it is not defined, else 0.
     """
 
-    v: float = 0.0
+    v: Any = 0.0
     undefined: float = 0.0
+
+
+def _row() -> Array:
+    return np.zeros(1)
 
 
 @dataclass
 class SurfaceMemory(Memory):
-    """Memory of the integral surface, eqs. (8), (31) and (51).
+    """Memory of the integral surface, eqs. (8), (31) and (51), for m inputs and n entries of z.
 
     Attributes:
-        s: The sliding variable at the last sample.
-        z0: The error state at t = 0, (2,).
-        integral: Of G (A - B K) z up to the last sample.
-        rate: The integrand at the last sample.
+        v: As above, (m,).
+        s: The sliding variable at the last sample, (m,).
+        z0: The error state at t = 0, (n,).
+        integral: Of G (A - B K) z up to the last sample, (m,).
+        rate: The integrand at the last sample, (m,).
         t: Time of the last sample [s].
+        elapsed: Time between the last two samples [s]; 0 at the first.
     """
 
-    s: float = 0.0
+    v: Any = field(default_factory=_row)
+    s: Array = field(default_factory=_row)
     z0: Array = field(default_factory=lambda: np.zeros(2))
-    integral: float = 0.0
-    rate: float = 0.0
+    integral: Array = field(default_factory=_row)
+    rate: Array = field(default_factory=_row)
     t: float = 0.0
+    elapsed: float = 0.0

@@ -1,15 +1,37 @@
-"""Reference trajectories y_r(t) with the two derivatives that the laws need (Assumption 8)."""
+"""Reference trajectories y_r(t) with the derivatives that the laws need (Assumption 8)."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
-from grosmc_mj.jitable import jitable
+import sympy as sp
 
-ReferenceFunction = Callable[[float, Any], tuple[float, float, float]]
+from grosmc_mj.codegen import generate
+
+# (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
+ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
+
+TIME = sp.Symbol("t")
+
+
+def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> ReferenceFunction:
+    """The reference whose outputs are expressions in ``TIME``, with derivatives up to r_i.
+
+    Args:
+        outputs: y_r, one expression for each output; every other symbol is a field of the
+            reference's parameters.
+        degrees: Relative degrees r_i.
+    """
+    rows = [
+        sp.diff(sp.sympify(output), TIME, order)
+        for output, degree in zip(outputs, degrees, strict=True)
+        for order in range(degree + 1)
+    ]
+    fields = {s for row in rows for s in row.free_symbols} - {TIME}
+    return generate("reference", rows, "t, p", {TIME: "t", **{s: f"p.{s}" for s in fields}})
 
 
 @dataclass(frozen=True)
@@ -23,10 +45,28 @@ class Setpoint:
     value: float = 0.0
 
 
-@jitable
-def setpoint(t: float, p: Any) -> tuple[float, float, float]:
-    """(y_r, y_r', y_r'') of a ``Setpoint``."""
-    return (p.value, 0.0, 0.0)
+@cache
+def constant(*degrees: int) -> ReferenceFunction:
+    """A setpoint for one output of any relative degree, or ``value1``, ``value2`` ... for more."""
+    if len(degrees) == 1:
+        return reference([sp.Symbol("value")], degrees)
+    return reference([sp.Symbol(f"value{i + 1}") for i in range(len(degrees))], degrees)
+
+
+setpoint = constant(2)
+
+
+@dataclass(frozen=True)
+class Setpoints:
+    """A constant reference of two outputs.
+
+    Attributes:
+        value1: y_r1, in the unit of the first output.
+        value2: y_r2, in that of the second.
+    """
+
+    value1: float
+    value2: float
 
 
 @dataclass(frozen=True)
@@ -42,9 +82,35 @@ class Sine:
     frequency: float
 
 
-@jitable
-def sine(t: float, p: Any) -> tuple[float, float, float]:
-    """(y_r, y_r', y_r'') of a ``Sine``."""
-    w = p.frequency
-    s, c = math.sin(w * t), math.cos(w * t)
-    return (p.amplitude * s, p.amplitude * w * c, -p.amplitude * w * w * s)
+sine = reference([sp.Symbol("amplitude") * sp.sin(sp.Symbol("frequency") * TIME)])
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle in the plane of two outputs, counter-clockwise from its rightmost point.
+
+    Attributes:
+        centre1: Its centre, first output [m].
+        centre2: Second output [m].
+        radius: [m].
+        frequency: [rad/s].
+    """
+
+    centre1: float
+    centre2: float
+    radius: float
+    frequency: float
+
+
+def _circle() -> ReferenceFunction:
+    centre1, centre2, radius, frequency = sp.symbols("centre1 centre2 radius frequency")
+    return reference(
+        [
+            centre1 + radius * sp.cos(frequency * TIME),
+            centre2 + radius * sp.sin(frequency * TIME),
+        ],
+        (2, 2),
+    )
+
+
+circle = _circle()

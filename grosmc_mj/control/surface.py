@@ -1,42 +1,92 @@
-"""The integral sliding surface, eqs. (8), (31) and (51)."""
+"""The integral sliding surface, eqs. (8), (31) and (51), as printed and for a sampled law."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.vectors import Vector, each, row_times
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 
 
-@jitable
-def integral_surface(t: float, z: Any, memory: Any, p: Any) -> float:
-    """s = G [z - z(0)] - integral of G (A - B K) z, with the integral as a left Riemann sum.
+@cache
+def integral_surface(m: int, n: int) -> Callable[[float, Any, Any, Any], Vector]:
+    """The surface of m inputs and n entries of z, as a jitable (t, z, memory, p) -> s.
 
-    It is zero at the start: there is no reaching phase. The sum runs over the samples before
-    this one, as a sampled controller can form it.
+    s = G [z - z(0)] - integral of S z, with the integral as a left Riemann sum over the samples
+    before this one, as a sampled controller can form it. It is zero at the start: there is no
+    reaching phase. ``p`` has G (m, n) and S (m, n), see ``drift_of_surface``; ``memory`` is a
+    ``SurfaceMemory``, which is brought up to this sample.
+    """
+
+    def entry(i: int, z: Any, memory: Any, p: Any) -> float:
+        moved = 0.0
+        for j in range(n):
+            moved += p.G[i, j] * (z[j] - memory.z0[j])
+        return moved - memory.integral[i]
+
+    value, rate, accumulate = each(m, entry), each(m, row_times), accumulated(m)
+
+    @jitable
+    def surface(t: float, z: Any, memory: Any, p: Any) -> Vector:
+        if t == 0.0:
+            for j in range(n):
+                memory.z0[j] = z[j]
+        accumulate(t, rate(p.S, z), memory)
+        s = value(z, memory, p)
+        for i in range(m):
+            memory.s[i] = s[i]
+        return s
+
+    return surface
+
+
+@cache
+def accumulated(m: int) -> Callable[[float, Any, Any], None]:
+    """Jitable (t, rates, memory): bring the integral of m rates up to this sample."""
+
+    @jitable
+    def accumulate(t: float, rates: Any, memory: Any) -> None:
+        memory.elapsed = t - memory.t
+        memory.t = t
+        for i in range(m):
+            memory.integral[i] += memory.rate[i] * memory.elapsed
+            memory.rate[i] = rates[i]
+
+    return accumulate
+
+
+def drift_of_surface(G: Array, optimum: LqrDesign, control_period: float | None) -> Array:
+    """S of the surface: what G z drifts by, per second, on the optimal trajectory.
+
+    As printed it is G (A - B K), summed over the samples, which leaves an error of the order of
+    the control period T. The discrete-time surface takes G (A_d - B_d K - I) / T, with the exact
+    transition A_d, B_d under a held input: it is zero at every sample of the nominal plant.
 
     Args:
-        t: Time of this sample, exactly k times the control period [s].
-        z: Error state, (2,).
-        memory: A ``SurfaceMemory``; it is brought up to this sample.
-        p: With ``G`` (2,) and ``GA_c`` = G (A - B K), (2,).
+        G: Projection, (m, n).
+        optimum: The design that the surface follows.
+        control_period: T [s] of the discrete-time surface; None for the printed one.
 
     Returns:
-        s.
+        S, (m, n).
     """
-    if t == 0.0:
-        memory.z0[0] = z[0]
-        memory.z0[1] = z[1]
-    memory.integral += memory.rate * (t - memory.t)
-    memory.t = t
-    memory.rate = p.GA_c[0] * z[0] + p.GA_c[1] * z[1]
-    s = p.G[0] * (z[0] - memory.z0[0]) + p.G[1] * (z[1] - memory.z0[1]) - memory.integral
-    memory.s = s
-    return s
+    if control_period is None:
+        return G @ optimum.closed_loop
+    n, m = optimum.B.shape
+    held = np.zeros((n + m, n + m))
+    held[:n, :n], held[:n, n:] = optimum.A, optimum.B
+    transition = scipy.linalg.expm(held * control_period)
+    sampled = transition[:n, :n] - transition[:n, n:] @ optimum.K
+    return G @ (sampled - np.eye(n)) / control_period
 
 
 def surface_matrix(G: ArrayLike | None, B: Array) -> Array:

@@ -1,14 +1,19 @@
-"""The plants of the chapter as equations: one file a system, no physics engine."""
+"""The plants as equations: one file a system, no physics engine."""
 
 from __future__ import annotations
 
 from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.arm import ARM, ArmParameters
 from grosmc_mj.plants.cart_pendulum import CART_PENDULUM, CartPendulumParameters
+from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.servo import SERVO, ServoParameters
 from grosmc_mj.plants.system import AnalyticPlant, Signal, System, Variant
+from grosmc_mj.plants.two_link_arm import TWO_LINK_ARM, TwoLinkParameters
 
-SYSTEMS: dict[str, System] = {system.name: system for system in (SERVO, CART_PENDULUM, ARM)}
+SYSTEMS: dict[str, System] = {
+    system.name: system for system in (SERVO, CART_PENDULUM, ARM, TWO_LINK_ARM)
+}
 
 
 def find_system(name: str) -> System:
@@ -28,12 +33,16 @@ __all__ = [
     "CART_PENDULUM",
     "SERVO",
     "SYSTEMS",
+    "TWO_LINK_ARM",
     "AnalyticPlant",
     "ArmParameters",
     "CartPendulumParameters",
+    "Equations",
     "ServoParameters",
     "Signal",
     "System",
+    "TwoLinkParameters",
     "Variant",
+    "affine_plant",
     "find_system",
 ]

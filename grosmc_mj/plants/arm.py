@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.jitable import jitable
+from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
-    Column,
     Signal,
     System,
     Variant,
     require_nonnegative,
     require_positive,
     require_unmodelled_absent,
+    wrench_symbols,
 )
 
 if TYPE_CHECKING:
@@ -82,75 +82,45 @@ class ArmParameters:
         )
 
 
-@jitable
-def inertia(q: float, p: Any) -> float:
-    """M(q) of eq. (57)."""
-    return p.J + p.m * p.l * p.l + p.M_c * (1 + math.sin(q))
-
-
-@jitable
-def coriolis(q: float, dq: float, p: Any) -> float:
-    """C(q, q') of eq. (57): M'(q)/2 as printed; energy needs M'(q) q'/2."""
-    half_slope = 0.5 * p.M_c * math.cos(q)
-    return half_slope if p.printed != 0.0 else half_slope * dq
-
-
-@jitable
-def drift(x: Any, p: Any) -> Column:
-    """f(x) of eq. (57): -(C q' + G)/M; x = [q, q'], q = 0 horizontal."""
-    gravity = p.m * p.g * p.l * math.cos(x[0])
-    return (x[1], -(coriolis(x[0], x[1], p) * x[1] + gravity) / inertia(x[0], p))
-
-
-@jitable
-def input_matrix(x: Any, p: Any) -> Column:
-    """g(x) of eq. (57); the input is the joint torque tau."""
-    return (0.0, 1 / inertia(x[0], p))
-
-
-@jitable
-def disturbance(x: Any, w: Any, p: Any) -> Column:
-    """Accelerations under wrenches on hub (w[0:6]) and link (w[6:12]).
-
-    The joint is along -y, and the payload at (l cos q, l sin q) from it in the x-z plane; the
-    hub's centre of mass is on the axis. The chapter's d(t) is minus a torque about the joint.
-    """
-    s, c = math.sin(x[0]), math.cos(x[0])
-    Q = p.l * (c * w[8] - s * w[6]) - w[4] - w[10]
-    return (0.0, Q / inertia(x[0], p))
-
-
-@jitable
-def singular(x: Any) -> bool:
-    """Whether the eyelet has reached the drum: the cable has length zero at q = pi/2."""
-    return x[0] >= math.pi / 2 or x[0] <= -1.5 * math.pi
-
-
-@jitable
-def linearizable(x: Any) -> bool:
-    """Wherever the plant is regular, since 1/M(q) > 0."""
-    return not singular(x)
+def _equations() -> Equations:
+    """Eq. (57) solved for the acceleration; x = [q, q'], q = 0 horizontal."""
+    q, rate = sp.symbols("q rate")
+    m, l, g, J, M_c, printed = sp.symbols("m l g J M_c printed")
+    s, c = sp.sin(q), sp.cos(q)
+    M = J + m * l**2 + M_c * (1 + s)
+    # C: M'(q)/2 as printed; energy needs M'(q) q'/2.
+    C = M_c * c / 2 * (printed + (1 - printed) * rate)
+    # The joint is along -y, and the payload at (l cos q, l sin q) from it in the x-z plane; the
+    # hub's centre of mass is on the axis. The chapter's d(t) is minus a torque about the joint.
+    w = wrench_symbols("hub", "link")
+    about = l * (c * w[8] - s * w[6]) - w[4] - w[10]
+    return Equations(
+        x=(q, rate),
+        f=(rate, -(C * rate + m * g * l * c) / M),
+        g=(0, 1 / M),
+        h=(q,),
+        w=w,
+        d=(0, about / M),
+        # The eyelet has reached the drum: the cable has length zero.
+        breaks_down=sp.Or(q >= sp.pi / 2, q <= -3 * sp.pi / 2),
+        # Wherever the plant is regular, since 1/M(q) > 0.
+        region=sp.And(q < sp.pi / 2, q > -3 * sp.pi / 2),
+    )
 
 
 ARM = System(
     name="arm",
     title="1-DOF arm",
-    positions=(Signal("joint angle", "q", "rad"),),
-    velocities=(Signal("joint rate", "q̇", "rad/s"),),
-    input=Signal("torque", "τ", "N m"),
-    output=0,
+    states=(Signal("joint angle", "q", "rad"), Signal("joint rate", "q̇", "rad/s")),
+    inputs=(Signal("torque", "τ", "N m"),),
+    equations=_equations(),
+    region="q < pi/2",
+    singularity="q >= pi/2, where the cable has length zero",
     joints=("joint",),
-    actuator="torque",
+    actuators=("torque",),
     bodies=("hub", "link"),
     variants=("printed", "corrected"),
     read_parameters=ArmParameters.from_model,
-    drift=drift,
-    input_matrix=input_matrix,
-    disturbance=disturbance,
-    singular=singular,
-    singularity="q >= pi/2, where the cable has length zero",
-    linearizable=linearizable,
-    region="q < pi/2",
     uncertain_body="link",
     position_bound=1.5,  # rad; off the singularity at pi/2
 )

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.jitable import jitable
+from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
-    Column,
     Signal,
     System,
     Variant,
     require_positive,
     require_unmodelled_absent,
+    wrench_symbols,
 )
 
 if TYPE_CHECKING:
@@ -65,63 +66,38 @@ class CartPendulumParameters:
         return cls(M=M, m=m, L=L, g=g, printed=float(variant == "printed"))
 
 
-@jitable
-def coefficient(p: Any) -> float:
-    """The a of eq. (40): m/(M+m) as printed, which makes a*m a mass; 1/(M+m) by Lagrange."""
-    return (p.m if p.printed != 0.0 else 1.0) / (p.M + p.m)
-
-
-@jitable
-def drift(x: Any, p: Any) -> Column:
-    """f(x): eq. (40) without u and d; x = [p, theta, p', theta'].
+def _equations() -> Equations:
+    """Eq. (40), and the cart that it leaves out; x = [p, theta, p', theta'].
 
     The chapter has no equation for the cart. Its acceleration is the horizontal balance of
     forces, (M+m) p'' = u + m L (theta'' cos(theta) - theta'^2 sin(theta)), with the theta'' of
     eq. (40) in whichever variant.
     """
-    s, c = math.sin(x[1]), math.cos(x[1])
-    w2 = x[3] * x[3]
-    a = coefficient(p)
-    alpha = (p.g * s - a * p.m * p.L * w2 * s * c) / (p.L * (4 / 3 - a * p.m * c * c))
-    return (x[2], x[3], p.m * p.L * (alpha * c - w2 * s) / (p.M + p.m), alpha)
-
-
-@jitable
-def input_matrix(x: Any, p: Any) -> Column:
-    """g(x) of eq. (40) and of the cart; the input is the force on the cart along +x."""
-    c = math.cos(x[1])
-    a = coefficient(p)
-    beta = a * c / (p.L * (4 / 3 - a * p.m * c * c))
-    return (0.0, 0.0, (1 + p.m * p.L * beta * c) / (p.M + p.m), beta)
-
-
-@jitable
-def disturbance(x: Any, w: Any, p: Any) -> Column:
-    """Accelerations under wrenches on cart (w[0:6]) and pole (w[6:12]).
-
-    The hinge is along -y: the pole's centre is at (-L sin(theta), L cos(theta)) from it in the
-    x-z plane. The wrench meets the true inertia in both variants, so that d(t) of eq. (40) is
-    the acceleration it says.
-    """
-    s, c = math.sin(x[1]), math.cos(x[1])
-    Q_p = w[0] + w[6]
-    Q_theta = -p.L * (c * w[6] + s * w[8]) - w[10]
-    total = p.M + p.m
-    inertia = p.m * p.L * p.L * (4 / 3 - p.m * c * c / total)
-    alpha = (Q_theta + p.m * p.L * c * Q_p / total) / inertia
-    return (0.0, 0.0, (Q_p + p.m * p.L * c * alpha) / total, alpha)
-
-
-@jitable
-def singular(x: Any) -> bool:
-    """Never."""
-    return False
-
-
-@jitable
-def linearizable(x: Any) -> bool:
-    """Whether the cart's force still turns the pole as it does upright: |theta| < pi/2."""
-    return -math.pi / 2 < x[1] < math.pi / 2
+    position, theta, speed, rate = sp.symbols("position theta speed rate")
+    M, m, L, g, printed = sp.symbols("M m L g printed")
+    s, c = sp.sin(theta), sp.cos(theta)
+    # a: m/(M+m) as printed, which makes a*m a mass; 1/(M+m) by Lagrange.
+    a = (printed * m + (1 - printed)) / (M + m)
+    reduced = L * (sp.Rational(4, 3) - a * m * c**2)
+    alpha = (g * s - a * m * L * rate**2 * s * c) / reduced
+    beta = a * c / reduced
+    # The wrench meets the true inertia in both variants, so that d(t) of eq. (40) is the
+    # acceleration it says. The hinge is along -y: the pole's centre is at (-L sin(theta),
+    # L cos(theta)) from it in the x-z plane.
+    w = wrench_symbols("cart", "pole")
+    along, about = w[0] + w[6], -L * (c * w[6] + s * w[8]) - w[10]
+    inertia = m * L**2 * (sp.Rational(4, 3) - m * c**2 / (M + m))
+    turned = (about + m * L * c * along / (M + m)) / inertia
+    return Equations(
+        x=(position, theta, speed, rate),
+        f=(speed, rate, m * L * (alpha * c - rate**2 * s) / (M + m), alpha),
+        g=(0, 0, (1 + m * L * beta * c) / (M + m), beta),
+        h=(theta,),
+        w=w,
+        d=(0, 0, (along + m * L * c * turned) / (M + m), turned),
+        # Where the cart's force turns the pole as it does upright.
+        region=sp.And(-sp.pi / 2 < theta, theta < sp.pi / 2),
+    )
 
 
 def pole_torque(d: float, p: CartPendulumParameters) -> float:
@@ -132,22 +108,20 @@ def pole_torque(d: float, p: CartPendulumParameters) -> float:
 CART_PENDULUM = System(
     name="cart_pendulum",
     title="Cart-pendulum",
-    positions=(Signal("cart position", "p", "m"), Signal("pole angle", "θ", "rad")),
-    velocities=(Signal("cart speed", "ṗ", "m/s"), Signal("pole rate", "θ̇", "rad/s")),
-    input=Signal("force", "u", "N"),
-    output=1,
+    states=(
+        Signal("cart position", "p", "m"),
+        Signal("pole angle", "θ", "rad"),
+        Signal("cart speed", "ṗ", "m/s"),
+        Signal("pole rate", "θ̇", "rad/s"),
+    ),
+    inputs=(Signal("force", "u", "N"),),
+    equations=_equations(),
+    region="|theta| < pi/2",
+    controlled=(1,),
     joints=("slider", "hinge"),
-    actuator="force",
+    actuators=("force",),
     bodies=("cart", "pole"),
     variants=("printed", "corrected"),
     read_parameters=CartPendulumParameters.from_model,
-    drift=drift,
-    input_matrix=input_matrix,
-    disturbance=disturbance,
-    singular=singular,
-    singularity="nowhere",
-    linearizable=linearizable,
-    region="|theta| < pi/2",
     uncertain_body="pole",
-    position_bound=math.pi,
 )

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.jitable import jitable
+from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
-    Column,
     Signal,
     System,
     Variant,
     require_nonnegative,
     require_positive,
     require_unmodelled_absent,
+    wrench_symbols,
 )
 
 if TYPE_CHECKING:
@@ -61,55 +61,31 @@ class ServoParameters:
         )
 
 
-@jitable
-def drift(x: Any, p: Any) -> Column:
-    """f(x) of eq. (15) solved for the acceleration; x = [theta, theta']."""
-    return (x[1], -p.B * x[1] / p.J)
-
-
-@jitable
-def input_matrix(x: Any, p: Any) -> Column:
-    """g(x): eq. (16) in eq. (15); the input is the current i."""
-    return (0.0, p.Kt / p.J)
-
-
-@jitable
-def disturbance(x: Any, w: Any, p: Any) -> Column:
-    """-T_d/J of eq. (15): the load T_d is minus the wrench's torque about the shaft (-y)."""
-    return (0.0, -w[4] / p.J)
-
-
-@jitable
-def singular(x: Any) -> bool:
-    """Never."""
-    return False
-
-
-@jitable
-def linearizable(x: Any) -> bool:
-    """Always: the plant is linear."""
-    return True
+def _equations() -> Equations:
+    """Eq. (15) solved for the acceleration, with eq. (16); x = [theta, theta']."""
+    theta, rate = sp.symbols("theta rate")
+    J, B, Kt = sp.symbols("J B Kt")
+    w = wrench_symbols("rotor")
+    return Equations(
+        x=(theta, rate),
+        f=(rate, -B * rate / J),
+        g=(0, Kt / J),
+        h=(theta,),
+        w=w,
+        # The load T_d is minus the wrench's torque about the shaft, which is along -y.
+        d=(0, -w[4] / J),
+    )
 
 
 SERVO = System(
     name="servo",
     title="Servo rotor",
-    positions=(Signal("rotor angle", "θ", "rad"),),
-    velocities=(Signal("rotor speed", "θ̇", "rad/s"),),
-    input=Signal("current", "i", "A"),
-    output=0,
+    states=(Signal("rotor angle", "θ", "rad"), Signal("rotor speed", "θ̇", "rad/s")),
+    inputs=(Signal("current", "i", "A"),),
+    equations=_equations(),
     joints=("shaft",),
-    actuator="current",
+    actuators=("current",),
     bodies=("rotor",),
-    variants=("corrected",),
     read_parameters=ServoParameters.from_model,
-    drift=drift,
-    input_matrix=input_matrix,
-    disturbance=disturbance,
-    singular=singular,
-    singularity="nowhere",
-    linearizable=linearizable,
-    region="everywhere",
     uncertain_body="rotor",
-    position_bound=math.pi,
 )

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import sympy as sp
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError
+from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
+from grosmc_mj.plants.equations import Column, Equations
 
 if TYPE_CHECKING:
     import mujoco
 
 Variant = Literal["printed", "corrected"]
-Column = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -28,67 +30,106 @@ class Signal:
     unit: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
-    """One mechanical system: x = [positions, velocities], x' = f(x) + g(x) u + d(x, w).
-
-    The functions are jitable and work on one simulation: x is (n,), w is the wrench
-    [force, torque] of every body in ``bodies`` in world axes, flattened, and each returns an
-    n-tuple.
+    """An affine system by its equations, and where a model in MuJoCo has its parts.
 
     Attributes:
         name: Name on the command line, in JSON and of the MJCF file.
         title: Name for people.
-        positions: Coordinates in the order of the model's joints; the velocities follow.
-        velocities: Their rates.
-        input: The control input.
-        output: Index of the coordinate that is the output y = h(x).
-        joints: Joint names, in order.
-        actuator: Name of the actuator.
+        states: The state x; of a mechanical system all positions, then their rates.
+        inputs: The control inputs u.
+        equations: x' = f(x) + g(x) u + d(x, w) and the outputs. The wrench w is [force, torque]
+            of every body in ``bodies`` in world axes, flattened.
+        region: Where feedback linearization is relied on, in words.
+        singularity: Where the plant's own equations break down, in words.
+        controlled: Indices of the states that the outputs stand for in figures and films.
+        joints: Joint names of the model, in the order of the positions.
+        actuators: Names of its actuators, in the order of the inputs.
         bodies: Bodies that a disturbance can act on, in the order of w.
         variants: Sets of equations that the chapter leads to.
         read_parameters: Parameters from a compiled model and a variant.
-        drift: f(x).
-        input_matrix: g(x), the one column of it.
-        disturbance: d(x, w), the accelerations that a wrench causes.
-        singular: Whether the plant's own equations break down at x.
-        singularity: Where that is, in words.
-        linearizable: Whether the decoupling matrix E(x) is nonsingular, as eq. (23) needs.
-        region: The region where it is, in words.
         uncertain_body: The body whose mass and length are uncertain.
         position_bound: Largest |position| at which the equations are compared with physics.
     """
 
     name: str
     title: str
-    positions: tuple[Signal, ...]
-    velocities: tuple[Signal, ...]
-    input: Signal
-    output: int
-    joints: tuple[str, ...]
-    actuator: str
-    bodies: tuple[str, ...]
-    variants: tuple[Variant, ...]
-    read_parameters: Callable[[mujoco.MjModel, Variant], Any]
-    drift: Callable[[Any, Any], Column]
-    input_matrix: Callable[[Any, Any], Column]
-    disturbance: Callable[[Any, Any, Any], Column]
-    singular: Callable[[Any], bool]
-    singularity: str
-    linearizable: Callable[[Any], bool]
-    region: str
-    uncertain_body: str
-    position_bound: float
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    equations: Equations
+    region: str = "everywhere"
+    singularity: str = "nowhere"
+    controlled: tuple[int, ...] = (0,)
+    joints: tuple[str, ...] = ()
+    actuators: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+    variants: tuple[Variant, ...] = ("corrected",)
+    read_parameters: Callable[[mujoco.MjModel, Variant], Any] | None = None
+    uncertain_body: str = ""
+    position_bound: float = math.pi
 
-    @property
-    def states(self) -> tuple[Signal, ...]:
-        """Signals of the state x, positions then velocities."""
-        return self.positions + self.velocities
+    def __post_init__(self) -> None:
+        counts = {
+            "states": (len(self.states), len(self.equations.x)),
+            "inputs": (len(self.inputs), self.equations.inputs),
+            "wrench components": (6 * len(self.bodies), len(self.equations.w)),
+        }
+        for what, (named, written) in counts.items():
+            if named != written:
+                raise ModelError(
+                    f"{self.name}: {named} {what} are named, the equations have {written}"
+                )
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Number of coordinates."""
-        return len(self.positions)
+        """Number of coordinates of the model."""
+        return len(self.joints)
+
+    @property
+    def positions(self) -> tuple[Signal, ...]:
+        """Coordinates of the model."""
+        return self.states[: self.degrees_of_freedom]
+
+    @property
+    def velocities(self) -> tuple[Signal, ...]:
+        """Their rates."""
+        return self.states[self.degrees_of_freedom :]
+
+    @property
+    def output(self) -> int:
+        """Index of the first controlled state."""
+        return self.controlled[0]
+
+    @property
+    def input(self) -> Signal:
+        """The first input."""
+        return self.inputs[0]
+
+    @property
+    def drift(self) -> Callable[[Any, Any], Column]:
+        """Jitable (x, p) -> f(x)."""
+        return self.equations.drift
+
+    @property
+    def input_matrix(self) -> Callable[[Any, Any], Column]:
+        """Jitable (x, p) -> g(x), row by row."""
+        return self.equations.input_matrix
+
+    @property
+    def disturbance(self) -> Callable[[Any, Any, Any], Column]:
+        """Jitable (x, w, p) -> d(x, w)."""
+        return self.equations.disturbance
+
+    @property
+    def singular(self) -> Callable[[Any], bool]:
+        """Jitable x -> whether the plant's own equations break down."""
+        return self.equations.singular
+
+    @property
+    def linearizable(self) -> Callable[[Any], bool]:
+        """Jitable x -> whether x is in the region that feedback linearization is relied on in."""
+        return self.equations.linearizable
 
 
 @dataclass(frozen=True)
@@ -118,6 +159,8 @@ class AnalyticPlant:
             raise ModelError(
                 f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
             )
+        if system.read_parameters is None:
+            raise ModelError(f"{system.name} has no model in MuJoCo to read its numbers from")
         try:
             parameters = system.read_parameters(model, variant)
         except KeyError as error:
@@ -131,7 +174,7 @@ class AnalyticPlant:
 
         Args:
             x: State, (n,).
-            u: Input, one number in the unit of ``system.input``.
+            u: Input in the units of ``system.inputs``, (m,), or one number for one input.
             wrench: [force, torque] in N and N m of each of ``system.bodies``, in world axes at
                 the centre of mass, (6 * len(bodies),); None for no wrench.
 
@@ -141,7 +184,7 @@ class AnalyticPlant:
         Raises:
             ArgumentError: If a shape is wrong.
         """
-        n, nw = len(self.system.states), 6 * len(self.system.bodies)
+        n, m, nw = len(self.system.states), len(self.system.inputs), 6 * len(self.system.bodies)
         x, u = np.asarray(x, float), np.asarray(u, float)
         w = np.zeros(nw) if wrench is None else np.asarray(wrench, float).ravel()
         if x.shape != (n,) or w.shape != (nw,):
@@ -149,18 +192,48 @@ class AnalyticPlant:
                 f"{self.system.name}: x has shape {x.shape} and the wrench {w.shape}, "
                 f"must be ({n},) and ({nw},)"
             )
-        if u.shape != ():
-            raise ArgumentError(f"{self.system.name}: u has shape {u.shape}, must be one number")
+        if u.shape not in {(m,), () if m == 1 or not np.any(u) else (m,)}:
+            wanted = "one number" if m == 1 else f"({m},)"
+            raise ArgumentError(f"{self.system.name}: u has shape {u.shape}, must be {wanted}")
         p = self.parameters
+        g = np.reshape(self.system.input_matrix(x, p), (n, m))
         return (
             np.array(self.system.drift(x, p))
-            + np.array(self.system.input_matrix(x, p)) * u
+            + g @ np.broadcast_to(u, (m,))
             + np.array(self.system.disturbance(x, w, p))
         )
 
-    def output(self, x: ArrayLike) -> Array:
-        """y = h(x), the controlled coordinate; x is (..., n)."""
-        return np.asarray(x, float)[..., self.system.output]
+    def with_parameters(self, **changes: float) -> AnalyticPlant:
+        """The same equations with other numbers.
+
+        Raises:
+            ModelError: If a name is unknown or a number does not fit.
+        """
+        names = [each.name for each in fields(self.parameters)]
+        for name in changes:
+            if name not in names:
+                raise ModelError(unknown_name(f"parameter of {self.system.name}", name, names))
+        return replace(self, parameters=replace(self.parameters, **changes))
+
+    def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact.
+
+        Args:
+            x: State, (n,).
+            u: Input, (m,).
+
+        Returns:
+            A (n, n) and B (n, m).
+        """
+        x, p, n = np.asarray(x, float), self.parameters, len(self.system.states)
+        A = np.reshape(self.system.equations.jacobian(x, np.atleast_1d(u), p), (n, n))
+        return A, np.reshape(self.system.input_matrix(x, p), (n, -1))
+
+
+def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:
+    """Symbols of [force, torque] of each body, in world axes."""
+    parts = ("fx", "fy", "fz", "tx", "ty", "tz")
+    return tuple(sp.Symbol(f"{part}_{body}") for body in bodies for part in parts)
 
 
 def require_positive(owner: str, **values: float) -> None:

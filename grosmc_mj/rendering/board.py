@@ -49,7 +49,7 @@ class Scene(NamedTuple):
 
     Attributes:
         physics: Full states, (frames, size).
-        ghost: Controlled coordinate of the ghost, (frames,), or None.
+        ghost: Controlled coordinates of the ghost, (frames, controlled), or None.
         wrench: ``xfrc_applied`` of the bodies, (frames, bodies, 6), or None.
         over: Frame from which on the run has ended, for the reason ``ended``.
         ended: Empty if it ran to its end.
@@ -76,7 +76,7 @@ class Storyboard:
         speed: Seconds of data in a second of film.
         scenes: One for each picture.
         bodies: Ids of the bodies that wrenches act on.
-        output: Index of the controlled coordinate in qpos.
+        controlled: Indices of the controlled coordinates in qpos.
         largest: Largest force [N] and torque [N m] of the film.
         telling: The frame for the poster: a run is furthest from its ghost.
         fonts: Folder of the fonts.
@@ -91,7 +91,7 @@ class Storyboard:
     speed: float
     scenes: tuple[Scene, ...]
     bodies: tuple[int, ...]
-    output: int
+    controlled: tuple[int, ...]
     largest: tuple[float, float]
     telling: int
     fonts: Path

@@ -12,10 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.plants.system import Signal
 from grosmc_mj.rendering.board import Chart
 from grosmc_mj.rendering.film import Film, Take
 from grosmc_mj.rendering.layout import Box, Layout
-from grosmc_mj.rendering.palette import DISTURBANCE, GRID, OPTIMUM
+from grosmc_mj.rendering.palette import DISTURBANCE, GRID, OPTIMUM, red_green_blue
 
 _DPI = 100
 # Room that numbers and titles of a plot need, in sizes of the font.
@@ -24,6 +25,8 @@ _SPREAD = 0.06
 _SIDES = ("xtick", "ytick")
 # A sliding variable below this is shown in thousandths of its unit.
 _SMALL = 0.1
+# How several coordinates or inputs of one run are told apart.
+_STYLES, _SHARES = ("dark", "pale"), (1.0, 0.5)
 
 
 def draw_chart(film: Film, layout: Layout) -> Chart:
@@ -162,28 +165,36 @@ def _limits(axes: Axes, curves: Sequence[Array]) -> None:
 def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     """The controlled coordinate, and where it should have been."""
     run = film.takes[0].run
-    signal = run.system.positions[run.system.output]
+    controlled = list(run.system.controlled)
     ghosts = _distinct_ghosts(film)
     dashed = f"  (dashed: {film.ghost_symbol})" if ghosts else ""
-    axes.set_title(f"{signal.name} {signal.symbol} [{signal.unit}]{dashed}")
+    axes.set_title(f"{_names([run.system.states[index] for index in controlled])}{dashed}")
     lines, seen = [], []
     for take in film.takes:
         window = _window(take, times)
-        y = take.run.state[window, run.system.output]
-        lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2)
-        seen.append(y)
+        for index, column in enumerate(controlled[: len(_STYLES)]):
+            y = take.run.state[window, column]
+            colour = _tint(take.colour, index)
+            lines += axes.plot(take.run.time[window], y, color=colour, lw=2)
+            seen.append(y)
     for ghost in ghosts:
         window = _window(film.longest, times)
-        lines += axes.plot(
-            film.longest.run.time[window],
-            ghost[window],
-            color=OPTIMUM,
-            lw=1.1,
-            ls=(0, (3, 2)),
-        )
-        seen.append(ghost[window])
+        style: dict[str, Any] = {"color": OPTIMUM, "lw": 1.1, "ls": (0, (3, 2))}
+        lines += axes.plot(film.longest.run.time[window], ghost[window], **style)
+        seen.append(ghost[window].ravel())
     _limits(axes, seen)
     return lines
+
+
+def _names(signals: Sequence[Signal]) -> str:
+    """Names, symbols and units; of several, the first one's name and how each is drawn."""
+    first = signals[0]
+    if len(signals) == 1:
+        return f"{first.name} {first.symbol} [{first.unit}]"
+    drawn = ", ".join(
+        f"{signal.symbol} {style}" for signal, style in zip(signals, _STYLES, strict=False)
+    )
+    return f"{drawn} [{first.unit}]"
 
 
 def _distinct_ghosts(film: Film) -> list[Array]:
@@ -192,45 +203,81 @@ def _distinct_ghosts(film: Film) -> list[Array]:
     for take in film.takes:
         if take.ghost is None or len(take.run.time) < len(film.longest.run.time):
             continue
-        if not any(np.allclose(take.ghost, other, atol=1e-9) for other in found):
-            found.append(take.ghost)
+        if not any(np.allclose(take.ghosts, other, atol=1e-9) for other in found):
+            found.append(take.ghosts)
     return found
 
 
 def _slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
-    """The sliding variable of the laws that have one."""
+    """The sliding variable of the laws that have one, or a state in its place."""
+    if film.beside is not None:
+        return _state(axes, film, times, film.beside)
     signals = [(take, take.run.sliding) for take in film.takes if take.run.sliding is not None]
     peak = max((float(np.abs(s).max(initial=0.0)) for _, s in signals), default=0.0)
     scale, prefix = (1e3, "m") if peak < _SMALL else (1.0, "")
     units = sorted({prefix + take.sliding_unit for take, _ in signals})
-    axes.set_title(f"sliding variable s [{', '.join(units)}]" if units else "sliding variable s")
+    several = any(s.ndim > 1 for _, s in signals)
+    name = "s₁ dark, s₂ pale" if several else "sliding variable s"
+    axes.set_title(f"{name} [{', '.join(units)}]" if units else name)
     lines, seen = [], []
     for take, s in signals:
-        lines += _held(axes, take, scale * s, times, seen)
+        for values, index in _columns(s):
+            lines += _held(axes, take, scale * values, times, seen, index)
     without = [take.label for take in film.takes if take.run.sliding is None]
     if without:
         axes.text(
             0.98, 0.95, f"{', '.join(without)}: no surface", transform=axes.transAxes,
-            ha="right", va="top", color="#555555",
+            ha="right", va="top", color="#555555", zorder=5,
+            bbox={"facecolor": "white", "alpha": 0.8, "lw": 0, "pad": 1.5},
         )  # fmt: skip
+    _limits(axes, seen)
+    return lines
+
+
+def _state(axes: Axes, film: Film, times: tuple[float, float], index: int) -> list[Any]:
+    """A state that the laws regulate beside the controlled ones."""
+    axes.set_title(_names([film.takes[0].run.system.states[index]]))
+    lines, seen = [], []
+    for take in film.takes:
+        window = _window(take, times)
+        y = take.run.state[window, index]
+        lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2)
+        seen.append(y)
     _limits(axes, seen)
     return lines
 
 
 def _inputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     """The input that the actuator applied."""
-    signal = film.takes[0].run.system.input
-    axes.set_title(f"{signal.name} {signal.symbol} [{signal.unit}]")
+    axes.set_title(_names(film.takes[0].run.system.inputs))
     lines, seen = [], []
     # A law that switches fills its band: it is drawn first, and the others on it.
-    for take in sorted(film.takes, key=lambda take: -np.abs(np.diff(take.run.input)).sum()):
-        lines += _held(axes, take, take.run.input, times, seen)
+    signals = [(take, *each) for take in film.takes for each in _columns(take.run.input)]
+    for take, values, index in sorted(signals, key=lambda each: -np.abs(np.diff(each[1])).sum()):
+        lines += _held(axes, take, values, times, seen, index)
     _limits(axes, seen)
     return lines
 
 
+def _tint(colour: str, index: int) -> tuple[float, ...]:
+    """The colour of a take's coordinate or input: its own, then paler."""
+    share = _SHARES[index]
+    return tuple(1 - share * (1 - part) for part in red_green_blue(colour))
+
+
+def _columns(values: Array) -> list[tuple[Array, int]]:
+    """Each signal of (N,) or (N, m) that is drawn, and its number."""
+    rows = values[:, None] if values.ndim == 1 else values
+    return [(row, i) for i, row in enumerate(rows.T[: len(_STYLES)])]
+
+
 def _held(
-    axes: Axes, take: Take, values: Array, times: tuple[float, float], seen: list[Array]
+    axes: Axes,
+    take: Take,
+    values: Array,
+    times: tuple[float, float],
+    seen: list[Array],
+    index: int,
 ) -> list[Any]:
     """A signal of the intervals, thin where it jumps at every sample."""
     window = _window(take, times)
@@ -238,7 +285,8 @@ def _held(
     seen.append(y)
     jumps = np.abs(np.diff(y)).sum() > 20 * np.ptp(y) if len(y) > 1 else False
     style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps else {"lw": 1.8}
-    return axes.plot(take.run.time[window][: len(y)], y, color=take.colour, **style)
+    colour = _tint(take.colour, index)
+    return axes.plot(take.run.time[window][: len(y)], y, color=colour, **style)
 
 
 def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:

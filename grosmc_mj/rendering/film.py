@@ -29,8 +29,9 @@ class Take:
         label: Name of the controller.
         colour: #RRGGBB.
         run: With its full physics states.
-        ghost: Where the controlled coordinate should have been at each instant of the run, in
-            its own unit, (N + 1,); None to draw no ghost.
+        ghost: Where the controlled coordinates should have been at each instant of the run, in
+            their own units, (N + 1, controlled) or, for a single one, (N + 1,); None to draw no
+            ghost.
         sliding_unit: Unit of s.
         ended: Why the run ended early; empty if it did not.
     """
@@ -47,11 +48,18 @@ class Take:
             raise ArgumentError(
                 f"{self.label}: a film needs one recorded run in MuJoCo, with its full states"
             )
-        if self.ghost is not None and np.shape(self.ghost) != self.run.time.shape:
+        wanted = (len(self.run.time), len(self.run.system.controlled))
+        if self.ghost is not None and self.ghosts.shape != wanted:
             raise ArgumentError(
-                f"{self.label}: the ghost has shape {np.shape(self.ghost)}, must be "
-                f"{self.run.time.shape}, one coordinate an instant"
+                f"{self.label}: the ghost has shape {np.shape(self.ghost)}, must be {wanted}: one "
+                "row an instant, one column for each controlled coordinate"
             )
+
+    @property
+    def ghosts(self) -> Array:
+        """The ghost's coordinates, (N + 1, controlled)."""
+        rows = np.atleast_1d(np.asarray(self.ghost, float))
+        return rows.reshape(len(rows), -1)
 
 
 @dataclass(frozen=True)
@@ -137,6 +145,7 @@ class Film:
         format: How it is cut.
         ghost_label: What the ghost is, in words.
         ghost_symbol: And its symbol.
+        beside: Index of a state that is shown in place of s; None to show s.
     """
 
     title: str
@@ -145,6 +154,7 @@ class Film:
     format: Format = field(default_factory=Format)
     ghost_label: str = "reference"
     ghost_symbol: str = "yᵣ"
+    beside: int | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.takes) <= MOST_TAKES:

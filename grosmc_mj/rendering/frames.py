@@ -63,7 +63,7 @@ class FrameMaker:
         board.placement.apply(renderer.scene)
         if scene.ghost is not None:
             self._ghost.qpos[:] = data.qpos
-            self._ghost.qpos[board.output] = scene.ghost[index]
+            self._ghost.qpos[list(board.controlled)] = scene.ghost[index]
             mujoco.mj_kinematics(board.model, self._ghost)
             add_ghost(renderer.scene, board.model, self._ghost, self._ghost_option)
         add_wrenches(renderer.scene, board.model, data, board.largest)

@@ -1,11 +1,27 @@
-"""Colours that figures and films share: Okabe and Ito's, told apart by the colour-blind."""
+"""Colours that figures and films share: Okabe and Ito's, then Tol's, for the colour-blind too."""
 
 from __future__ import annotations
 
-COLOURS = {"lqr": "#D55E00", "fl-lqr": "#CC79A7", "grosmc": "#0072B2"}
-LABELS = {"lqr": "LQR", "fl-lqr": "FL + LQR", "grosmc": "GROSMC"}
-# Controllers beyond those of the chapter, in turn.
-OTHERS = ("#E69F00", "#56B4E9", "#882255", "#999933")
+COLOURS = {
+    "lqr": "#D55E00",
+    "fl-lqr": "#CC79A7",
+    "grosmc": "#0072B2",
+    "pd": "#E69F00",
+    "cart-lqr": "#999933",
+    "cart-ism": "#56B4E9",
+    "cart-pfl": "#882255",
+}
+LABELS = {
+    "lqr": "LQR",
+    "fl-lqr": "FL + LQR",
+    "grosmc": "GROSMC",
+    "pd": "PD",
+    "cart-lqr": "4-state LQR",
+    "cart-ism": "4-state ISM",
+    "cart-pfl": "partial FL",
+}
+# Controllers that have no colour of their own, in turn.
+OTHERS = ("#332288", "#44AA99", "#AA4499", "#DDCC77")
 
 OPTIMUM = "#222222"
 DISTURBANCE = "#009E73"

@@ -37,7 +37,7 @@ def storyboard(film: Film) -> Storyboard:
         max((float(np.linalg.norm(w[..., part], axis=-1).max()) for w in wrenches), default=0.0)
         for part in (slice(0, 3), slice(3, 6))
     )
-    joint = model.joint(system.joints[system.output])
+    joints = [model.joint(system.joints[index]) for index in system.controlled]
     return Storyboard(
         model=model,
         camera=film.camera,
@@ -48,7 +48,7 @@ def storyboard(film: Film) -> Storyboard:
         speed=form.speed,
         scenes=scenes,
         bodies=tuple(model.body(name).id for name in system.bodies),
-        output=int(joint.qposadr[0]),
+        controlled=tuple(int(joint.qposadr[0]) for joint in joints),
         largest=(force, torque),
         telling=_telling(film),
         fonts=Path(mpl.get_data_path()) / "fonts" / "ttf",
@@ -82,7 +82,7 @@ def _scene(film: Film, index: int) -> Scene:
     over = len(film.times)
     if take.ended:
         over = min(int(np.searchsorted(film.times, last)), len(film.times) - 1)
-    ghost = None if take.ghost is None else np.asarray(take.ghost)[rows]
+    ghost = None if take.ghost is None else take.ghosts[rows]
     return Scene(run.physics[rows], ghost, wrench, over, take.ended)
 
 
@@ -94,7 +94,8 @@ def _telling(film: Film) -> int:
     furthest = np.zeros(len(film.times))
     for take in film.takes:
         if take.ghost is not None:
-            distance = np.abs(take.run.state[:, take.run.system.output] - take.ghost)
+            there = take.run.state[:, list(take.run.system.controlled)]
+            distance = np.abs(there - take.ghosts).max(axis=1)
             furthest = np.maximum(furthest, distance[film.rows(take)])
     early = len(film.times) // 6
     return early + int(furthest[early:].argmax()) if furthest.any() else len(film.times) // 2

@@ -23,6 +23,7 @@ from grosmc_mj.errors import SetupError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.compilation import compile_c, pointer
+from grosmc_mj.simulation.inputs import written_inputs
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
@@ -80,7 +81,8 @@ def _data_dtype() -> np.dtype[Any]:
 def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) -> Any:
     """Compile the control callback of one law, as a ctypes function."""
     law, singular, data_dtype = jitable(law), system.singular, _data_dtype()
-    n = system.degrees_of_freedom
+    n, m = system.degrees_of_freedom, len(system.inputs)
+    inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
 
     def control(model: Any, data_address: Any) -> None:
@@ -95,21 +97,23 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         header.countdown = header.calls_per_sample
         qpos = numba.carray(pointer(data.qpos), (n,), np.float64)
         qvel = numba.carray(pointer(data.qvel), (n,), np.float64)
-        ctrl = numba.carray(pointer(data.ctrl), (1,), np.float64)
+        ctrl = numba.carray(pointer(data.ctrl), (m,), np.float64)
         x, memory = header.x, userdata.memory
         for i in range(n):
             x[i] = qpos[i]
             x[i + n] = qvel[i]
-        u = 0.0
+        for i in range(m):
+            ctrl[i] = 0.0
         if singular(x):
             header.stop = singular_plant
         else:
-            u = law(header.samples * header.control_period, x, memory, userdata.parameters)
+            t = header.samples * header.control_period
+            inputs(ctrl, law(t, x, memory, userdata.parameters))
             if memory.undefined != 0.0:
                 header.stop = undefined_law
-                u = 0.0
+                for i in range(m):
+                    ctrl[i] = 0.0
         header.samples += 1.0
-        ctrl[0] = u
 
     compiled = compile_c(control, types.voidptr, types.voidptr)
     prototype: Any = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)

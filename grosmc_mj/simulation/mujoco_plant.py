@@ -110,10 +110,11 @@ class MujocoPlant:
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         joints = tuple(model.joint(i).name for i in range(model.njnt))
-        if joints != self.system.joints or model.nu != 1:
+        inputs = tuple(model.actuator(i).name for i in range(model.nu))
+        if joints != self.system.joints or inputs != self.system.actuators:
             raise ModelError(
-                f"{self.system.name}: the model has joints {joints} and {model.nu} inputs, must "
-                f"have {self.system.joints} and the input {self.system.actuator!r}"
+                f"{self.system.name}: the model has joints {joints} and actuators {inputs}, must "
+                f"have {self.system.joints} and {self.system.actuators}"
             )
         return model
 

@@ -14,6 +14,7 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.compilation import compile_c, pointer
+from grosmc_mj.simulation.inputs import written_inputs
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.records import record_dtype
 from grosmc_mj.simulation.runge_kutta import runge_kutta_step
@@ -43,7 +44,8 @@ def _kernel(
 ) -> Callable[..., None]:
     """Compile the loop of one system, law and layout of numbers."""
     law, singular, step = jitable(law), system.singular, runge_kutta_step(system)
-    n, nw, nm = len(system.states), 6 * len(system.bodies), memory_dtype.itemsize // 8
+    n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
+    nm, inputs = memory_dtype.itemsize // 8, written_inputs(m)
     largest = mujoco.mjMAXVAL
     undefined_law, singular_plant = Status.UNDEFINED_LAW.value, Status.SINGULAR_PLANT.value
     diverged = Status.DIVERGED.value
@@ -73,17 +75,17 @@ def _kernel(
         plant = numba.carray(pointer(plant_), (1,), plant_dtype)[0]
         wrenches = numba.carray(pointer(wrench_), (steps if disturbed else 1, nw), np.float64)
         xs = numba.carray(pointer(xs_), (rows, n), np.float64)
-        us = numba.carray(pointer(us_), (rows,), np.float64)
+        us = numba.carray(pointer(us_), (rows, m), np.float64)
         memories = numba.carray(pointer(memories_), (rows, nm), np.float64)
         end = numba.carray(pointer(end_), (2,), np.int64)
         slope, stage, total = np.empty(n), np.empty(n), np.empty(n)
-        u = 0.0
+        u = np.zeros(m)
         for i in range(steps):
             if i % stride == 0:
                 if singular(x):
                     end[0], end[1] = i, singular_plant
                     return
-                u = law(i // stride * control_period, x, memory, p)
+                inputs(u, law(i // stride * control_period, x, memory, p))
                 if memory.undefined != 0.0:
                     end[0], end[1] = i, undefined_law
                     return
@@ -93,7 +95,8 @@ def _kernel(
                     end[0], end[1] = i, diverged
                     return
             row = i if recorded else 0
-            us[row] = u
+            for j in range(m):
+                us[row, j] = u[j]
             for j in range(n):
                 xs[row, j] = x[j]
             for j in range(nm):

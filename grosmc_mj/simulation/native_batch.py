@@ -89,7 +89,7 @@ class NativeBatch:
         problem, nsim = self._problem, len(self._problem.x0)
         record = Record.empty(problem)
         size = mujoco.mj_stateSize(self._batch.model, _PHYSICS)
-        record.physics = np.zeros((*record.u.shape, size))
+        record.physics = np.zeros((*record.u.shape[:2], size))
         record.start = self._physics()
         rolled = problem.record or problem.wrenches is not None
         chunk = max(1, (_RECORDED_ROWS if rolled else _UNRECORDED_ROWS) // nsim)
@@ -162,7 +162,7 @@ class NativeBatch:
         memory = slice(self._memory, self._memory + record.memory.shape[-1])
         record.physics[:, rows] = physics
         record.x[:, rows] = physics[..., 1 : 1 + record.x.shape[-1]]
-        record.u[:, rows] = ctrl[..., 0]
+        record.u[:, rows] = ctrl
         record.memory[:, rows] = userdata[..., memory]
 
     def _physics(self) -> Array:

@@ -78,6 +78,12 @@ def prepare(
             f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
             f"{max(1, stride) * h:g} s, or another timestep"
         )
+    for each in controllers:
+        wanted = each.control_period
+        if wanted is not None and not math.isclose(wanted, period, rel_tol=1e-9):
+            raise ArgumentError(
+                f"{each.name} is designed for a control period of {wanted:g} s, not {period:g} s"
+            )
     if not (math.isfinite(duration) and duration > 0):
         raise ArgumentError(f"duration {duration:g} s must be finite and positive")
     if threads < 0:

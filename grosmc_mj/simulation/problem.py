@@ -70,7 +70,7 @@ class Record:
 
     Attributes:
         x: States after each kept step, (nsim, rows, n).
-        u: Commands of each kept step, (nsim, rows).
+        u: Commands of each kept step, (nsim, rows, m).
         memory: Memory of the law in each kept step, flat, (nsim, rows, size).
         status: ``Status`` values, (nsim,).
         valid: Number of valid steps, (nsim,).
@@ -92,7 +92,7 @@ class Record:
         nsim, rows = len(problem.x0), problem.steps if problem.record else 1
         return cls(
             x=np.zeros((nsim, rows, problem.x0.shape[1])),
-            u=np.zeros((nsim, rows)),
+            u=np.zeros((nsim, rows, len(problem.system.inputs))),
             memory=np.zeros((nsim, rows, problem.memory_dtype.itemsize // 8)),
             status=np.zeros(nsim, np.int64),
             valid=np.full(nsim, problem.steps, np.int64),

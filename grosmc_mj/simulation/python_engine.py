@@ -18,7 +18,7 @@ from grosmc_mj.simulation.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.trajectory import Status
 
 # State, step under held input and wrench (False if it diverged), and the physics state.
-Stepper = tuple[Array, Callable[[float, Array], bool], Callable[[], Array | None]]
+Stepper = tuple[Array, Callable[[Array, Array], bool], Callable[[], Array | None]]
 
 # A state beyond this has diverged; MuJoCo's own bound.
 LARGEST = mujoco.mjMAXVAL
@@ -44,11 +44,11 @@ def _run_one(problem: Problem, run: int, record: Record) -> None:
     controller, system = problem.controllers[run], problem.system
     law, memory, p = controller.law, controller.memory(), controller.parameters
     x, step, physics = _stepper(problem.plants[run], problem.x0[run], problem.timestep)
-    wrenches, u = problem.wrench(run), 0.0
+    wrenches, u = problem.wrench(run), np.zeros(len(system.inputs))
     w = np.zeros(6 * len(system.bodies))
     state = physics()
     if state is not None and record.physics is None:
-        record.physics = np.zeros((*record.u.shape, len(state)))
+        record.physics = np.zeros((*record.u.shape[:2], len(state)))
         record.start = np.zeros((len(record.u), len(state)))
     if state is not None and record.start is not None:
         record.start[run] = state
@@ -65,7 +65,7 @@ def _run_one(problem: Problem, run: int, record: Record) -> None:
             if system.singular(x):
                 status = Status.SINGULAR_PLANT
             else:
-                u = float(law(i // problem.stride * problem.control_period, x, memory, p))
+                u[:] = law(i // problem.stride * problem.control_period, x, memory, p)
                 if memory.undefined:
                     status = Status.UNDEFINED_LAW
             if status is not Status.COMPLETED:
@@ -90,7 +90,7 @@ def _analytic_stepper(plant: AnalyticPlant, x0: Array, h: float) -> Stepper:
     x, scratch = x0.copy(), np.zeros((3, len(x0)))
     rk4 = runge_kutta_step(plant.system)
 
-    def step(u: float, w: Array) -> bool:
+    def step(u: Array, w: Array) -> bool:
         try:
             rk4(x, u, w, plant.parameters, h, *scratch)
         except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
@@ -107,8 +107,8 @@ def _physics_stepper(plant: MujocoPlant, x0: Array) -> Stepper:
     bodies = [model.body(name).id for name in system.bodies]
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
-    def step(u: float, w: Array) -> bool:
-        data.ctrl[0] = u
+    def step(u: Array, w: Array) -> bool:
+        data.ctrl[:] = u
         data.xfrc_applied[bodies] = w.reshape(-1, 6)
         mujoco.mj_step(model, data)
         x[:n], x[n:] = data.qpos, data.qvel

@@ -15,22 +15,23 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
     """The classical fourth-order step of x' = f(x) + g(x) u + d(x, w), jitable.
 
     Returns:
-        A function (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h; the last three
-        are scratch space, (n,).
+        A function (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h under u, (m,);
+        the last three are scratch space, (n,).
     """
     drift, input_matrix, disturbance = system.drift, system.input_matrix, system.disturbance
-    n = len(system.states)
+    n, m = len(system.states), len(system.inputs)
 
     @jitable
-    def slope_at(x: Any, u: float, w: Any, p: Any, slope: Any) -> None:
+    def slope_at(x: Any, u: Any, w: Any, p: Any, slope: Any) -> None:
         f, g, d = drift(x, p), input_matrix(x, p), disturbance(x, w, p)
         for i in range(n):
-            slope[i] = f[i] + g[i] * u + d[i]
+            moved = f[i]
+            for j in range(m):
+                moved += g[i * m + j] * u[j]
+            slope[i] = moved + d[i]
 
     @jitable
-    def step(
-        x: Any, u: float, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any
-    ) -> None:
+    def step(x: Any, u: Any, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any) -> None:
         for i in range(n):
             stage[i] = x[i]
             total[i] = 0.0

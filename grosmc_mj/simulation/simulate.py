@@ -105,15 +105,20 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         system=problem.system,
         time=time if problem.record else time[[0, -1]],
         state=state,
-        command=record.u,
-        input=_applied(problem, record.u),
-        sliding=memory["s"] if "s" in names else None,
-        weighed=memory["v"],
+        command=_squeezed(record.u),
+        input=_squeezed(_applied(problem, record.u)),
+        sliding=_squeezed(memory["s"]) if "s" in names else None,
+        weighed=_squeezed(memory["v"]),
         wrench=wrench,
         physics=physics,
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
     )
+
+
+def _squeezed(rows: Array) -> Array:
+    """Values of one input without an axis of their own: (nsim, rows) instead of (nsim, rows, 1)."""
+    return rows[..., 0] if rows.ndim == 3 and rows.shape[-1] == 1 else rows
 
 
 def _repeat_last(problem: Problem, record: Record, run: int) -> None:
@@ -130,13 +135,11 @@ def _repeat_last(problem: Problem, record: Record, run: int) -> None:
 def _applied(problem: Problem, u: Array) -> Array:
     """Commands within the actuator's range, as MuJoCo applies them."""
     plants = problem.plants
-    limited = [isinstance(p, MujocoPlant) and bool(p.model.actuator_ctrllimited[0]) for p in plants]
-    if not any(limited):
-        return u
-    low, high = np.full((2, len(plants)), [[-np.inf], [np.inf]])
+    low, high = np.full((2, len(plants), u.shape[-1]), [[[-np.inf]], [[np.inf]]])
     for i, plant in enumerate(plants):
-        if limited[i] and isinstance(plant, MujocoPlant):
-            low[i], high[i] = plant.model.actuator_ctrlrange[0]
+        if isinstance(plant, MujocoPlant):
+            limited = plant.model.actuator_ctrllimited.astype(bool)
+            low[i, limited], high[i, limited] = plant.model.actuator_ctrlrange[limited].T
     return np.clip(u, low[:, None], high[:, None])
 
 

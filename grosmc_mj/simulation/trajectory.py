@@ -27,7 +27,8 @@ class Trajectory:
 
     With N timesteps, arrays over instants have N + 1 rows (t = 0 ... N h) and arrays over
     intervals have N: row i holds over [t_i, t_{i+1}). After the end of a run that stopped early
-    the rows repeat its last valid ones; without recording N is 1.
+    the rows repeat its last valid ones; without recording N is 1. With m > 1 inputs those of
+    command, input, sliding and weighed have one more axis at the end, (..., N, m).
 
     Attributes:
         system: The plant's system, which names the states and gives their units.

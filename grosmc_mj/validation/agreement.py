@@ -9,6 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.plants import AnalyticPlant, Variant
@@ -123,15 +124,15 @@ def acceleration_difference(
     for _ in range(states):
         x = np.concatenate([random.uniform(-bound, bound, n), random.uniform(-1, 1, n)])
         x[n:] *= _RATE_BOUND
-        u = random.uniform(-_INPUT_BOUND, _INPUT_BOUND)
+        u = random.uniform(-_INPUT_BOUND, _INPUT_BOUND, len(system.inputs))
         w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(bodies))
-        data.qpos, data.qvel, data.ctrl[0] = x[:n], x[n:], u
+        data.qpos, data.qvel, data.ctrl = x[:n], x[n:], u
         data.xfrc_applied[bodies] = w.reshape(-1, 6)
         mujoco.mj_forward(model, data)
         terms = np.array(
             [
                 system.drift(x, p),
-                np.multiply(system.input_matrix(x, p), u),
+                np.reshape(system.input_matrix(x, p), (2 * n, -1)) @ u,
                 system.disturbance(x, w, p),
             ]
         )[:, n:]
@@ -140,28 +141,30 @@ def acceleration_difference(
     return worst
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Constant:
     """Numbers of a constant input."""
 
-    u: float
+    u: Array
 
 
-def _constant_input(t: float, x: object, memory: object, p: _Constant) -> float:
+def _constant_input(t: float, x: object, memory: object, p: _Constant) -> float | tuple:
     """An open-loop law."""
-    return p.u
+    return tuple(p.u.tolist()) if len(p.u) > 1 else float(p.u[0])
 
 
 def _trajectory_difference(physics: MujocoPlant, plant: AnalyticPlant) -> float:
     """Largest difference of the positions under a constant input and a sine on every body."""
     system = plant.system
-    law = Controller("open loop", _constant_input, _Constant(0.1), Memory)
+    law = Controller(
+        "open loop", _constant_input, _Constant(np.full(len(system.inputs), 0.1)), Memory
+    )
     pushes = [
         Disturbance(body, (0.05, 0.0, 0.05, 0.0, 0.02, 0.0), SineFrom(10.0))
         for body in system.bodies
     ]
     x0 = np.zeros(len(system.states))
-    x0[system.output] = 0.2
+    x0[list(system.controlled)] = 0.2
     h = float(physics.model.opt.timestep)
     # The python engine: a law for one comparison is not worth compiling.
     runs = [

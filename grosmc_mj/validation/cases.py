@@ -1,4 +1,4 @@
-"""The chapter's cases as values."""
+"""The cases as values: the chapter's, and this project's where it has no example."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ class Case:
         duration: [s]; the chapter prints none.
         edits: Edits of the plant; the controller keeps the nominal numbers.
         disturbances: Wrenches on the plant.
+        design: The controllers' design; empty for the system's first one.
     """
 
     system: str
@@ -37,6 +38,12 @@ class Case:
     duration: float
     edits: tuple[BodyEdit, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
+    design: str = ""
+
+    @property
+    def controllers(self) -> str:
+        """The name of the controllers' design."""
+        return self.design or self.system
 
     @property
     def onset(self) -> float:
@@ -47,6 +54,8 @@ class Case:
 SERVO_START = (0.0, 0.0)  # x(0) = [1, 0] under the step theta_d = 1 rad
 PENDULUM_START = (0.0, -math.pi / 18, 0.0, 0.0)
 ARM_START = (0.5, math.pi)  # e(0) = [0.5, 0], since y_r(0) = 0 and y_r'(0) = pi
+TWO_LINK_START = (0.6, -1.2, 0.0, 0.0)  # at rest, elbow up, 0.16 m off the circle
+TWO_LINK_AWAY = (math.pi / 6, -2.0, 0.0, 0.0)  # 0.52 and 0.43 rad off the pose
 
 
 def _about_viewer(torque: float) -> tuple[float, float, float, float, float, float]:
@@ -143,13 +152,53 @@ def _arm_cases() -> list[Case]:
     ]
 
 
+def _two_link_cases() -> list[Case]:
+    system, own = "two_link_arm", "this project: the chapter has no example of several inputs"
+    pushes = (
+        Disturbance(
+            "payload",
+            (0.0, 0.0, 5.0, 0.0, 0.0, 0.0),
+            SineFrom(2 * math.pi),
+            "5 sin 2πt N at the tip",
+        ),
+        Disturbance("upper", _about_viewer(2.0), SineFrom(math.pi), "2 sin πt N m on link 1"),
+    )
+    longer = (BodyEdit("upper", 1.0, 1.05), BodyEdit("lower", 1.0, 1.05))
+    heavier = BodyEdit("payload", mass_scale=5.0)
+    regulation = "two_link_arm regulation"
+    return [
+        Case(system, "nominal", "A circle of the tip, no disturbance", own, TWO_LINK_START, 6.0),
+        Case(
+            system, "case1", "A circle under forces on tip and link", own, TWO_LINK_START, 6.0,
+            disturbances=pushes,
+        ),
+        Case(
+            system, "case2", "A circle with 1 kg at the tip, links 5 % longer", own,
+            TWO_LINK_START, 6.0, (*longer, heavier),
+        ),
+        Case(
+            system, "regulation", "To a pose, no disturbance", own, TWO_LINK_AWAY, 5.0,
+            design=regulation,
+        ),
+        Case(
+            system, "regulation1", "To a pose with 0.6 kg at the tip and 5 N on it", own,
+            TWO_LINK_AWAY, 5.0, (BodyEdit("payload", mass_scale=3.0),), pushes[:1], regulation,
+        ),
+    ]  # fmt: skip
+
+
 def cases(system: str) -> list[Case]:
     """The cases of a system, in the chapter's order.
 
     Raises:
         ModelError: If there is no such system.
     """
-    makers = {"servo": _servo_cases, "cart_pendulum": _pendulum_cases, "arm": _arm_cases}
+    makers = {
+        "servo": _servo_cases,
+        "cart_pendulum": _pendulum_cases,
+        "arm": _arm_cases,
+        "two_link_arm": _two_link_cases,
+    }
     return makers[find_system(system).name]()
 
 

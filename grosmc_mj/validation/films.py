@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,9 @@ import mujoco
 import numpy as np
 
 import grosmc_mj.rendering
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.state_coordinates import StateCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.rendering.board import Storyboard
 from grosmc_mj.rendering.film import MOST_TAKES, Film, Format, Take, camera_names
@@ -51,10 +54,10 @@ def check_request(case: Case, controllers: Sequence[str], form: Format) -> None:
     if not 1 <= len(controllers) <= MOST_TAKES:
         raise ArgumentError(
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
-            f"{', '.join(controller_names(case.system))}"
+            f"{', '.join(controller_names(case.controllers))}"
         )
     for name in controllers:
-        nominal_controller(case.system, name, "corrected")
+        nominal_controller(case.system, name, "corrected", design=case.controllers)
     form.check(camera_names(MujocoPlant.load(case.system).model), case.duration)
 
 
@@ -78,18 +81,19 @@ def film_of(
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
     case = results[0].case
-    moving = any(float(np.ptp(result.comparison.reference)) > _STILL for result in results)
+    spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
+    moving = max(spans) > _STILL
     names = names or [result.controller.name for result in results]
     takes = []
     for result, name in zip(results, names, strict=True):
-        run, comparison = result.trajectory, result.comparison
+        run = result.trajectory
         ended = _ENDED[result.status]
         takes.append(
             Take(
                 label=LABELS.get(name, name),
                 colour=colour_of(name, len(takes)),
                 run=run,
-                ghost=comparison.reference if moving else comparison.optimum,
+                ghost=_ghost(result, moving=moving),
                 sliding_unit=result.controller.sliding_unit,
                 ended=ended and f"{ended} at {float(run.valid_until):.2f} s",
             )
@@ -101,7 +105,33 @@ def film_of(
         format=form or Format(),
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
+        beside=_held_beside(results),
     )
+
+
+def _held_beside(results: Sequence[RunResult]) -> int | None:
+    """The first state that a law of the whole state holds beside the controlled ones, if any."""
+    if not any(isinstance(result.controller.error, StateCoordinates) for result in results):
+        return None
+    system = results[0].trajectory.system
+    return next(i for i in range(len(system.states)) if i not in system.controlled)
+
+
+def _ghost(result: RunResult, *, moving: bool) -> Array:
+    """Where the controlled coordinates should have been, (N + 1, controlled).
+
+    That is the reference, if it moves, or the optimum: as they are where outputs are coordinates,
+    else as the coordinates that have these outputs.
+    """
+    comparison, law = result.comparison, result.controller
+    error, controlled = law.error, list(result.trajectory.system.controlled)
+    if not isinstance(error, ErrorCoordinates) or error.outputs is None:
+        return comparison.reference if moving else comparison.optimum
+    z = np.zeros_like(comparison.optimal) if moving else comparison.optimal
+    # As the true plant has them: an arm whose links are longer than believed is drawn longer too.
+    true = replace(law.parameters, plant=result.plant_parameters)
+    x = [error.place(t, row, true) for t, row in zip(comparison.time, z, strict=True)]
+    return np.array(x)[:, controlled]
 
 
 def films_of(results: Sequence[RunResult], form: Format = SMALL) -> list[tuple[Case, Film]]:

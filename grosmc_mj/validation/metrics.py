@@ -54,17 +54,34 @@ class Comparison(NamedTuple):
 
     Attributes:
         time: Instants [s], (N + 1,).
-        z: Error state of the run, (N + 1, 2).
-        optimal: x* or z* of eqs. (7), (30) and (50) from the same start, (N + 1, 2).
-        reference: y_r in the output's own coordinate, (N + 1,).
-        optimum: The output on the optimal trajectory, (N + 1,).
+        z: Error state of the run, (N + 1, n).
+        optimal: x* or z* of eqs. (7), (30) and (50) from the same start, (N + 1, n).
+        outputs: Columns of z that are outputs' errors; the others are their derivatives.
+        reference: y_r in the outputs' own coordinates, (N + 1, m).
+        optimum: The outputs on the optimal trajectory, (N + 1, m).
     """
 
     time: Array
     z: Array
     optimal: Array
+    outputs: tuple[int, ...]
     reference: Array
     optimum: Array
+
+    @property
+    def error(self) -> Array:
+        """The output's error or, of several outputs, the norm of their errors, (N + 1,)."""
+        return _size(self.z[:, self.outputs])
+
+    @property
+    def deviation(self) -> Array:
+        """The same of the distance from the optimal trajectory, (N + 1,)."""
+        return _size((self.z - self.optimal)[:, self.outputs])
+
+
+def _size(rows: Array) -> Array:
+    """A single column as it is, or the norms of the rows."""
+    return rows[:, 0] if rows.shape[1] == 1 else np.linalg.norm(rows, axis=1)
 
 
 def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
@@ -75,11 +92,13 @@ def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
     """
     if controller.error is None or controller.lqr is None:
         raise ArgumentError(f"{controller.name} has no error coordinates or no optimum")
-    z = controller.error.along(run.time, run.state, controller.parameters.reference)
+    error, p = controller.error, controller.parameters
+    z = error.along(run.time, run.state, p)
     optimal = controller.lqr.optimal_trajectory(z[0], run.time)
-    sign = controller.error.sign
-    reference = run.state[:, run.system.output] - sign * z[:, 0]
-    return Comparison(run.time, z, optimal, reference, reference + sign * optimal[:, 0])
+    reference = error.reference_along(run.time, p.reference)
+    outputs = error.output_rows
+    optimum = reference + error.sign * optimal
+    return Comparison(run.time, z, optimal, outputs, reference[:, outputs], optimum[:, outputs])
 
 
 def measure(
@@ -96,21 +115,26 @@ def measure(
         comparison: The run beside its optimum.
         onset: When the first disturbance begins [s].
     """
-    time, z = comparison.time, comparison.z
+    time, error = comparison.time, comparison.error
     if len(time) < 2:
         return {name: Metric(None, "", "ended at the start") for name in METRICS}
     transient = slice(None)
     if 0 < onset < time[-1]:
         transient = slice(0, int(np.searchsorted(time, onset)) + 1)
-    output, u = run.system.positions[run.system.output].unit, run.system.input.unit
+    assert controller.error is not None
+    output, u = controller.error.units[0], run.system.input.unit
+    single = len(comparison.outputs) == 1
+    changed = np.abs(np.diff(run.input, axis=0))
     metrics = {
-        "deviation": Metric(float(np.abs(z[:, 0] - comparison.optimal[:, 0]).max()), output),
-        "settling_time": settling_time(time[transient], z[transient, 0]),
-        "overshoot": overshoot(z[transient, 0]),
-        "rms_error": Metric(float(np.sqrt(np.mean(z[:, 0] ** 2))), output),
+        "deviation": Metric(float(np.abs(comparison.deviation).max()), output),
+        "settling_time": settling_time(time[transient], error[transient]),
+        "overshoot": overshoot(error[transient])
+        if single
+        else Metric(None, "%", "several outputs"),
+        "rms_error": Metric(float(np.sqrt(np.mean(error**2))), output),
         **_surface_metrics(run, controller.sliding_unit),
         **_costs(run, controller, comparison),
-        "total_variation": Metric(float(np.abs(np.diff(run.input)).sum() / time[-1]), f"{u}/s"),
+        "total_variation": Metric(float(changed.sum() / time[-1]), f"{u}/s"),
         "max_input": Metric(float(np.abs(run.input).max()), u),
     }
     if run.system.name == "cart_pendulum":
@@ -140,15 +164,16 @@ def overshoot(error: Array) -> Metric:
 
 
 def _surface_metrics(run: Trajectory, unit: str) -> dict[str, Metric]:
-    """Maximum and RMS of |s| at the samples."""
+    """Maximum and RMS of |s| at the samples; of several, of its largest entry."""
     if run.sliding is None:
         return {
             "max_sliding": Metric(None, "", "no surface"),
             "rms_sliding": Metric(None, "", "no surface"),
         }
+    largest = np.abs(run.sliding.reshape(len(run.sliding), -1)).max(axis=1)
     return {
-        "max_sliding": Metric(float(np.abs(run.sliding).max()), unit),
-        "rms_sliding": Metric(float(np.sqrt(np.mean(run.sliding**2))), unit),
+        "max_sliding": Metric(float(largest.max()), unit),
+        "rms_sliding": Metric(float(np.sqrt(np.mean(largest**2))), unit),
     }
 
 
@@ -161,7 +186,8 @@ def _costs(run: Trajectory, controller: Controller, comparison: Comparison) -> d
     continuous = -(z @ design.K.T)
     of_continuous = trapezoid(np.einsum("ti,ij,tj->t", continuous, design.R, continuous), time)
     # The whole input is held between samples: its integral is a sum.
-    of_whole = float(design.R[0, 0] * np.sum(run.weighed**2 * np.diff(time)))
+    whole = run.weighed.reshape(len(run.weighed), -1)
+    of_whole = float(np.einsum("ti,ij,tj->t", whole, design.R, whole) @ np.diff(time))
     return {
         "cost_continuous": Metric(float(0.5 * (of_state + of_continuous)), "1"),
         "cost_whole": Metric(float(0.5 * (of_state + of_whole)), "1"),

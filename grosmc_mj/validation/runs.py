@@ -5,21 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import AS_PRINTED, Realization, realized
+from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
-from grosmc_mj.plants import SYSTEMS, Variant, find_system
+from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Variant, find_system
 from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.cases import Case, cases, find_case
-from grosmc_mj.validation.designs import chapter_controller, controller_names
+from grosmc_mj.validation.designs import (
+    DESIGNS,
+    chapter_controller,
+    controller_names,
+    switching_for,
+)
 from grosmc_mj.validation.metrics import Comparison, Metric, compare_with_optimum, measure
 
 PlantName = Literal["printed", "corrected", "physics"]
+Surface = Literal["printed", "discrete"]
 
 
 @dataclass(frozen=True)
@@ -31,16 +40,31 @@ class Settings:
         control_period: [s]; the chapter prints none.
         timestep: Physics timestep [s].
         integrator: MuJoCo's integrator.
+        switching: Name of the switching law of the sliding mode laws.
+        surface: Their surface: ``printed``, or ``discrete`` for the one that is zero at every
+            sample of the nominal plant.
     """
 
     engine: Engine = "native"
     control_period: float = 1e-3
     timestep: float = 1e-3
     integrator: Integrator = "RK4"
+    switching: str = "sign"
+    surface: Surface = "printed"
 
     def __post_init__(self) -> None:
-        if self.engine not in get_args(Engine):
-            raise ArgumentError(unknown_name("engine", self.engine, get_args(Engine)))
+        for kind, value, valid in (
+            ("engine", self.engine, get_args(Engine)),
+            ("surface", self.surface, get_args(Surface)),
+            ("switching law", self.switching, SWITCHINGS),
+        ):
+            if value not in valid:
+                raise ArgumentError(unknown_name(kind, value, valid))
+
+    def realization(self, design: str) -> Realization:
+        """How the sliding mode laws of a design are sampled."""
+        period = self.control_period if self.surface == "discrete" else None
+        return Realization(switching_for(self.switching, design), period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +79,7 @@ class RunResult:
         comparison: The run beside the optimum that its law was designed for.
         metrics: By name.
         ended: Empty, or why the run ended early.
+        plant_parameters: The true plant's numbers.
     """
 
     case: Case
@@ -64,6 +89,7 @@ class RunResult:
     comparison: Comparison
     metrics: Mapping[str, Metric]
     ended: str = ""
+    plant_parameters: Any = None
 
     @property
     def key(self) -> str:
@@ -100,7 +126,7 @@ def plan(selected: list[Case]) -> list[tuple[Case, PlantName, str]]:
         (case, plant, controller)
         for case in selected
         for plant in plant_names(case.system)
-        for controller in controller_names(case.system)
+        for controller in controller_names(case.controllers)
     ]
 
 
@@ -116,7 +142,13 @@ def run_case(case: Case, plant: PlantName, controller: str, settings: Settings) 
     The controller is designed from the nominal equations: the printed ones for the printed
     plant, the corrected ones for the corrected plant and for physics.
     """
-    law = nominal_controller(case.system, controller, design_variant(plant))
+    law = nominal_controller(
+        case.system,
+        controller,
+        design_variant(plant),
+        settings.realization(case.controllers),
+        case.controllers,
+    )
     return run_on(case, plant, law, case_plant(case, plant, settings), settings)
 
 
@@ -140,7 +172,8 @@ def run_on(
         run, ended = error.trajectory, str(error)
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, case.onset)
-    return RunResult(case, name, law, run, comparison, metrics, ended)
+    true = plant if isinstance(plant, AnalyticPlant) else plant.analytic()
+    return RunResult(case, name, law, run, comparison, metrics, ended, true.parameters)
 
 
 def case_plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
@@ -163,6 +196,22 @@ def design_variant(plant: PlantName) -> Variant:
 
 
 @cache
-def nominal_controller(system: str, name: str, variant: Variant) -> Controller:
+def _as_printed(system: str, name: str, variant: Variant, design: str | None) -> Controller:
+    """A controller for the nominal plant of a variant, sampled as printed."""
+    physics = MujocoPlant.load(system)
+    further = DESIGNS[design or system].further
+    model = linearize(physics) if name in further and variant == "corrected" else None
+    return chapter_controller(name, physics.analytic(variant), AS_PRINTED, design, model)
+
+
+@cache
+def nominal_controller(
+    system: str,
+    name: str,
+    variant: Variant,
+    realization: Realization = AS_PRINTED,
+    design: str | None = None,
+) -> Controller:
     """A controller for the nominal plant of a variant."""
-    return chapter_controller(name, MujocoPlant.load(system).analytic(variant))
+    made = _as_printed(system, name, variant, design)
+    return made if realization == AS_PRINTED else realized(made, realization)

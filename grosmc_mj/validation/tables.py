@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
 from grosmc_mj.simulation.trajectory import Status
@@ -68,7 +69,7 @@ def results_table(results: Sequence[RunResult]) -> Table:
     for header in ("case", "plant", "law"):
         table.add_column(header, no_wrap=True)
     for header, _ in columns:
-        table.add_column(header, justify="right", no_wrap=True)
+        table.add_column(escape(header), justify="right", no_wrap=True)
     shown = ""
     for result in results:
         if shown and shown != result.case.name:
@@ -129,7 +130,7 @@ def agreement_table(rows: Sequence[Agreement]) -> Table:
     for header in ("system", "equations", "model"):
         table.add_column(header, no_wrap=True)
     for header in ("acceleration difference\nover largest term", "trajectory difference\n[m, rad]"):
-        table.add_column(header, justify="right", no_wrap=True)
+        table.add_column(escape(header), justify="right", no_wrap=True)
     for row in rows:
         numbers = (f"{row.acceleration:.1e}", f"{row.trajectory:.1e}")
         table.add_row(row.system, row.variant, row.edit, *numbers)
@@ -142,7 +143,7 @@ def throughput_table(rows: Sequence[Throughput], integrator: str) -> Table:
     table = _table(title)
     table.add_column("loop", no_wrap=True)
     for header in ("simulations", "steps/s", "ratio"):
-        table.add_column(header, justify="right", no_wrap=True)
+        table.add_column(escape(header), justify="right", no_wrap=True)
     table.add_column("to", no_wrap=True)
     for row in rows:
         table.add_row(

@@ -1,0 +1,184 @@
+"""grosmc-mj switching."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import Switching
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from grosmc_mj.validation.chattering import Benchmark, CaseRow
+
+# The sample time of the tables; the figure and the file have them all.
+_SHOWN = 1e-3
+
+
+def switching(command: Switching) -> int:
+    """Measure, print, write, draw."""
+    from grosmc_mj.validation import chattering
+    from grosmc_mj.validation.chattering_figure import write_chattering_figure
+    from grosmc_mj.validation.results_file import write_json
+
+    planned = chattering.experiments(command.system)
+    swept = len(chattering.LAWS) * (len(chattering.SAMPLE_TIMES) + len(chattering.GAIN_RATIOS))
+    by_time: list[Benchmark] = []
+    by_ratio: list[Benchmark] = []
+    cases: list[CaseRow] = []
+    with screen.progress(swept + len(planned) + 1, "runs") as advance:
+        for row in chattering.sample_time_sweep():
+            by_time.append(row)
+            advance(f"scalar/{row.law} {row.h:g} s")
+        for row in chattering.gain_ratio_sweep():
+            by_ratio.append(row)
+            advance(f"scalar/{row.law} r = {row.gain_ratio:g}")
+        for experiment in planned:
+            cases.append(chattering.measure_case(experiment))
+            advance(experiment.key)
+        target = command.out / "switching.json"
+        write_json(target, document(by_time, by_ratio, cases))
+        figure = write_chattering_figure(by_time, by_ratio, cases, command.out)
+        advance(figure.name)
+    console = screen.console()
+    console.print(_benchmark_table(by_time))
+    console.print()
+    console.print(_limits_table(by_ratio))
+    for system in dict.fromkeys(row.experiment.system for row in cases):
+        console.print()
+        console.print(_cases_table([row for row in cases if row.experiment.system == system]))
+    for row in cases:
+        if row.ended:
+            console.print(f"{row.experiment.key}: {row.ended}", style="red", soft_wrap=True)
+    console.print(
+        f"Tables at {1e3 * _SHOWN:g} ms; {target} and {figure} have every sample time.",
+        style="dim", soft_wrap=True,
+    )  # fmt: skip
+    return screen.DONE
+
+
+def document(
+    by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
+) -> dict[str, Any]:
+    """The content of switching.json; what diverged has null for its numbers."""
+    from grosmc_mj.validation import chattering
+    from grosmc_mj.validation.designs import DESIGNS
+    from grosmc_mj.validation.results_file import origin
+
+    return {
+        **origin(None),
+        "configuration": {
+            "timestep": {"value": chattering.TIMESTEP, "unit": "s"},
+            "slopes": {name: DESIGNS[name].slope for name in chattering.CASES},
+        },
+        "benchmark": {
+            "equation": "s' = r phi + 0.5 sin(2 pi t), rho = 1, phi held",
+            "own_total_variation": {"value": chattering.OWN_VARIATION, "unit": "1/s"},
+            "orders": chattering.orders(by_time),
+            "sample_times": [_finite(row._asdict()) for row in by_time],
+            "gain_ratios": [_finite(row._asdict()) for row in by_ratio],
+        },
+        "cases": [_finite({**asdict(row.experiment), **_measured(row)}) for row in cases],
+    }
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    """The same with null for numbers without bound, which JSON has not."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }
+
+
+def _measured(row: CaseRow) -> dict[str, Any]:
+    """What was measured on a case."""
+    return {name: value for name, value in row._asdict().items() if name != "experiment"}
+
+
+def _table(title: str, columns: Sequence[str], words: int) -> Table:
+    """An empty table: so many columns of words, the others of numbers."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+        title=title,
+        title_justify="left",
+        title_style="bold",
+    )
+    for i, name in enumerate(columns):
+        table.add_column(name, justify="left" if i < words else "right", no_wrap=True)
+    return table
+
+
+def _shown(period: float) -> bool:
+    """Whether the tables show this sample time."""
+    return math.isclose(period, _SHOWN)
+
+
+def _benchmark_table(rows: Sequence[Benchmark]) -> Table:
+    """The scalar benchmark with the nominal input gain."""
+    from grosmc_mj.validation.chattering import OWN_VARIATION, orders
+    from grosmc_mj.validation.tables import number
+
+    columns = (
+        "law",
+        "order of\nmax|s|",
+        "max|s|",
+        "RMS s",
+        "zeros\nper s",
+        "variation of u\nover w's",
+    )
+    table = _table("Scalar s' = u + 0.5 sin 2πt", columns, 1)
+    found = orders(rows)
+    for row in (row for row in rows if _shown(row.h)):
+        values = (row.max_sliding, row.rms_sliding, row.crossings)
+        ratio = number(row.total_variation / OWN_VARIATION)
+        table.add_row(row.law, f"{found[row.law]:.2f}", *map(number, values), ratio)
+    return table
+
+
+def _limits_table(rows: Sequence[Benchmark]) -> Table:
+    """What a wrong input gain does."""
+    from grosmc_mj.validation.tables import number
+
+    ratios = (0.3, 0.5, 1.0, 1.3, 1.4, 1.9, 2.1)
+    title = "Scalar s' = r u + 0.5 sin 2πt, true over nominal input gain r: max|s|"
+    table = _table(title, ("law", *(f"r = {ratio:g}" for ratio in ratios)), 1)
+    for law in dict.fromkeys(row.law for row in rows):
+        found = {round(row.gain_ratio, 6): row.max_sliding for row in rows if row.law == law}
+        values = [found[ratio] for ratio in ratios]
+        table.add_row(law, *(number(x) if math.isfinite(x) else "diverges" for x in values))
+    return table
+
+
+def _cases_table(rows: Sequence[CaseRow]) -> Table:
+    """The cases of one system."""
+    from grosmc_mj.plants import find_system
+    from grosmc_mj.validation.tables import number
+
+    system = find_system(rows[0].experiment.system)
+    output, u = system.positions[system.output].unit, system.input.unit
+    columns = (
+        "case", "law", "surface", f"max|x1-x1*|\n[{output}]", "max|s|", "RMS s", "zeros\nper s",
+        f"variation of u\n[{u}/s]", "J of all u\nover J*",
+    )  # fmt: skip
+    table, shown = _table(f"{system.title}, in MuJoCo", columns, 3), ""
+    for row in (row for row in rows if _shown(row.experiment.control_period)):
+        experiment = row.experiment
+        if shown and shown != experiment.case:
+            table.add_section()
+        label = "" if shown == experiment.case else experiment.case
+        shown = experiment.case
+        values = (
+            row.deviation, row.max_sliding, row.rms_sliding, row.crossings, row.total_variation,
+        )  # fmt: skip
+        numbers = [*map(number, values), f"{row.cost_ratio:.4g}"]
+        table.add_row(label, experiment.law, experiment.surface, *numbers)
+    return table

@@ -1,0 +1,342 @@
+"""Feedback linearization of an affine plant, from its equations in sympy: section 3.2, 4.2."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+import sympy as sp
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.codegen import generate
+from grosmc_mj.errors import PremiseError
+from grosmc_mj.plants.equations import Equations
+
+# Points at which an expression is tried before it is called zero: no expression of the plants
+# vanishes at all of these without being zero.
+_TRIALS = 5
+_ZERO = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroDynamics:
+    """What goes on inside while the outputs are held at zero.
+
+    Attributes:
+        states: The states xi that the outputs leave out.
+        rates: xi' with the outputs and their derivatives held at zero.
+    """
+
+    states: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Expr, ...]
+
+    def poles(self, parameters: Any) -> NDArray[np.complex128]:
+        """Eigenvalues of the linearization about xi = 0 [1/s]; none on the right is needed.
+
+        Args:
+            parameters: The plant's numbers.
+        """
+        numbers = _numbers(sp.Matrix(self.rates), parameters)
+        slope = numbers.jacobian(self.states).subs(dict.fromkeys(self.states, 0))
+        return np.linalg.eigvals(np.array(slope.evalf(), float)).astype(complex)
+
+
+@dataclass(frozen=True, eq=False)
+class FeedbackLinearization:
+    """z = T(x) and u = E(x)^-1 (v - K(x)), which make z' = A z + B v of an affine plant.
+
+    Attributes:
+        equations: The plant.
+        h: Its outputs, one for each input.
+        relative_degree: r_1 ... r_m: how often each is differentiated until an input appears.
+        T: z of eq. (22): each output and its derivatives below r_i.
+        K: L_f^r_i h_i of eq. (23), m expressions.
+        E: Decoupling matrix of eq. (21), (m, m).
+        pushed: L_d L_f^k h_i of a wrench, in the rows of z': eq. (24) has it in the last rows only.
+    """
+
+    equations: Equations
+    h: tuple[Any, ...]
+    relative_degree: tuple[int, ...]
+    T: tuple[Any, ...]
+    K: tuple[Any, ...]
+    E: Any
+    pushed: tuple[Any, ...]
+
+    @property
+    def last_rows(self) -> tuple[int, ...]:
+        """Rows of z' in which the inputs appear."""
+        return tuple((np.cumsum(self.relative_degree) - 1).tolist())
+
+    @property
+    def first_rows(self) -> tuple[int, ...]:
+        """Entries of z that are outputs."""
+        return tuple(r - d + 1 for r, d in zip(self.last_rows, self.relative_degree, strict=True))
+
+    @cached_property
+    def A(self) -> Array:
+        """State matrix of the chains of eq. (24), (sum r, sum r)."""
+        return np.asarray(
+            scipy.linalg.block_diag(*(np.eye(r, k=1) for r in self.relative_degree)), float
+        )
+
+    @cached_property
+    def B(self) -> Array:
+        """Their input matrix, (sum r, m)."""
+        matrix = np.zeros((sum(self.relative_degree), len(self.h)))
+        matrix[self.last_rows, range(len(self.h))] = 1.0
+        return matrix
+
+    @property
+    def complete(self) -> bool:
+        """Whether z has all of the state: sum r = n, Assumption 7."""
+        return sum(self.relative_degree) == len(self.equations.x)
+
+    @property
+    def matched(self) -> bool:
+        """Whether no wrench reaches z' but through the rows of the inputs."""
+        rows = set(range(len(self.T))) - set(self.last_rows)
+        return all(_is_zero(self.pushed[row], self.equations) for row in rows)
+
+    @cached_property
+    def singularity(self) -> Any:
+        """The numerator of det E(x), in lowest terms: where it is zero, no input brings v about."""
+        determinant = sp.expand_trig(_determinant(self.E))
+        # Rational in the sines and cosines, which sin^2 + cos^2 = 1 then reduces.
+        names = {each: sp.Dummy() for each in determinant.atoms(sp.sin, sp.cos)}
+        numerator, _ = sp.fraction(sp.cancel(determinant.subs(names)))
+        circles = [
+            names[sp.sin(angle)] ** 2 + names[sp.cos(angle)] ** 2 - 1
+            for angle in {each.args[0] for each in names}
+            if sp.sin(angle) in names and sp.cos(angle) in names
+        ]
+        if circles:
+            numerator = sp.reduced(numerator, circles, *names.values())[1]
+        return sp.factor(sp.sympify(numerator).subs({name: each for each, name in names.items()}))
+
+    def singular_states(self) -> list[sp.Basic]:
+        """Where E is singular, as far as sympy can solve for it: conditions on single states."""
+        found: list[sp.Basic] = []
+        for factor in sp.factor_list(self.singularity)[1]:
+            states = [x for x in self.equations.x if factor[0].has(x)]
+            for x in states[:1]:
+                solutions = sp.solveset(factor[0], x, sp.Reals)
+                if solutions is not sp.S.EmptySet:
+                    found.append(sp.Contains(x, solutions, evaluate=False))
+        return found
+
+    @cached_property
+    def transformation(self) -> Callable[[Any, Any], tuple[float, ...]]:
+        """Jitable (x, p) -> T(x)."""
+        return self._generate("transformation", self.T)
+
+    @cached_property
+    def nonlinearity(self) -> Callable[[Any, Any], tuple[float, ...]]:
+        """Jitable (x, p) -> K(x)."""
+        return self._generate("nonlinearity", self.K)
+
+    @cached_property
+    def decoupling_matrix(self) -> Callable[[Any, Any], tuple[float, ...]]:
+        """Jitable (x, p) -> E(x) row by row."""
+        return self._generate("decoupling_matrix", self.E.flat())
+
+    @cached_property
+    def disturbance(self) -> Callable[[Any, Any, Any], tuple[float, ...]]:
+        """Jitable (x, w, p) -> what a wrench does to z', row by row."""
+        return generate("disturbance", self.pushed, "x, w, p", self.equations.places())
+
+    @cached_property
+    def slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
+        """Jitable (x, p) -> the Jacobian of T at x, row by row."""
+        return self._generate("slope", tuple(sp.Matrix(self.T).jacobian(self.equations.x)))
+
+    def _generate(self, name: str, expressions: Sequence[Any]) -> Callable[..., Any]:
+        return generate(name, expressions, "x, p", self.equations.places())
+
+    def inverse(self, z: Sequence[sp.Symbol]) -> list[Mapping[sp.Symbol, sp.Expr]]:
+        """x = T^-1(z) as sympy finds it: every branch, each state by its name.
+
+        Raises:
+            PremiseError: If z has not all of the state.
+        """
+        if not self.complete:
+            raise PremiseError(
+                f"T(x) has {len(self.T)} of {len(self.equations.x)} states: the other ones are the "
+                "zero dynamics, and it has no inverse"
+            )
+        equations = [t - each for t, each in zip(self.T, z, strict=True)]
+        return sp.solve(equations, self.equations.x, dict=True)
+
+    def place(self, z: Array, p: Any, guess: Array) -> Array:
+        """A state with T(x) = z, the rest of it as in ``guess``.
+
+        Args:
+            z: Transformed state, (sum r,).
+            p: The plant's numbers.
+            guess: Where to look, (n,).
+
+        Raises:
+            PremiseError: If there is none near the guess.
+        """
+        x = np.array(guess, float)
+        names = list(self.equations.x)
+        if all(t in names for t in self.T):
+            x[[names.index(t) for t in self.T]] = z
+            return x
+        free = self._seen()
+
+        def residual(part: Array) -> Array:
+            x[free] = part
+            return np.array(self.transformation(x, p)) - z
+
+        def slope(part: Array) -> Any:
+            x[free] = part
+            return np.reshape(self.slope(x, p), (len(self.T), -1))[:, free]
+
+        # Levenberg-Marquardt: Newton's own steps from a guess can leave for another branch.
+        try:
+            found = scipy.optimize.least_squares(
+                residual,
+                x[free],
+                slope,  # pyright: ignore[reportArgumentType]  scipy takes a function too
+                method="lm",
+                xtol=1e-15,
+                ftol=1e-15,
+                gtol=1e-15,
+            )
+            missed = float(np.abs(residual(found.x)).max())
+        except (ArithmeticError, ValueError):  # outside the domain of a function in T
+            missed = np.inf
+        if missed > 1e-9 * max(1.0, float(np.abs(z).max())):
+            raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
+        return x
+
+    def _seen(self) -> list[int]:
+        """States that z determines: as many as z has."""
+        left_out = set(_complement(self.T, self.equations)) if not self.complete else set()
+        return [i for i, x in enumerate(self.equations.x) if x not in left_out]
+
+    def zero_dynamics(self) -> ZeroDynamics | None:
+        """The dynamics inside while y = 0; None if z has all of the state.
+
+        Raises:
+            PremiseError: If sympy cannot solve T(x) = 0.
+        """
+        if self.complete:
+            return None
+        inner = _complement(self.T, self.equations)
+        outer = [x for x in self.equations.x if x not in inner]
+        solutions = sp.solve(self.T, outer, dict=True)
+        if not solutions:
+            raise PremiseError(f"T(x) = 0 has no solution for {outer} in closed form")
+        u = -self.E.inv() * sp.Matrix(self.K)
+        rates = [
+            (f + (sp.Matrix([row]) * u)[0]).subs(solutions[0])
+            for x, f, row in zip(self.equations.x, self.equations.f, self.equations.g, strict=True)
+            if x in inner
+        ]
+        return ZeroDynamics(tuple(inner), tuple(sp.simplify(rate) for rate in rates))
+
+
+def feedback_linearization(
+    equations: Equations, h: Sequence[Any] | None = None
+) -> FeedbackLinearization:
+    """Differentiate each output until an input appears: eqs. (21)-(25) and (43)-(46).
+
+    Args:
+        equations: The plant.
+        h: Outputs, as many as it has inputs; its own by default.
+
+    Raises:
+        PremiseError: If an output has no relative degree, or E is singular everywhere.
+    """
+    outputs = tuple(sp.sympify(each) for each in (equations.h if h is None else h))
+    m = equations.inputs
+    if len(outputs) != m:
+        raise PremiseError(f"{len(outputs)} outputs for {m} inputs: E(x) must be square, eq. (21)")
+    f, g, d = (sp.Matrix(each) for each in (equations.f, equations.g, equations.d))
+    degrees, T, K, E, pushed = [], [], [], [], []
+    for index, output in enumerate(outputs):
+        derivative, degree = output, 0
+        while True:
+            slope = sp.Matrix([derivative]).jacobian(equations.x)
+            T.append(derivative)
+            pushed.append((slope * d)[0])
+            degree += 1
+            row = slope * g
+            derivative = (slope * f)[0]
+            if not all(_is_zero(each, equations) for each in row):
+                break
+            if degree == len(equations.x):
+                raise PremiseError(
+                    f"output {index + 1}, {output}, has no relative degree: no input appears in "
+                    f"its first {degree} derivatives (section 3.2, Assumption 7)"
+                )
+        degrees.append(degree)
+        K.append(derivative)
+        E.append(list(row))
+    matrix = sp.ImmutableMatrix(E)
+    if _is_zero(_determinant(matrix), equations):
+        raise PremiseError(
+            f"the decoupling matrix E(x) = {matrix.tolist()} is singular everywhere, so the "
+            f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
+        )
+    return FeedbackLinearization(
+        equations, outputs, tuple(degrees), tuple(T), tuple(K), matrix, tuple(pushed)
+    )
+
+
+def _determinant(matrix: Any) -> Any:
+    """By minors along the first row; sympy's own would simplify at every step."""
+    if matrix.shape == (1, 1):
+        return matrix[0]
+    minors = [matrix.minor_submatrix(0, j) for j in range(matrix.cols)]
+    signed = [(-1) ** j * matrix[0, j] * _determinant(minor) for j, minor in enumerate(minors)]
+    return sp.Add(*signed)
+
+
+def _numbers(matrix: sp.Matrix, parameters: Any) -> sp.Matrix:
+    """Expressions with the plant's numbers in place of its parameters."""
+    names = {symbol for symbol in matrix.free_symbols if hasattr(parameters, str(symbol))}
+    return matrix.subs({symbol: getattr(parameters, str(symbol)) for symbol in names})
+
+
+def _trials(equations: Equations) -> list[dict[sp.Symbol, float]]:
+    """Random states and wrenches near zero, and random positive parameters."""
+    random = np.random.default_rng(0)
+    signed, positive = (*equations.x, *equations.w), equations.parameters
+    return [
+        {
+            **{symbol: random.uniform(-1, 1) for symbol in signed},
+            **{symbol: random.uniform(0.5, 2) for symbol in positive},
+        }
+        for _ in range(_TRIALS)
+    ]
+
+
+def _is_zero(expression: sp.Expr, equations: Equations) -> bool:
+    """Whether an expression vanishes everywhere, by trying."""
+    if expression.is_zero:
+        return True
+    trials = _trials(equations)
+    value = sp.lambdify(list(trials[0]), expression, "math")
+    return all(abs(value(*trial.values())) <= _ZERO for trial in trials)
+
+
+def _complement(T: Sequence[sp.Expr], equations: Equations) -> list[sp.Symbol]:
+    """States that complete T to a transformation of the whole state."""
+    slopes = sp.Matrix(T).jacobian(equations.x)
+    rows = np.array(slopes.subs(_trials(equations)[0]).evalf(), float)
+    inner: list[sp.Symbol] = []
+    for index, x in enumerate(equations.x):
+        wider = np.vstack([rows, np.eye(len(equations.x))[index]])
+        if np.linalg.matrix_rank(wider) > len(rows) and len(wider) <= len(equations.x):
+            rows = wider
+            inner.append(x)
+    return inner

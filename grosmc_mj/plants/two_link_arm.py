@@ -1,0 +1,162 @@
+"""A planar two-link arm with two torques: the several inputs of section 3, which has no example."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+
+from grosmc_mj.errors import ModelError
+from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.system import (
+    Signal,
+    System,
+    Variant,
+    require_nonnegative,
+    require_positive,
+    require_unmodelled_absent,
+    wrench_symbols,
+)
+
+if TYPE_CHECKING:
+    import mujoco
+
+_BODIES = ("upper", "lower", "payload")
+
+
+@dataclass(frozen=True)
+class TwoLinkParameters:
+    """Numbers of the two-link arm.
+
+    Attributes:
+        m1: Mass of the upper link [kg].
+        l1: Its length, from shoulder to elbow [m].
+        c1: Distance of its centre of mass from the shoulder [m].
+        I1: Its inertia about that centre [kg m^2].
+        m2: Mass of the lower link [kg].
+        l2: Its length, from elbow to tip [m].
+        c2: Distance of its centre of mass from the elbow [m].
+        I2: Its inertia about that centre [kg m^2].
+        mp: Payload at the tip [kg].
+        Ip: Its inertia about the tip [kg m^2].
+        g: Gravity [m/s^2].
+    """
+
+    m1: float
+    l1: float
+    c1: float
+    I1: float
+    m2: float
+    l2: float
+    c2: float
+    I2: float
+    mp: float
+    Ip: float
+    g: float
+
+    def __post_init__(self) -> None:
+        require_positive("two_link_arm", m1=self.m1, l1=self.l1, m2=self.m2, l2=self.l2, g=self.g)
+        require_nonnegative(
+            "two_link_arm", c1=self.c1, I1=self.I1, c2=self.c2, I2=self.I2, mp=self.mp, Ip=self.Ip
+        )
+
+    @classmethod
+    def from_model(cls, model: mujoco.MjModel, _variant: Variant) -> TwoLinkParameters:
+        """Read the numbers back from a compiled model.
+
+        Raises:
+            ModelError: If a centre of mass or a link's end is off the link's x axis, or the model
+                has what the equations have no term for.
+        """
+        for actuator in ("shoulder_torque", "elbow_torque"):
+            require_unmodelled_absent("two_link_arm", model, ("shoulder", "elbow"), actuator)
+        upper, lower, payload = (model.body(name) for name in _BODIES)
+        places = [lower.pos, payload.pos, upper.ipos, lower.ipos, [0.0, *payload.ipos]]
+        if any(np.any(np.asarray(place)[1:]) for place in places) or np.any(model.dof_armature):
+            raise ModelError(
+                "two_link_arm: links' ends and centres must lie on their x axes, the payload's "
+                "centre at the tip, and the joints must have no armature"
+            )
+        return cls(
+            m1=float(upper.mass[0]),
+            l1=float(lower.pos[0]),
+            c1=float(upper.ipos[0]),
+            I1=float(upper.inertia[1]),
+            m2=float(lower.mass[0]),
+            l2=float(payload.pos[0]),
+            c2=float(lower.ipos[0]),
+            I2=float(lower.inertia[1]),
+            mp=float(payload.mass[0]),
+            Ip=float(payload.inertia[1]),
+            g=float(-model.opt.gravity[2]),
+        )
+
+
+def _equations() -> Equations:
+    """M(q) q'' + c(q, q') + G(q) = tau + Q(w), solved for q''; q1 from horizontal, q2 from link 1.
+
+    The joints are along -y; both links move in the x-z plane.
+    """
+    q1, q2, dq1, dq2 = sp.symbols("q1 q2 dq1 dq2")
+    m1, l1, c1, I1, m2, l2, c2, I2, mp, Ip, g = sp.symbols("m1 l1 c1 I1 m2 l2 c2 I2 mp Ip g")
+    # Inertias about the shoulder and the elbow, and first moments about them.
+    J1 = I1 + m1 * c1**2 + (m2 + mp) * l1**2
+    J2 = I2 + m2 * c2**2 + Ip + mp * l2**2
+    b1, b2 = m1 * c1 + (m2 + mp) * l1, m2 * c2 + mp * l2
+    h, bend = l1 * b2, l1 * b2 * sp.cos(q2)
+    adjugate = sp.Matrix([[J2, -J2 - bend], [-J2 - bend, J1 + J2 + 2 * bend]])
+    determinant = J1 * J2 - bend**2
+    c = h * sp.sin(q2) * sp.Matrix([-dq2 * (2 * dq1 + dq2), dq1**2])
+    G = g * sp.Matrix([b1 * sp.cos(q1) + b2 * sp.cos(q1 + q2), b2 * sp.cos(q1 + q2)])
+    w = wrench_symbols(*_BODIES)
+    (x1, _, z1, _, t1, _), (x2, _, z2, _, t2, _), (x3, _, z3, _, t3, _) = w[:6], w[6:12], w[12:]
+    s1, k1, s12, k12 = sp.sin(q1), sp.cos(q1), sp.sin(q1 + q2), sp.cos(q1 + q2)
+    elbow = c2 * (k12 * z2 - s12 * x2) + l2 * (k12 * z3 - s12 * x3) - t2 - t3
+    shoulder = c1 * (k1 * z1 - s1 * x1) + l1 * (k1 * (z2 + z3) - s1 * (x2 + x3)) - t1 + elbow
+    free, pushed = (
+        adjugate * torque / determinant for torque in (-c - G, sp.Matrix([shoulder, elbow]))
+    )
+    inverse = adjugate / determinant
+    return Equations(
+        x=(q1, q2, dq1, dq2),
+        f=(dq1, dq2, *free),
+        g=((0, 0), (0, 0), *inverse.tolist()),
+        h=(q1, q2),
+        w=w,
+        d=(0, 0, *pushed),
+    )
+
+
+def tip() -> tuple[sp.Expr, sp.Expr]:
+    """Position of the tip from the shoulder, (x, z) [m]: outputs for a path in the plane.
+
+    The decoupling matrix of these outputs is J(q) M(q)^-1, which is singular where the arm is
+    straight or folded: sin q2 = 0.
+    """
+    q1, q2, l1, l2 = sp.symbols("q1 q2 l1 l2")
+    return (
+        l1 * sp.cos(q1) + l2 * sp.cos(q1 + q2),
+        l1 * sp.sin(q1) + l2 * sp.sin(q1 + q2),
+    )
+
+
+TWO_LINK_ARM = System(
+    name="two_link_arm",
+    title="Two-link arm",
+    states=(
+        Signal("shoulder angle", "q₁", "rad"),
+        Signal("elbow angle", "q₂", "rad"),
+        Signal("shoulder rate", "q̇₁", "rad/s"),
+        Signal("elbow rate", "q̇₂", "rad/s"),
+    ),
+    inputs=(Signal("shoulder torque", "τ₁", "N m"), Signal("elbow torque", "τ₂", "N m")),
+    equations=_equations(),
+    controlled=(0, 1),
+    joints=("shoulder", "elbow"),
+    actuators=("shoulder_torque", "elbow_torque"),
+    bodies=_BODIES,
+    read_parameters=TwoLinkParameters.from_model,
+    uncertain_body="payload",
+)
