@@ -163,6 +163,12 @@ class ErrorCoordinates:
         raised = np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
         return self.sign * (slope @ f - raised), self.sign * slope @ g
 
+    def pushed(self, x: Array, p: Any, plant: Any, w: ArrayLike) -> Array:
+        """What a wrench on a true plant does to z', as the law sees it, (size,)."""
+        d = np.array(self.system.equations.disturbance(x, np.asarray(w, float), plant))
+        slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(d)))
+        return self.sign * slope @ d
+
     def unmatched(self, t: float, x: Array, p: Any, drift: Array) -> Array:
         """What a drift of z' does to the rows without an input, beyond the chains of eq. (24)."""
         chains = self.linearization
@@ -187,13 +193,20 @@ class ErrorCoordinates:
         rows = [self.reference(t, parameters) for t in np.asarray(time, float).tolist()]
         return np.array(rows)[:, self._lower]
 
-    def place(self, t: float, z: ArrayLike, p: Any) -> Array:
+    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
         """A state with this error, with all else at rest, (n,).
+
+        Args:
+            t: Time [s].
+            z: Error state, (size,).
+            p: The law's parameters, with ``plant`` and ``reference``.
+            near: Where to look, (n,); the coordinates' own guess by default.
 
         Raises:
             PremiseError: If there is none near the guess.
         """
-        guess = np.zeros(len(self.system.states)) if self.guess is None else np.array(self.guess)
+        near = self.guess if near is None else near
+        guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
         lower = np.array(self.reference(t, p.reference))[list(self._lower)]
         return self.linearization.place(lower + self.sign * np.asarray(z, float), p.plant, guess)
 

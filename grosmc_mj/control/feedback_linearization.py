@@ -22,6 +22,8 @@ from grosmc_mj.plants.equations import Equations
 # vanishes at all of these without being zero.
 _TRIALS = 5
 _ZERO = 1e-9
+# A root is found within this, to rounding; next to it a step gains half of the digits.
+_FOUND, _STEPS = 1e-13, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,21 +201,24 @@ class FeedbackLinearization:
             x[free] = part
             return np.reshape(self.slope(x, p), (len(self.T), -1))[:, free]
 
-        # Levenberg-Marquardt: Newton's own steps from a guess can leave for another branch.
+        scale = max(1.0, float(np.abs(z).max()))
         try:
-            found = scipy.optimize.least_squares(
-                residual,
-                x[free],
-                slope,  # pyright: ignore[reportArgumentType]  scipy takes a function too
-                method="lm",
-                xtol=1e-15,
-                ftol=1e-15,
-                gtol=1e-15,
-            )
-            missed = float(np.abs(residual(found.x)).max())
+            part = _newton(residual, slope, x[free], scale)
+            if part is None:
+                # Damped: Newton's own steps from afar can leave for another branch.
+                part = scipy.optimize.least_squares(
+                    residual,
+                    x[free],
+                    slope,  # pyright: ignore[reportArgumentType]  scipy takes a function too
+                    method="lm",
+                    xtol=1e-15,
+                    ftol=1e-15,
+                    gtol=1e-15,
+                ).x
+            missed = float(np.abs(residual(part)).max())
         except (ArithmeticError, ValueError):  # outside the domain of a function in T
             missed = np.inf
-        if missed > 1e-9 * max(1.0, float(np.abs(z).max())):
+        if missed > 1e-9 * scale:
             raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
         return x
 
@@ -242,6 +247,28 @@ class FeedbackLinearization:
             if x in inner
         ]
         return ZeroDynamics(tuple(inner), tuple(sp.simplify(rate) for rate in rates))
+
+
+def _newton(
+    residual: Callable[[Array], Array],
+    slope: Callable[[Array], Array],
+    start: Array,
+    scale: float,
+) -> Array | None:
+    """A root by Newton's steps from nearby, or None as soon as a step does not help enough."""
+    part, missed = np.array(start), residual(start)
+    for _ in range(_STEPS):
+        if np.abs(missed).max() <= _FOUND * scale:
+            return part
+        try:
+            following = part - np.linalg.solve(slope(part), missed)
+        except np.linalg.LinAlgError:
+            return None
+        left = residual(following)
+        if not np.abs(left).max() < 0.25 * np.abs(missed).max():
+            return None
+        part, missed = following, left
+    return None
 
 
 def feedback_linearization(

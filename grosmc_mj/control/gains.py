@@ -79,6 +79,16 @@ class SwitchingGains(NamedTuple):
     gain_ratio: float
 
 
+class _Believed(NamedTuple):
+    """A state, and alpha, E and u_0 of the law's model there."""
+
+    z: Array
+    x: Array
+    alpha: Array
+    E: Array
+    u_0: Array
+
+
 def switching_gains(
     error: ErrorCoordinates,
     nominal: Any,
@@ -130,39 +140,40 @@ def switching_gains(
     G_r, origin = G[:, rows], np.zeros(error.size)
     gamma0, gamma1, least = 0.0, 0.0, math.inf
 
-    def mismatch(z: Array, x: Array, plant: Any) -> tuple[Array, Array, Array]:
-        """E and E*, and (alpha* - alpha) + (E* - E) u_0."""
+    def believed(z: Array, x: Array) -> _Believed:
+        """What the law's model says at an error state and the plant's state there."""
         if linearizing:
             alpha, E = error.dynamics(0.0, x, nominal)
-            u_0 = np.linalg.solve(E, -(K @ z) - alpha)
-        else:
-            alpha, E, u_0 = A[rows] @ z, B[rows], -(K @ z)
-        drift, gain = error.moved(0.0, x, nominal, plant)
-        return E, gain[rows], (drift[rows] - alpha) + (gain[rows] - E) @ u_0
+            return _Believed(z, x, alpha, E, np.linalg.solve(E, -(K @ z) - alpha))
+        return _Believed(z, x, A[rows] @ z, B[rows], -(K @ z))
 
-    states = [(z, error.place(0.0, z, nominal)) for z in _states(uncertainty.region)]
-    at_rest = error.place(0.0, origin, nominal)
+    def mismatch(at: _Believed, plant: Any) -> tuple[Array, Array]:
+        """E*, and (alpha* - alpha) + (E* - E) u_0."""
+        drift, gain = error.moved(0.0, at.x, nominal, plant)
+        E_true = gain[rows]
+        return E_true, (drift[rows] - at.alpha) + (E_true - at.E) @ at.u_0
+
+    states = [believed(z, error.place(0.0, z, nominal)) for z in _states(uncertainty.region)]
+    at_rest = believed(origin, error.place(0.0, origin, nominal))
+    units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
-        slopes, held = [], mismatch(origin, at_rest, plant)[2]
-        for z, x in states:
-            E, E_true, found = mismatch(z, x, plant)
-            r = authority(G_r @ E_true, G_r @ E)
+        slopes, held = [], mismatch(at_rest, plant)[1]
+        for at in states:
+            E_true, found = mismatch(at, plant)
+            r = authority(G_r @ E_true, G_r @ at.E)
             if not r > 1e-9:
                 raise GainError(
                     f"{error.system.name}: the input gain of a declared plant is {r:g} of the "
-                    f"nominal one at z = {z}; no switching gain can make up for that"
+                    f"nominal one at z = {at.z}; no switching gain can make up for that"
                 )
-            reach = r * float(np.linalg.norm(G_r @ E))
-            share = G_r @ (found - held) / (reach * float(np.linalg.norm(z)))
-            if len(slopes) < len(z):
+            reach = r * float(np.linalg.norm(G_r @ at.E))
+            share = G_r @ (found - held) / (reach * float(np.linalg.norm(at.z)))
+            if len(slopes) < len(at.z):
                 slopes.append(share)
             gamma1 = max(gamma1, float(np.abs(share).max()))
             pushed = np.abs(G_r @ held)
-            for unit, size in zip(np.eye(len(uncertainty.wrench)), uncertainty.wrench, strict=True):
-                if size:
-                    still = error.moved(0.0, x, nominal, plant)[0]
-                    moved = error.moved(0.0, x, nominal, plant, unit * size)[0]
-                    pushed = pushed + np.abs(G_r @ (moved - still)[rows])
+            for w in units:
+                pushed = pushed + np.abs(G_r @ error.pushed(at.x, nominal, plant, w)[rows])
             gamma0, least = max(gamma0, float(pushed.max()) / reach), min(least, r)
         # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.
         gamma1 = max(gamma1, float(np.linalg.norm(slopes, axis=0).max()))

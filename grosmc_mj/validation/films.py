@@ -130,8 +130,11 @@ def _ghost(result: RunResult, *, moving: bool) -> Array:
     z = np.zeros_like(comparison.optimal) if moving else comparison.optimal
     # As the true plant has them: an arm whose links are longer than believed is drawn longer too.
     true = replace(law.parameters, plant=result.plant_parameters)
-    x = [error.place(t, row, true) for t, row in zip(comparison.time, z, strict=True)]
-    return np.array(x)[:, controlled]
+    rows, last = [], None
+    for t, row in zip(comparison.time, z, strict=True):
+        last = error.place(t, row, true, last)
+        rows.append(last[controlled])
+    return np.array(rows)
 
 
 def films_of(results: Sequence[RunResult], form: Format = SMALL) -> list[tuple[Case, Film]]:
