@@ -299,7 +299,7 @@ def test_gains_for_a_reference_that_moves_are_refused() -> None:
 
 @pytest.mark.parametrize("region", [(1.0,), (1.0, 1.0, 1.0)])
 def test_region_of_another_size_than_the_error_state_is_refused(region: tuple[float, ...]) -> None:
-    message = f"servo: the operating region has {len(region)} bounds, the error state 2 entries"
+    message = f"the uncertainty has {len(region)} bounds of the operating region, must have 2"
     with pytest.raises(GainError, match=message):
         gains_of(SERVO_ERROR, replace(SERVO_UNCERTAINTY, region=region), linearizing=False)
 

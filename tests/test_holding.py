@@ -369,7 +369,7 @@ def test_physics_follows_the_sliding_dynamics(G: str) -> None:
 
 @pytest.mark.slow
 def test_the_angle_stays_within_its_start_or_the_lean() -> None:
-    law = nominal_controller(SYSTEM, "cart-pfl", "corrected", IMPLICIT.realization)
+    law = nominal_controller(SYSTEM, "cart-pfl", "corrected", IMPLICIT.realization(SYSTEM))
     angles = [5.0, 15.0, 25.0, 45.0, 60.0]
     starts = [[p, math.radians(angle), 0.0, 0.0] for angle in angles for p in (0.0, 10.0)]
     for plant in (PHYSICS, PHYSICS.edited(LARGER)):
@@ -384,7 +384,7 @@ def test_the_angle_stays_within_its_start_or_the_lean() -> None:
 @pytest.mark.parametrize("law", ["cart-lqr", "cart-ism", "cart-pfl"])
 def test_engines_agree_bit_for_bit(law: str, switching: str) -> None:
     case = find_case(SYSTEM, "case1")
-    how = Settings(switching=switching).realization
+    how = Settings(switching=switching).realization(SYSTEM)
     controller = nominal_controller(SYSTEM, law, "corrected", how)
     plant = PHYSICS.edited(*case.edits)
     native, python = (

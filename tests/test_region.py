@@ -291,7 +291,12 @@ def test_an_interrupted_command_leaves_the_old_files_and_nothing_else(tmp_path: 
     old.write_text("old", encoding="utf-8")
     command = [sys.executable, "-m", "grosmc_mj.cli", "region", "cart_pendulum"]
     with subprocess.Popen(
-        [*command, "--out", str(tmp_path)], stderr=subprocess.PIPE, text=True, env=os.environ
+        [*command, "--out", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+        # A process that was started in the background ignores it, and so do its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         deadline = time.monotonic() + 60
         while len(list(tmp_path.iterdir())) < 4 and time.monotonic() < deadline:

@@ -78,7 +78,7 @@ def test_the_document_says_what_is_needed_to_repeat_it(document: dict[str, Any])
     assert "git_revision" in document
     configuration = document["configuration"]
     assert configuration["control_period"] == 1e-3
-    assert len(configuration["cases"]) == 9
+    assert len(configuration["cases"]) == 14
 
 
 def test_every_run_has_every_metric_with_its_unit(document: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.gains import authority
+from grosmc_mj.control.gains import authority, authority_together, surface_rate
 from grosmc_mj.plants import AnalyticPlant
 
 
@@ -50,28 +50,28 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
         w: Wrenches, (6 * bodies,).
     """
     error, p = law.coordinates, law.parameters
-    z = np.array(error.state(t, x, p))
-    rows = list(error.linearization.last_rows)
+    assert law.lqr is not None
+    z, optimum = np.array(error.state(t, x, p)), law.lqr
+    G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
     if law.linearizing:
         alpha, E = error.dynamics(t, x, p)
         u_c = np.linalg.solve(E, -(p.K @ z) - alpha)
     else:
-        assert law.lqr is not None
-        alpha, E = law.lqr.A[rows] @ z, law.lqr.B[rows]
-        u_c = -(p.K @ z)
+        E, u_c = optimum.B[list(error.linearization.last_rows)], -(p.K @ z)
+    believed = G[:, list(error.linearization.last_rows)] @ E if law.linearizing else G @ optimum.B
+    S = G @ optimum.closed_loop
+    push, steered = surface_rate(error, t, x, p, true.parameters, G, S, u_c, w)
+    together = "unit-vector" in law.switching
+    r = (authority_together if together else authority)(steered, believed)
+    pushing = float(np.linalg.norm(push) if together else np.abs(push).max())
     drift, gain = error.moved(t, x, p, true.parameters, w)
-    E_true = gain[rows]
-    push = (drift[rows] - alpha) + (E_true - E) @ u_c
-    G_r = p.G[:, rows] if hasattr(p, "G") else np.eye(len(rows))
-    r = authority(G_r @ E_true, G_r @ E)
-    pushing = float(np.abs(G_r @ push).max())
     return Balance(
         gain_ratio=r,
         push=pushing,
         required=pushing / r if r > 0 else np.inf,
         configured=switching_rate(law, z, E),
         determinant=float(np.linalg.det(E)),
-        unmatched=float(np.abs(error.unmatched(t, x, p, drift)).max(initial=0.0)),
+        unmatched=float(np.abs(error.unmatched(t, x, p, drift + gain @ u_c)).max(initial=0.0)),
         u_c=u_c,
     )
 

@@ -21,11 +21,10 @@ class Validate:
     """Run the chapter's cases and say whether they come out as recorded.
 
     Every case of each SYSTEM (servo, cart_pendulum, arm, two_link_arm; all of them, if none is
-    named) runs on
-    the analytic plants (the chapter's printed equations where they are misprinted, and the
-    corrected ones) and in MuJoCo, under LQR and under GROSMC. A table goes to standard output;
-    figures (PNG and SVG, numbered as in the chapter) and validation.json go to --out. The claims of
-    the chapter are judged as by grosmc-mj claims.
+    named) runs on the analytic plants (the chapter's printed equations where they are misprinted,
+    and the corrected ones) and in MuJoCo, under LQR, GROSMC and what else its system has. A table
+    goes to standard output; figures (PNG and SVG, numbered as in the chapter) and validation.json
+    go to --out. The claims of the chapter are judged as by grosmc-mj claims.
 
     Exit code: 0 if every result and verdict is as the repository has it, 1 if one differs, 2 if the
     command or the set-up is wrong.
@@ -267,7 +266,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Switching:
-    """Measure accuracy and chattering of every switching law against sample time.
+    """Measure accuracy and chattering of six switching laws against sample time.
 
     On a scalar with a sine disturbance, whose input gain is right or wrong by a factor, and on the
     chapter's cases in MuJoCo under GROSMC, with the printed and with the discrete-time surface:
@@ -366,6 +365,7 @@ Command = (
 ABOUT = (
     "Does a robust controller keep its promise on real physics, and where does it break? "
     "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
-    "cart-pendulum and the 1-DOF arm: printed equations, corrected ones and MuJoCo, side by side. "
+    "cart-pendulum, the 1-DOF arm and a two-link arm: printed equations, corrected ones and "
+    "MuJoCo, side by side. "
     "Exit codes: 0 done and as recorded, 1 a result differs, 2 wrong use or broken set-up."
 )

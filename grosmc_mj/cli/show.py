@@ -20,6 +20,8 @@ def list_systems(_: List) -> int:
             console.print(f"  {case.name:<12} {case.title}  [dim]({case.source})[/]")
         console.print(f"  plants       {', '.join(plant_names(name))}")
         console.print(f"  controllers  {', '.join(controller_names(name))}")
+        if further := list(DESIGNS[name].further):
+            console.print(f"  further      {', '.join(further)}  [dim](not run by validate)[/]")
         for alias, (same, why) in DESIGNS[name].aliases.items():
             console.print(f"  {alias} is {same}: {why}", style="dim")
         console.print()

@@ -102,12 +102,19 @@ class Realization:
     control_period: float | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.switching, Switching):
+            raise ArgumentError(
+                f"switching = {self.switching!r} must be a switching law, such as "
+                "find_switching('implicit')"
+            )
         period = self.control_period
         if period is not None and not (math.isfinite(period) and period > 0):
             raise ArgumentError(f"control period {period:g} s must be finite and positive")
 
 
 AS_PRINTED = Realization()
+# A rate that rounding could be, in the unit of z per second.
+_AT_REST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +138,36 @@ class Task:
     R: ArrayLike
     realization: Realization = AS_PRINTED
 
+    def __post_init__(self) -> None:
+        # The relative degrees of outputs and reference must agree before anything is made of them.
+        degrees = self.error.linearization.relative_degree
+        try:
+            values = self.error.reference(0.0, self.reference)
+        except AttributeError as error:
+            raise ArgumentError(
+                f"{type(self.reference).__name__} does not fit the reference: {error}"
+            ) from None
+        if len(values) != sum(degrees) + len(degrees) or not np.all(np.isfinite(values)):
+            raise ArgumentError(
+                f"the reference gives {values} at t = 0, must give {sum(degrees) + len(degrees)} "
+                f"finite values: each output with derivatives up to {degrees}"
+            )
+
     def linearization_optimum(self) -> LqrDesign:
-        """LQR on the Jacobian linearization about zero error; exact for the linear servo."""
-        nothing = np.zeros((self.error.inputs, self.error.size))
-        return lqr(*self.error.jacobian(self.feedback(nothing)), self.Q, self.R)
+        """LQR on the Jacobian linearization about zero error; exact for the linear servo.
+
+        Raises:
+            GainError: If zero error is no equilibrium without input, or the weights do not fit.
+        """
+        p = self.feedback(np.zeros((self.error.inputs, self.error.size)))
+        at_rest = self.error.place(0.0, np.zeros(self.error.size), p)
+        alpha = self.error.dynamics(0.0, at_rest, p)[0]
+        if np.abs(alpha).max() > _AT_REST:
+            raise GainError(
+                f"{self.plant.system.name}: zero error is no equilibrium without input, z' = "
+                f"{alpha.tolist()} there: linearize by feedback instead"
+            )
+        return lqr(*self.error.jacobian(p), self.Q, self.R)
 
     def chain_optimum(self) -> LqrDesign:
         """LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45).
@@ -237,8 +270,8 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
     Raises:
         GainError: If G B is singular or a gain is not positive.
     """
-    if not (k > 0 and epsilon > 0):
-        raise GainError(f"k = {k:g} and epsilon = {epsilon:g} must be positive")
+    if not (0 < k < math.inf and 0 < epsilon < math.inf):
+        raise GainError(f"k = {k:g} and epsilon = {epsilon:g} must be finite and positive")
     optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_tracker, task.error)
     surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))
@@ -360,8 +393,10 @@ def _controller(
     shown = ("eta", "gamma0", "gamma1", "k", "epsilon")
     gains = {name: getattr(parameters, name) for name in shown if hasattr(parameters, name)}
     m, n = optimum.K.shape
-    first = {f"K{j + 1}": float(optimum.K[0, j]) for j in range(n)}
-    every = {f"K{i + 1}{j + 1}": float(optimum.K[i, j]) for i in range(m) for j in range(n)}
+    # Rounding of what is zero is not worth showing.
+    K = np.where(np.abs(optimum.K) > 1e-12 * np.abs(optimum.K).max(), optimum.K, 0.0)
+    first = {f"K{j + 1}": float(K[0, j]) for j in range(n)}
+    every = {f"K{i + 1}{j + 1}": float(K[i, j]) for i in range(m) for j in range(n)}
     switching = task.realization.switching
     return Controller(
         name=name,

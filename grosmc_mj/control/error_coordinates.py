@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-import scipy.differentiate
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
@@ -54,9 +53,16 @@ class ErrorCoordinates:
         """T, K and E of the outputs.
 
         Raises:
-            PremiseError: If they have no vector relative degree.
+            PremiseError: If they have no vector relative degree, or the reference another one.
         """
-        return feedback_linearization(self.system.equations, self.outputs)
+        chains = feedback_linearization(self.system.equations, self.outputs)
+        degrees = getattr(self.reference, "degrees", chains.relative_degree)
+        if degrees != chains.relative_degree:
+            raise PremiseError(
+                f"{self.system.name}: the outputs have relative degrees {chains.relative_degree}, "
+                f"the reference has derivatives for {degrees}"
+            )
+        return chains
 
     @property
     def inputs(self) -> int:
@@ -219,23 +225,16 @@ class ErrorCoordinates:
         Returns:
             A (size, size) and B (size, m).
         """
-        chains, size, m = self.linearization, self.size, self.inputs
-        if m > 1 and not chains.complete:
+        chains, x = self.linearization, self.place(0.0, np.zeros(self.size), p)
+        if self.inputs > 1 and not chains.complete:
             raise PremiseError(f"{self.system.name}: z leaves out a part of the state")
-
-        def rate(zu: Array) -> Array:
-            """z_i^(r_i) at columns of (z, u)."""
-            flat = zu.reshape(size + m, -1)
-            columns = []
-            for column in flat.T:
-                alpha, E = self.dynamics(0.0, self.place(0.0, column[:size], p), p)
-                columns.append(alpha + E @ column[size:])
-            return np.array(columns).T.reshape(m, *zu.shape[1:])
-
-        slopes = scipy.differentiate.jacobian(rate, np.zeros(size + m)).df
-        A, B = chains.A.copy(), np.zeros((size, m))
-        rows = list(chains.last_rows)
-        A[rows], B[rows] = slopes[:, :size], slopes[:, size:]
+        seen, n = chains.seen, len(x)
+        of_T = np.reshape(chains.slope(x, p.plant), (self.size, n))[:, seen]
+        of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, n))[:, seen]
+        A, B, rows = chains.A.copy(), np.zeros((self.size, self.inputs)), list(chains.last_rows)
+        # Of alpha + E u at u = 0, through x = T^-1; a sign of z takes itself out.
+        A[rows] = of_K @ np.linalg.inv(of_T)
+        B[rows] = self.dynamics(0.0, x, p)[1]
         return A, B
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +21,7 @@ from grosmc_mj.plants.equations import Equations
 
 # Points at which an expression is tried before it is called zero: no expression of the plants
 # vanishes at all of these without being zero.
-_TRIALS = 5
+_TRIALS, _DRAWS = 8, 200
 _ZERO = 1e-9
 # A root is found within this, to rounding; next to it a step gains half of the digits.
 _FOUND, _STEPS = 1e-13, 8
@@ -43,8 +44,14 @@ class ZeroDynamics:
 
         Args:
             parameters: The plant's numbers.
+
+        Raises:
+            PremiseError: If xi = 0 is no equilibrium.
         """
         numbers = _numbers(sp.Matrix(self.rates), parameters)
+        still = numbers.subs(dict.fromkeys(self.states, 0))
+        if any(abs(float(rate)) > _ZERO for rate in still):
+            raise PremiseError(f"the zero dynamics are not at rest at zero: rates {list(still)}")
         slope = numbers.jacobian(self.states).subs(dict.fromkeys(self.states, 0))
         return np.linalg.eigvals(np.array(slope.evalf(), float)).astype(complex)
 
@@ -158,6 +165,13 @@ class FeedbackLinearization:
         """Jitable (x, p) -> the Jacobian of T at x, row by row."""
         return self._generate("slope", tuple(sp.Matrix(self.T).jacobian(self.equations.x)))
 
+    @cached_property
+    def nonlinearity_slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
+        """Jitable (x, p) -> the Jacobian of K at x, row by row."""
+        return self._generate(
+            "nonlinearity_slope", tuple(sp.Matrix(self.K).jacobian(self.equations.x))
+        )
+
     def _generate(self, name: str, expressions: Sequence[Any]) -> Callable[..., Any]:
         return generate(name, expressions, "x, p", self.equations.places())
 
@@ -191,7 +205,7 @@ class FeedbackLinearization:
         if all(t in names for t in self.T):
             x[[names.index(t) for t in self.T]] = z
             return x
-        free = self._seen()
+        free = self.seen
 
         def residual(part: Array) -> Array:
             x[free] = part
@@ -222,7 +236,8 @@ class FeedbackLinearization:
             raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
         return x
 
-    def _seen(self) -> list[int]:
+    @property
+    def seen(self) -> list[int]:
         """States that z determines: as many as z has."""
         left_out = set(_complement(self.T, self.equations)) if not self.complete else set()
         return [i for i, x in enumerate(self.equations.x) if x not in left_out]
@@ -240,6 +255,8 @@ class FeedbackLinearization:
         solutions = sp.solve(self.T, outer, dict=True)
         if not solutions:
             raise PremiseError(f"T(x) = 0 has no solution for {outer} in closed form")
+        if len(solutions) > 1:
+            raise PremiseError(f"T(x) = 0 has {len(solutions)} branches: {solutions}")
         u = -self.E.inv() * sp.Matrix(self.K)
         rates = [
             (f + (sp.Matrix([row]) * u)[0]).subs(solutions[0])
@@ -334,32 +351,50 @@ def _numbers(matrix: sp.Matrix, parameters: Any) -> sp.Matrix:
     return matrix.subs({symbol: getattr(parameters, str(symbol)) for symbol in names})
 
 
-def _trials(equations: Equations) -> list[dict[sp.Symbol, float]]:
-    """Random states and wrenches near zero, and random positive parameters."""
+def _trials(equations: Equations) -> Iterator[dict[sp.Symbol, float]]:
+    """Random states, wrenches and parameters, of either sign and of several sizes."""
     random = np.random.default_rng(0)
-    signed, positive = (*equations.x, *equations.w), equations.parameters
-    return [
-        {
-            **{symbol: random.uniform(-1, 1) for symbol in signed},
-            **{symbol: random.uniform(0.5, 2) for symbol in positive},
-        }
-        for _ in range(_TRIALS)
-    ]
+    symbols = (*equations.x, *equations.w, *equations.parameters)
+    positive = [1.0] * (len(equations.x) + len(equations.w)) + [0.0] * len(equations.parameters)
+    for size in itertools.cycle((1.0, 4.0)):
+        values = size * random.uniform(0.2, 1, len(symbols))
+        # Parameters mostly are positive; those that are not get their turn.
+        signs = random.choice([-1, 1], len(symbols))
+        keep = np.array(positive) == 0 if size == 1.0 else np.zeros(len(symbols), bool)
+        yield dict(zip(symbols, np.where(keep, values, signs * values).tolist(), strict=True))
 
 
 def _is_zero(expression: sp.Expr, equations: Equations) -> bool:
-    """Whether an expression vanishes everywhere, by trying."""
+    """Whether an expression vanishes wherever it was tried, against the size of its terms.
+
+    Raises:
+        PremiseError: If it has no value at any of the points.
+    """
     if expression.is_zero:
         return True
-    trials = _trials(equations)
-    value = sp.lambdify(list(trials[0]), expression, "math")
-    return all(abs(value(*trial.values())) <= _ZERO for trial in trials)
+    terms = sp.Add.make_args(expression)
+    symbols = (*equations.x, *equations.w, *equations.parameters)
+    values = sp.lambdify(symbols, list(terms), "math")
+    tried = 0
+    for trial in itertools.islice(_trials(equations), _DRAWS):
+        try:
+            found = [float(value) for value in values(*trial.values())]
+        except (ArithmeticError, ValueError, TypeError):  # outside a function's domain
+            continue
+        tried += 1
+        if abs(sum(found)) > _ZERO * sum(map(abs, found)):
+            return False
+        if tried == _TRIALS:
+            return True
+    if not tried:
+        raise PremiseError(f"{expression} has no real value at {_DRAWS} random points")
+    return True
 
 
 def _complement(T: Sequence[sp.Expr], equations: Equations) -> list[sp.Symbol]:
     """States that complete T to a transformation of the whole state."""
     slopes = sp.Matrix(T).jacobian(equations.x)
-    rows = np.array(slopes.subs(_trials(equations)[0]).evalf(), float)
+    rows = np.array(slopes.subs(next(_trials(equations))).evalf(), float)
     inner: list[sp.Symbol] = []
     for index, x in enumerate(equations.x):
         wider = np.vstack([rows, np.eye(len(equations.x))[index]])

@@ -5,20 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, GainError
+from grosmc_mj.errors import ArgumentError, GainError, unknown_name
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
 _SCALES, _STATES = 5, 441
 # A step from z = 0 at which the mismatch is linear: its square is below rounding of the gains.
 _NEAR = 1e-4
+# What rounding makes of a mismatch that is not there, over such a step.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,8 @@ class Uncertainty:
                 raise ArgumentError(
                     f"uncertainty of {name}: the range {low:g} to {high:g} must be positive"
                 )
+        if not np.all(np.isfinite(self.wrench)):
+            raise ArgumentError(f"uncertainty: the wrench {self.wrench} must be finite")
         if not self.reaching_rate > 0:
             raise ArgumentError(f"reaching rate {self.reaching_rate:g} must be positive")
         if not all(0 < bound < math.inf for bound in self.region):
@@ -56,8 +60,8 @@ class Uncertainty:
         pushes = [f"{size:.3g}" for size in self.wrench if size]
         bounds = [f"|z{i + 1}| <= {bound:.3g}" for i, bound in enumerate(self.region)]
         return (
-            f"{', '.join(scales) or 'no variation'}; wrench up to {', '.join(pushes) or '0'} N m; "
-            f"{', '.join(bounds)}; reaching rate "
+            f"{', '.join(scales) or 'no variation'}; "
+            f"wrench up to {', '.join(pushes) or '0'} N or N m; {', '.join(bounds)}; reaching rate "
             f"{self.reaching_rate:g}; input gain down to {ratio:.3g} of the nominal one"
         )
 
@@ -80,13 +84,47 @@ class SwitchingGains(NamedTuple):
 
 
 class _Believed(NamedTuple):
-    """A state, and alpha, E and u_0 of the law's model there."""
+    """A state, and G_r E and u_0 of the law's model there."""
 
     z: Array
     x: Array
-    alpha: Array
-    E: Array
+    steered: Array
     u_0: Array
+
+
+def surface_rate(
+    error: ErrorCoordinates,
+    t: float,
+    x: Array,
+    p: Any,
+    plant: Any,
+    G: Array,
+    S: Array,
+    u: Array,
+    w: Array | None = None,
+) -> tuple[Array, Array]:
+    """(push, steered) of s' = push + steered (u' - u) on a true plant, for any input u'.
+
+    s' = G z' - S z with S = G (A - B K) and z' as the true plant makes it: what of the uncertainty
+    reaches s through the rows without an input counts too, if G looks at them.
+
+    Args:
+        error: Error coordinates of the law.
+        t: Time [s].
+        x: State, (n,).
+        p: The law's parameters, with ``plant`` and ``reference``.
+        plant: Parameters of the true plant.
+        G: Projection of the surface, (m, size).
+        S: G (A - B K), (m, size).
+        u: The continuous law's input, (m,).
+        w: Wrenches on the plant; None for none.
+
+    Returns:
+        push (m,) and steered (m, m).
+    """
+    drift, gain = error.moved(t, x, p, plant, w)
+    z = np.array(error.state(t, x, p))
+    return G @ (drift + gain @ u) - S @ z, G @ gain
 
 
 def switching_gains(
@@ -104,15 +142,20 @@ def switching_gains(
     for a linear law, its linearization), alpha* + E* u + d on the true plant, the continuous law
     u_0, u = u_0 + u_d and G_r the columns of G that meet the inputs' rows,
 
-        s' = G_r [(alpha* - alpha) + (E* - E) u_0 + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
+        s' = push(z) + G d - rho R sgn(s),  R = (G E*) (G E)^-1,
+
+    with push = G z' - S z of the true plant under u_0 (``surface_rate``); for matched uncertainty
+    it is G_r [(alpha* - alpha) + (E* - E) u_0].
 
     The switching term meets the true input gain, not the nominal one, so the assumptions' bounds
     are met with the gain's own uncertainty counted, which breaks the circle of Assumption 4. Of
-    rho = eta + (gamma0 + gamma1 |z|) |G_r E| a part r is left (``authority``):
+    rho = eta + (gamma0 + gamma1 |z|) |G E| a part r is left (``authority``):
 
         eta    = reaching_rate / min r
-        gamma0 = sup |G_r (c + d)| / (r |G_r E|),   c the mismatch at z = 0
-        gamma1 = sup |G_r [(alpha* - alpha) + (E* - E) u_0 - c]| / (r |G_r E| |z|).
+        gamma0 = sup |push(0) + G d| / (r |G E|)
+        gamma1 = sup |push(z) - push(0)| / (r |G E| |z|),
+
+    in Euclidean norms, so that they hold for a term along s/|s| as well as for one in each entry.
 
     The suprema are over a grid of the declared scales and the operating region with all their
     corners, and over all directions next to z = 0.
@@ -129,56 +172,46 @@ def switching_gains(
         GainError: If a plant of the family reverses or loses an input, when no gain helps; or if
             the reference moves, for which the formula has no room.
     """
-    if len(uncertainty.region) != error.size:
-        raise GainError(
-            f"{error.system.name}: the operating region has {len(uncertainty.region)} bounds, the "
-            f"error state {error.size} entries"
-        )
-    _refuse_moving(error, nominal)
-    rows = list(error.linearization.last_rows)
-    A, B = error.jacobian(nominal) if not linearizing else (np.zeros(0), np.zeros(0))
-    G_r, origin = G[:, rows], np.zeros(error.size)
+    _refuse_unknown(error, nominal, uncertainty)
+    chains, origin = error.linearization, np.zeros(error.size)
+    A, B = (chains.A, chains.B) if linearizing else error.jacobian(nominal)
+    G_r, S = G[:, list(chains.last_rows)], G @ (A - B @ K)
     gamma0, gamma1, least = 0.0, 0.0, math.inf
 
     def believed(z: Array, x: Array) -> _Believed:
         """What the law's model says at an error state and the plant's state there."""
         if linearizing:
             alpha, E = error.dynamics(0.0, x, nominal)
-            return _Believed(z, x, alpha, E, np.linalg.solve(E, -(K @ z) - alpha))
-        return _Believed(z, x, A[rows] @ z, B[rows], -(K @ z))
-
-    def mismatch(at: _Believed, plant: Any) -> tuple[Array, Array]:
-        """E*, and (alpha* - alpha) + (E* - E) u_0."""
-        drift, gain = error.moved(0.0, at.x, nominal, plant)
-        E_true = gain[rows]
-        return E_true, (drift[rows] - at.alpha) + (E_true - at.E) @ at.u_0
+            return _Believed(z, x, G_r @ E, np.linalg.solve(E, -(K @ z) - alpha))
+        return _Believed(z, x, G @ B, -(K @ z))
 
     states = [believed(z, error.place(0.0, z, nominal)) for z in _states(uncertainty.region)]
     at_rest = believed(origin, error.place(0.0, origin, nominal))
     units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
-        slopes, held = [], mismatch(at_rest, plant)[1]
+        slopes = []
+        held, _ = surface_rate(error, 0.0, at_rest.x, nominal, plant, G, S, at_rest.u_0)
         for at in states:
-            E_true, found = mismatch(at, plant)
-            r = authority(G_r @ E_true, G_r @ at.E)
+            found, steered = surface_rate(error, 0.0, at.x, nominal, plant, G, S, at.u_0)
+            r = min(authority(steered, at.steered), authority_together(steered, at.steered))
             if not r > 1e-9:
                 raise GainError(
                     f"{error.system.name}: the input gain of a declared plant is {r:g} of the "
                     f"nominal one at z = {at.z}; no switching gain can make up for that"
                 )
-            reach = r * float(np.linalg.norm(G_r @ at.E))
-            share = G_r @ (found - held) / (reach * float(np.linalg.norm(at.z)))
+            reach = r * float(np.linalg.norm(at.steered))
+            share = (found - held) / (reach * float(np.linalg.norm(at.z)))
             if len(slopes) < len(at.z):
                 slopes.append(share)
-            gamma1 = max(gamma1, float(np.abs(share).max()))
-            pushed = np.abs(G_r @ held)
+            gamma1 = max(gamma1, float(np.linalg.norm(share)))
+            pushed = np.abs(held)
             for w in units:
-                pushed = pushed + np.abs(G_r @ error.pushed(at.x, nominal, plant, w)[rows])
-            gamma0, least = max(gamma0, float(pushed.max()) / reach), min(least, r)
+                pushed = pushed + np.abs(G @ error.pushed(at.x, nominal, plant, w))
+            gamma0, least = max(gamma0, float(np.linalg.norm(pushed)) / reach), min(least, r)
         # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.
-        gamma1 = max(gamma1, float(np.linalg.norm(slopes, axis=0).max()))
+        gamma1 = max(gamma1, float(np.linalg.norm(slopes, 2)))
     # Rounding is no mismatch.
-    gamma0, gamma1 = (value if value > 1e-12 else 0.0 for value in (gamma0, gamma1))
+    gamma0, gamma1 = (value if value > _ROUNDING else 0.0 for value in (gamma0, gamma1))
     return SwitchingGains(uncertainty.reaching_rate / least, gamma0, gamma1, least)
 
 
@@ -197,21 +230,40 @@ def authority(steered: Array, believed: Array) -> float:
     return float((diagonal - (np.abs(R).sum(axis=1) - np.abs(diagonal))).min())
 
 
-def _refuse_moving(error: ErrorCoordinates, nominal: Any) -> None:
-    """Refuse a reference that moves: the grid is of states at rest.
+def authority_together(steered: Array, believed: Array) -> float:
+    """The same of a term along s/|s| instead of one for each entry: s' R s >= r |s|^2.
+
+    Args:
+        steered: G_r E* of the true plant, (m, m).
+        believed: G_r E of the law's model, (m, m).
+    """
+    R = steered @ np.linalg.inv(believed)
+    return float(np.linalg.eigvalsh((R + R.T) / 2).min())
+
+
+def _refuse_unknown(error: ErrorCoordinates, nominal: Any, uncertainty: Uncertainty) -> None:
+    """Refuse an uncertainty that is not of this system, and a reference that moves.
 
     Raises:
-        GainError: If it does.
+        GainError: If so.
     """
-    degrees, values = error.linearization.relative_degree, error.reference(0.0, nominal.reference)
-    first = 0
-    for degree in degrees:
-        if any(values[first + 1 : first + degree + 1]):
-            raise GainError(
-                f"{error.system.name}: the reference moves: a bound in |z| cannot cover that; "
-                "give k and epsilon instead"
-            )
-        first += degree + 1
+    name = error.system.name
+    counts = {
+        "bounds of the operating region": (len(uncertainty.region), error.size),
+        "wrench components": (len(uncertainty.wrench), len(error.system.equations.w)),
+    }
+    for what, (given, needed) in counts.items():
+        if given != needed:
+            raise GainError(f"{name}: the uncertainty has {given} {what}, must have {needed}")
+    known = [each.name for each in fields(nominal.plant)]
+    for scaled in uncertainty.scales:
+        if scaled not in known:
+            raise GainError(unknown_name(f"parameter of {name}", scaled, known))
+    if getattr(error.reference, "moves", False):
+        raise GainError(
+            f"{name}: the reference moves: a bound in |z| cannot cover that; give k and epsilon "
+            "instead"
+        )
 
 
 def _family(nominal: Any, scales: Mapping[str, tuple[float, float]]) -> list[Any]:

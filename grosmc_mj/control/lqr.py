@@ -99,18 +99,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
         GainError: If shapes do not fit, Q or R is not definite as needed, or (A, B) is not
             stabilizable.
     """
-    A, B, Q, R = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (A, B, Q, R))
-    n, m = len(A), B.shape[-1]
-    shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}
-    for name, (matrix, shape) in shapes.items():
-        if matrix.shape != shape:
-            raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
-        if not np.all(np.isfinite(matrix)):
-            raise GainError(f"LQR: {name} must be finite, is {matrix.tolist()}")
-    if np.linalg.eigvalsh(Q).min() < -1e-12 * max(1.0, float(np.abs(Q).max())):
-        raise GainError(f"LQR: Q must be positive semidefinite, is {Q.tolist()}")
-    if np.linalg.eigvalsh(R).min() <= 0:
-        raise GainError(f"LQR: R must be positive definite, is {R.tolist()}")
+    A, B, Q, R = _checked(A, B, Q, R)
     try:
         K, P, _ = control.lqr(A, B, Q, R)
     except Exception as error:  # python-control and slycot raise several kinds
@@ -137,12 +126,43 @@ def priced(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, K: ArrayLike)
     Raises:
         GainError: If A - B K is not stable.
     """
-    A, B, Q, R, K = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (A, B, Q, R, K))
+    A, B, Q, R = _checked(A, B, Q, R)
+    K = np.atleast_2d(np.asarray(K, float))
+    if K.shape != B.T.shape:
+        raise GainError(f"LQR: K has shape {K.shape}, must be {B.T.shape}")
     closed = A - B @ K
     if np.linalg.eigvals(closed).real.max() >= 0:
         raise GainError(f"K = {K.tolist()} does not stabilize A - B K")
     P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(Q + K.T @ R @ K))
     return LqrDesign(A, B, Q, R, K, P)
+
+
+def _checked(
+    A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike
+) -> tuple[Array, Array, Array, Array]:
+    """The matrices of a design; a number for R weighs every input alike.
+
+    Raises:
+        GainError: If shapes do not fit or Q or R is not definite as needed.
+    """
+    try:
+        A, B, Q = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (A, B, Q))
+        R = np.asarray(R, float)
+    except (TypeError, ValueError) as error:
+        raise GainError(f"LQR: A, B, Q and R must be matrices of numbers: {error}") from error
+    n, m = len(A), B.shape[-1]
+    R = R * np.eye(m) if R.ndim == 0 else np.atleast_2d(R)
+    shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}
+    for name, (matrix, shape) in shapes.items():
+        if matrix.shape != shape:
+            raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
+        if not np.all(np.isfinite(matrix)):
+            raise GainError(f"LQR: {name} must be finite, is {matrix.tolist()}")
+    if np.linalg.eigvalsh(Q).min() < -1e-12 * max(1.0, float(np.abs(Q).max())):
+        raise GainError(f"LQR: Q must be positive semidefinite, is {Q.tolist()}")
+    if np.linalg.eigvalsh(R).min() <= 0:
+        raise GainError(f"LQR: R must be positive definite, is {R.tolist()}")
+    return A, B, Q, R
 
 
 def _unsolvable(A: Array, B: Array, Q: Array, why: object) -> str:

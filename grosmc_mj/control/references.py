@@ -10,6 +10,7 @@ from typing import Any
 import sympy as sp
 
 from grosmc_mj.codegen import generate
+from grosmc_mj.errors import PremiseError
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
@@ -24,14 +25,26 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
         outputs: y_r, one expression for each output; every other symbol is a field of the
             reference's parameters.
         degrees: Relative degrees r_i.
+
+    Raises:
+        PremiseError: If there is not one degree for each output.
     """
+    if len(outputs) != len(degrees):
+        raise PremiseError(
+            f"{len(outputs)} outputs with relative degrees {tuple(degrees)}: give one degree each"
+        )
     rows = [
         sp.diff(sp.sympify(output), TIME, order)
         for output, degree in zip(outputs, degrees, strict=True)
         for order in range(degree + 1)
     ]
     fields = {s for row in rows for s in row.free_symbols} - {TIME}
-    return generate("reference", rows, "t, p", {TIME: "t", **{s: f"p.{s}" for s in fields}})
+    places = {TIME: "t", **{s: f"p.{s}" for s in fields}}
+    function: Any = generate("reference", rows, "t, p", places)
+    # What a design must know of it.
+    function.degrees = tuple(degrees)
+    function.moves = any(row.has(TIME) for row in rows)
+    return function
 
 
 @dataclass(frozen=True)

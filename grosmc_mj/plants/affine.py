@@ -47,15 +47,30 @@ def affine_plant(
             number is not finite.
     """
     for symbol, value in parameters.items():
-        if not math.isfinite(value):
-            raise ModelError(f"{name}: {symbol} = {value:g} must be finite")
+        if not (isinstance(value, (int, float)) and math.isfinite(value)):
+            raise ModelError(f"{name}: {symbol} = {value!r} must be a finite number")
+    for what, units in (("states", states), ("inputs", inputs)):
+        if not (isinstance(units, Mapping) and all(isinstance(each, str) for each in units)):
+            raise ModelError(f"{name}: {what} = {units!r} must give a unit by the name of each")
     try:
         equations = Equations(
             x=tuple(sp.Symbol(state) for state in states), f=f, g=g, h=h, region=sp.sympify(region)
         )
-    except ModelError as error:
-        raise ModelError(f"{name}: {error}") from error
+    except (ModelError, sp.SympifyError, AttributeError, TypeError) as error:
+        said = " ".join(str(error).split())
+        raise ModelError(f"{name}: the equations cannot be read: {said}") from error
+    if len(equations.h) != equations.inputs or equations.inputs != len(inputs):
+        raise ModelError(
+            f"{name}: {len(inputs)} inputs are named, g has {equations.inputs} columns and h "
+            f"{len(equations.h)} outputs: all three must be the same"
+        )
     needed, given = {str(symbol) for symbol in equations.parameters}, set(parameters)
+    assumed = sorted(s.name for s in equations.parameters if s.name in states)
+    if assumed:
+        raise ModelError(
+            f"{name}: {', '.join(assumed)} have assumptions, such as real=True, and so are other "
+            "symbols than the states: make them without"
+        )
     if needed != given:
         missing, idle = ", ".join(sorted(needed - given)), ", ".join(sorted(given - needed))
         raise ModelError(

@@ -7,12 +7,20 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
 
 Column = tuple[float, ...]
+
+
+def _entries(row: Any) -> Sequence[Any]:
+    """The entries of a row, which may be its one entry."""
+    if isinstance(row, np.ndarray):
+        row = row.tolist()
+    return row if isinstance(row, Sequence) and not isinstance(row, str) else [row]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +56,7 @@ class Equations:
         columns = {
             "x": tuple(self.x),
             "f": tuple(sp.sympify(each) for each in self.f),
-            "g": tuple(
-                tuple(sp.sympify(each) for each in (row if isinstance(row, Sequence) else [row]))
-                for row in self.g
-            ),
+            "g": tuple(tuple(sp.sympify(each) for each in _entries(row)) for row in self.g),
             "h": tuple(sp.sympify(each) for each in self.h),
             "w": tuple(self.w),
             "d": tuple(sp.sympify(each) for each in self.d) or (sp.Integer(0),) * n,
@@ -106,7 +111,7 @@ class Equations:
     @cached_property
     def jacobian(self) -> Callable[[Any, Any, Any], Column]:
         """(x, u, p) -> the Jacobian of f + g u with respect to x, row by row, n n numbers."""
-        u = sp.symbols(f"u:{self.inputs}")
+        u = [sp.Dummy(f"u{i}") for i in range(self.inputs)]
         rates = sp.Matrix(self.f) + sp.Matrix(self.g) * sp.Matrix(u)
         places = {**self.places(), **{symbol: f"u[{i}]" for i, symbol in enumerate(u)}}
         return generate("jacobian", tuple(rates.jacobian(self.x)), "x, u, p", places)

@@ -210,7 +210,9 @@ class AnalyticPlant:
             ModelError: If a name is unknown or a number does not fit.
         """
         names = [each.name for each in fields(self.parameters)]
-        for name in changes:
+        for name, value in changes.items():
+            if not math.isfinite(value):
+                raise ModelError(f"{self.system.name}: {name} = {value:g} must be finite")
             if name not in names:
                 raise ModelError(unknown_name(f"parameter of {self.system.name}", name, names))
         return replace(self, parameters=replace(self.parameters, **changes))
@@ -226,7 +228,13 @@ class AnalyticPlant:
             A (n, n) and B (n, m).
         """
         x, p, n = np.asarray(x, float), self.parameters, len(self.system.states)
-        A = np.reshape(self.system.equations.jacobian(x, np.atleast_1d(u), p), (n, n))
+        u = np.atleast_1d(np.asarray(u, float))
+        if x.shape != (n,) or u.shape != (len(self.system.inputs),):
+            raise ArgumentError(
+                f"{self.system.name}: x has shape {x.shape} and u {u.shape}, must be ({n},) and "
+                f"({len(self.system.inputs)},)"
+            )
+        A = np.reshape(self.system.equations.jacobian(x, u, p), (n, n))
         return A, np.reshape(self.system.input_matrix(x, p), (n, -1))
 
 

@@ -24,7 +24,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.compilation import compile_c, pointer
 from grosmc_mj.simulation.inputs import written_inputs
-from grosmc_mj.simulation.problem import Problem
+from grosmc_mj.simulation.problem import FAILED, Problem
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
 from grosmc_mj.simulation.trajectory import Status
@@ -84,6 +84,7 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
+    completed, failed = float(Status.COMPLETED.value), float(FAILED)
 
     def control(model: Any, data_address: Any) -> None:
         data = numba.carray(data_address, (1,), data_dtype)[0]
@@ -108,7 +109,9 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
             header.stop = singular_plant
         else:
             t = header.samples * header.control_period
+            header.stop = failed
             inputs(ctrl, law(t, x, memory, userdata.parameters))
+            header.stop = completed
             if memory.undefined != 0.0:
                 header.stop = undefined_law
                 for i in range(m):

@@ -118,6 +118,8 @@ def wrench_table(
         return None
     table = np.zeros((len(time), len(bodies), 6))
     for disturbance in disturbances:
+        if not bodies:
+            raise ArgumentError("the plant has no bodies that a disturbance could act on")
         if disturbance.body not in bodies:
             raise ArgumentError(unknown_name("body", disturbance.body, bodies))
         try:

@@ -48,7 +48,7 @@ def _kernel(
     nm, inputs = memory_dtype.itemsize // 8, written_inputs(m)
     largest = mujoco.mjMAXVAL
     undefined_law, singular_plant = Status.UNDEFINED_LAW.value, Status.SINGULAR_PLANT.value
-    diverged = Status.DIVERGED.value
+    diverged, completed = Status.DIVERGED.value, Status.COMPLETED.value
 
     def loop(
         steps: int,
@@ -101,5 +101,6 @@ def _kernel(
                 xs[row, j] = x[j]
             for j in range(nm):
                 memories[row, j] = memory_row[j]
+        end[0], end[1] = steps, completed
 
     return compile_c(loop, *_SIGNATURE).ctypes

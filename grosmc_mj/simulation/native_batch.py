@@ -18,7 +18,7 @@ from grosmc_mj.simulation.control_callback import (
     userdata_dtype,
 )
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
 from grosmc_mj.simulation.records import pack
 from grosmc_mj.simulation.trajectory import Status
 
@@ -196,6 +196,8 @@ class NativeBatch:
         One that the callback has stopped drifts on without a law: if it diverges then, that is
         not why it ended.
         """
+        if np.any(stop == FAILED):
+            refuse_failed(self._problem, FAILED)
         running = record.status == Status.COMPLETED.value
         stopped, diverged = running & (stop != 0), running & (stop == 0) & self._warned()
         record.status[stopped] = stop[stopped]

@@ -10,9 +10,8 @@ import numpy as np
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.native_analytic import analytic_kernel
 from grosmc_mj.simulation.native_batch import NativeBatch
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
 from grosmc_mj.simulation.records import pack
-from grosmc_mj.simulation.trajectory import Status
 
 
 def run_native(problem: Problem) -> Record:
@@ -43,7 +42,7 @@ def _run_analytic(problem: Problem) -> Record:
             record.x[run],
             record.u[run],
             record.memory[run],
-            np.array([problem.steps, Status.COMPLETED.value], np.int64),
+            np.array([0, FAILED], np.int64),
         )
         # ``arrays`` keeps the memory alive that the kernel gets by address.
         kernel(
@@ -56,6 +55,7 @@ def _run_analytic(problem: Problem) -> Record:
             *(array.ctypes.data for array in arrays),
         )
         record.valid[run], record.status[run] = arrays[-1].astype(np.int64)
+        refuse_failed(problem, int(record.status[run]))
 
     threads = problem.threads or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.records import record_dtype
@@ -62,6 +63,23 @@ class Problem:
     def wrench(self, run: int) -> Array | None:
         """Disturbances of one simulation, (steps, 6 * bodies)."""
         return None if self.wrenches is None else self.wrenches[min(run, len(self.wrenches) - 1)]
+
+
+# What an engine notes while a law is at work: left behind, the law has raised an error.
+FAILED = -1
+
+
+def refuse_failed(problem: Problem, status: int) -> None:
+    """Refuse to go on after a law that raised an error in compiled code.
+
+    Raises:
+        ArgumentError: If one did.
+    """
+    if status == FAILED:
+        raise ArgumentError(
+            f"{problem.controller.name} raised an error in compiled code: run it with "
+            "engine='python' to see where"
+        )
 
 
 @dataclass(eq=False)

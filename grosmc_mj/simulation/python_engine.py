@@ -10,6 +10,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.inputs import written_inputs
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant, Problem, Record
 from grosmc_mj.simulation.quiet import warnings_counted_only
@@ -45,6 +46,7 @@ def _run_one(problem: Problem, run: int, record: Record) -> None:
     law, memory, p = controller.law, controller.memory(), controller.parameters
     x, step, physics = _stepper(problem.plants[run], problem.x0[run], problem.timestep)
     wrenches, u = problem.wrench(run), np.zeros(len(system.inputs))
+    inputs = written_inputs(len(u))
     w = np.zeros(6 * len(system.bodies))
     state = physics()
     if state is not None and record.physics is None:
@@ -65,7 +67,15 @@ def _run_one(problem: Problem, run: int, record: Record) -> None:
             if system.singular(x):
                 status = Status.SINGULAR_PLANT
             else:
-                u[:] = law(i // problem.stride * problem.control_period, x, memory, p)
+                t = i // problem.stride * problem.control_period
+                try:
+                    inputs(u, law(t, x, memory, p))
+                except ArithmeticError:  # where C goes on with infinities and NaN
+                    u[:] = np.nan
+                except ValueError as error:
+                    if "math domain" not in str(error):
+                        raise
+                    u[:] = np.nan
                 if memory.undefined:
                     status = Status.UNDEFINED_LAW
             if status is not Status.COMPLETED:

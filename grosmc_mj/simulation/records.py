@@ -33,7 +33,8 @@ def record_dtype(value: Any) -> np.dtype[np.void]:
                 f"{type(value).__name__}.{item.name} is a {type(member).__name__}; laws take "
                 "numbers, arrays and dataclasses of them"
             )
-    return np.dtype(members)
+    # A structure without members is none that compiled code could have.
+    return np.dtype(members or [("nothing", np.float64)])
 
 
 def pack(value: Any) -> Array:
@@ -42,4 +43,4 @@ def pack(value: Any) -> Array:
     for item in fields(value):
         member = getattr(value, item.name)
         parts.append(pack(member) if is_dataclass(member) else np.ravel(member))
-    return np.concatenate(parts).astype(float) if parts else np.zeros(0)
+    return np.concatenate(parts).astype(float) if parts else np.zeros(1)

@@ -111,4 +111,6 @@ def _comparable(settings: Settings) -> dict[str, Any]:
         "control_period": settings.control_period,
         "timestep": settings.timestep,
         "integrator": settings.integrator,
+        "switching": settings.switching,
+        "surface": settings.surface,
     }

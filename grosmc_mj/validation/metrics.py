@@ -122,7 +122,7 @@ def measure(
     if 0 < onset < time[-1]:
         transient = slice(0, int(np.searchsorted(time, onset)) + 1)
     assert controller.error is not None
-    output, u = controller.error.units[0], run.system.input.unit
+    output, u = controller.error.units[comparison.outputs[0]], run.system.input.unit
     single = len(comparison.outputs) == 1
     changed = np.abs(np.diff(run.input, axis=0))
     metrics = {

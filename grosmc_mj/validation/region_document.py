@@ -31,6 +31,8 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
             "control_period": question.settings.control_period,
             "timestep": question.settings.timestep,
             "integrator": question.settings.integrator,
+            "switching": question.settings.switching,
+            "surface": question.settings.surface,
             "region": region.system.region,
             "axes": [_axis(axis) for axis in region.axes],
             "cases": [_case(case) for case in region.cases],

@@ -68,7 +68,9 @@ def _draw(region: Region, maps: Sequence[RegionMap]) -> Figure:
         row[-1].set_ylabel(_broken(plant), rotation=270, va="bottom", fontsize=12)
     for panel in panels[-1]:
         panel.set_xlabel(region.axes[0].label)
-    figure.suptitle(f"{region.system.title}: from where each law converges", fontsize=14)
+    how = f"{region.question.settings.switching} switching"
+    title = f"{region.system.title}: from where each law converges ({how})"
+    figure.suptitle(title, fontsize=14)
     figure.legend(
         handles=_entries(maps, outlined=outlined),
         loc="outside lower center",

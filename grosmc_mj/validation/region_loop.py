@@ -159,12 +159,14 @@ def state_names(system: System) -> Sequence[str]:
 
 
 def _ascii(symbol: str) -> str:
-    """θ̇ as theta_dot."""
+    """θ̇ as theta_dot, q₁ as q1."""
     words, dots = "", ""
     for character in unicodedata.normalize("NFD", symbol):
         name = unicodedata.name(character)
         if name == "COMBINING DOT ABOVE":
             dots = "_dot"
+        elif character.isdigit():
+            words += str(unicodedata.digit(character))
         else:
             words += character if character.isascii() else name.split()[-1].lower()
     return words + dots

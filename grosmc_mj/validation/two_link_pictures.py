@@ -46,7 +46,7 @@ def _tracking(case: str) -> Callable[[Figure, Runs], None]:
         distance.set_ylim(0, None)
         distance.set_xlim(0, float(last.time[-1]))
         distance.set_xlabel("time t [s]")
-        distance.set_ylabel("|y − y*| of each law [mm]")
+        distance.set_ylabel("|h(x) − y*| as believed [mm]")
         labelled_below(figure, (plane, distance), columns=4)
 
     return draw
@@ -62,7 +62,8 @@ PICTURES = (
     ),
     Picture(
         "two_link_variation",
-        "Two-link arm, case 2: 1 kg at the tip, links 5 % longer",
+        "Two-link arm, case 2: 1 kg at the tip, links 5 % longer than believed\n"
+        "(above the true tip, below what the law regulates)",
         "two_link_arm",
         ("case2",),
         _tracking("case2"),
