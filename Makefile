@@ -55,12 +55,15 @@ bench: $(INSTALLED)  ## Measure throughput against MuJoCo's open loop
 	$(BIN)/grosmc-mj bench $(ARGS)
 
 gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
-	for film in 'servo --from 8.5 --to 15.5' 'cart_pendulum --to 4' 'arm --to 4.5'; do \
+	for film in 'servo --from 8.5 --to 15.5' 'cart_pendulum --to 4' 'arm --to 4.5' 'two_link_arm --to 4'; do \
 	  $(BIN)/grosmc-mj film $$film --size 600x400 --fps 10 --gif -o $(GALLERY)/$${film%% *}.mp4 || exit; \
 	done
-	for system in servo cart_pendulum arm; do \
+	for system in servo cart_pendulum arm two_link_arm; do \
 	  mv $(GALLERY)/$$system.gif renders/gallery/$${system}_case1.gif; \
 	done
+	$(BIN)/grosmc-mj film cart_pendulum --controllers grosmc cart-pfl --switching implicit --surface discrete \
+	  --camera wide --duration 7 --size 600x400 --fps 8 --gif -o $(GALLERY)/hold.mp4
+	mv $(GALLERY)/hold.gif renders/gallery/cart_pendulum_hold.gif
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from grosmc_mj.control.feedback_linearization import feedback_linearization
     from grosmc_mj.control.gains import Uncertainty
     from grosmc_mj.control.lqr import lqr
-    from grosmc_mj.control.references import Setpoint, constant, reference
+    from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
     from grosmc_mj.control.switching import find_switching
     from grosmc_mj.errors import DivergenceError, GrosmcError
     from grosmc_mj.plants import AnalyticPlant, affine_plant
@@ -56,8 +56,10 @@ _HOMES = {
     "Pulse": "simulation.disturbances",
     "Realization": "control.design",
     "Setpoint": "control.references",
+    "Setpoints": "control.references",
     "SineFrom": "simulation.disturbances",
     "Status": "simulation.trajectory",
+    "TIME": "control.references",
     "Take": "rendering.film",
     "Task": "control.design",
     "Trajectory": "simulation.trajectory",
@@ -81,6 +83,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "TIME",
     "AnalyticPlant",
     "BodyEdit",
     "Constant",
@@ -95,6 +98,7 @@ __all__ = [
     "Pulse",
     "Realization",
     "Setpoint",
+    "Setpoints",
     "SineFrom",
     "Status",
     "Take",

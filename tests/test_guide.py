@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 GUIDE = Path(__file__).parents[1] / "docs" / "guide.md"
@@ -15,7 +16,7 @@ GUIDE = Path(__file__).parents[1] / "docs" / "guide.md"
 def scope() -> dict[str, Any]:
     """What the guide's code leaves behind."""
     blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
-    names: dict[str, Any] = {"__name__": "guide"}
+    names: dict[str, Any] = {"__name__": "__main__"}
     exec(compile("\n".join(blocks), str(GUIDE), "exec"), names)
     return names
 
@@ -32,6 +33,12 @@ def test_the_robust_law_holds_what_is_matched_and_not_what_is_not(scope: dict[st
     assert found["warm winding, robust"] < 1e-3
     assert found["warm winding, optimal only"] > 1.0
     assert found["stronger magnet, robust"] > 0.1
+
+
+def test_the_motor_follows_the_moving_reference(scope: dict[str, Any]) -> None:
+    run = scope["run"]
+    late = run.time > 3.0
+    assert np.abs(run.state[late, 0] - 0.5 * np.sin(3.0 * run.time[late])).max() < 0.01
 
 
 def test_the_guide_says_which_assumption_fails(

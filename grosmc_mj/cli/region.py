@@ -99,6 +99,7 @@ def _table(asked: Region, maps: Sequence[RegionMap]) -> Table:
         table.add_column(column, justify="left" if column in ("plant", "controller") else "right")
     for each in maps:
         interval = each.rest_interval()
+        whole = interval == (float(each.line_starts[0]), float(each.line_starts[-1]))
         ends = [f"{axis.shown(end):+.1f}" for end in interval or ()]
         converged, *others = (str(count) for count in each.counts().values())
         table.add_row(
@@ -106,7 +107,7 @@ def _table(asked: Region, maps: Sequence[RegionMap]) -> Table:
             each.controller,
             f"{converged} ({100 * each.fractions()[Outcome.CONVERGED]:.1f} %)".replace(" ", gap),
             *others,
-            gap.join((ends[0], "to", ends[1])) if ends else "none",
+            "all of them" if whole else gap.join((ends[0], "to", ends[1])) if ends else "none",
             f"{each.seconds:.1f}{gap}s",
             end_section=each.controller == asked.controllers[-1],
         )
