@@ -24,14 +24,14 @@ from grosmc_mj.control.gains import authority, switching_gains
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import constant
 from grosmc_mj.control.switching import Implicit
-from grosmc_mj.errors import GainError, ModelError, PremiseError
+from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.plants import SERVO, TWO_LINK_ARM, AnalyticPlant
 from grosmc_mj.plants.two_link_arm import TwoLinkParameters, tip
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.models import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.agreement import AGREEMENT_BOUND, acceleration_difference
 from grosmc_mj.validation.cases import TWO_LINK_AWAY, TWO_LINK_START, find_case
@@ -659,3 +659,11 @@ def test_a_law_that_does_not_chatter_keeps_both_surfaces() -> None:
     assert np.all(np.abs(found.sliding).max(axis=0) < 0.2 * np.abs(sign.sliding).max(axis=0))
     jumps = [np.abs(np.diff(each.input, axis=0)).sum(axis=0) for each in (found, sign)]
     assert np.all(jumps[0] < 0.01 * jumps[1])
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_straight_arm_is_told_as_singular(engine: Engine) -> None:
+    """No torque moves a straight arm's tip along the arm."""
+    ctl = chapter_controller("grosmc", nominal())
+    with pytest.raises(UndefinedLawError, match=r"E\(x\) of eq\. \(21\) is singular there"):
+        simulate(nominal(), ctl, [0.3, 0.0, 0.0, 0.0], duration=0.1, engine=engine)

@@ -197,3 +197,14 @@ def test_norm_is_the_euclidean_one_and_that_of_frobenius(m: int) -> None:
 def test_norm_of_any_length(z: list[float]) -> None:
     # Squares below 1e-308 vanish, which hypot avoids and no law needs.
     assert norm(tuple(z)) == pytest.approx(math.hypot(*z), rel=1e-14, abs=1e-150)
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 4])
+def test_a_matrix_is_regular_unless_a_row_repeats_another(m: int) -> None:
+    regular, random = algebra(m).regular, np.random.default_rng(1)
+    for _ in range(20):
+        E = random.normal(size=(m, m))
+        assert regular(tuple(E.ravel().tolist()))
+        E[-1] = 2 * E[0] if m > 1 else 0.0
+        assert not regular(tuple(E.ravel().tolist()))
+    assert not regular((float("nan"),) * m**2)

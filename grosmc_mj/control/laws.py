@@ -43,16 +43,17 @@ def linearizing_feedback(error: ErrorCoordinates) -> Law:
     """The optimal law through feedback linearization, eqs. (23)+(28) and (44)+(49)."""
     error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
     times, subtract, store, given = _operations(error.inputs)
-    solve, nothing = algebra(error.inputs).solve, algebra(error.inputs).nothing
-    linearizable = error.system.linearizable
+    solve, regular = algebra(error.inputs).solve, algebra(error.inputs).regular
+    linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        if not linearizable(x):
+        E = matrix(x, p)
+        if not (linearizable(x) and regular(E)):
             memory.undefined = 1.0
             return given(nothing)
         v = subtract(nothing, times(p.K, error_state(t, x, p)))
         store(memory.v, v)
-        return given(solve(matrix(x, p), subtract(v, nonlinearity(t, x, p))))
+        return given(solve(E, subtract(v, nonlinearity(t, x, p))))
 
     return law
 
@@ -87,15 +88,16 @@ def grosmc_regulator(error: ErrorCoordinates, reach: Reach) -> Law:
     surface = integral_surface(error.inputs, error.size)
     times, subtract, store, given = _operations(error.inputs)
     solve, product = algebra(error.inputs).solve, algebra(error.inputs).product
+    regular = algebra(error.inputs).regular
     linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
         s = surface(t, z, memory, p)
-        if not linearizable(x):
+        E = matrix(x, p)
+        if not (linearizable(x) and regular(E)):
             memory.undefined = 1.0
             return given(nothing)
-        E = matrix(x, p)
         ds_dx_g = product(p.GB, E)
         rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * norm(ds_dx_g)
         v_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
@@ -112,19 +114,20 @@ def grosmc_tracker(error: ErrorCoordinates, reach: Reach) -> Law:
     error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
     surface = integral_surface(error.inputs, error.size)
     times, subtract, store, given = _operations(error.inputs)
-    solve = algebra(error.inputs).solve
+    solve, regular = algebra(error.inputs).solve, algebra(error.inputs).regular
     linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
         s = surface(t, z, memory, p)
-        if not linearizable(x):
+        E = matrix(x, p)
+        if not (linearizable(x) and regular(E)):
             memory.undefined = 1.0
             return given(nothing)
         v_d = times(p.GB_inverse, reach(s, p.k, p.epsilon, memory, p.switching))
         v = subtract(v_d, times(p.K, z))
         store(memory.v, v)
-        return given(solve(matrix(x, p), subtract(v, nonlinearity(t, x, p))))
+        return given(solve(E, subtract(v, nonlinearity(t, x, p))))
 
     return law
 

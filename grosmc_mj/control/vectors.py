@@ -15,6 +15,9 @@ import numpy as np
 
 from grosmc_mj.jitable import jitable
 
+# A determinant of this part of |E|^m is rounding.
+_SINGULAR = 1e-12
+
 Vector = tuple[float, ...]
 Element = Callable[..., float]
 
@@ -66,6 +69,7 @@ class Algebra(NamedTuple):
         subtract: (a, b) -> a - b.
         solve: (E, b) -> E^-1 b, for a row-by-row E; infinities or NaN if E is singular, where
             Python raises ZeroDivisionError for one or two inputs.
+        regular: E -> whether E, row by row, is nonsingular beyond rounding and finite.
         product: (G, E) -> G E row by row, for G (m, m) and a row-by-row E.
         store: (row, a): write a vector into an array.
         nothing: (0, ..., 0).
@@ -76,6 +80,7 @@ class Algebra(NamedTuple):
     add: Callable[[Any, Any], Vector]
     subtract: Callable[[Any, Any], Vector]
     solve: Callable[[Any, Any], Vector]
+    regular: Callable[[Any], bool]
     product: Callable[[Any, Any], Vector]
     store: Callable[[Any, Any], None]
     nothing: Vector
@@ -110,6 +115,7 @@ def algebra(m: int) -> Algebra:
         add=each(m, _sum),
         subtract=each(m, _difference),
         solve=_solver(m),
+        regular=_regular(m),
         product=each(m * m, product_entry),
         store=store,
         nothing=(0.0,) * m,
@@ -165,6 +171,54 @@ def _solver(m: int) -> Callable[[Any, Any], Vector]:
                     for j in range(k, m + 1):
                         rows[i, j] -= share * rows[k, j]
         return entry(rows, m)
+
+    return by_elimination
+
+
+@cache
+def _regular(m: int) -> Callable[[Any], bool]:
+    """|det E| against |E|^m."""
+    determinant = _determinant(m)
+
+    @jitable
+    def regular(E: Any) -> bool:
+        size = 1.0
+        for _ in range(m):
+            size *= norm(E)
+        return abs(determinant(E)) > _SINGULAR * size
+
+    return regular
+
+
+@cache
+def _determinant(m: int) -> Callable[[Any], float]:
+    """det E: by hand for one and two inputs, by elimination for more."""
+    if m == 1:
+        return jitable(lambda E: E[0])
+    if m == 2:
+        return jitable(lambda E: E[0] * E[3] - E[1] * E[2])
+
+    @jitable
+    def by_elimination(E: Any) -> float:
+        rows, product = np.empty((m, m)), 1.0
+        for i in range(m):
+            for j in range(m):
+                rows[i, j] = E[i * m + j]
+        for k in range(m):
+            pivot = k
+            for i in range(k + 1, m):
+                if abs(rows[i, k]) > abs(rows[pivot, k]):
+                    pivot = i
+            product *= rows[pivot, k]
+            if product == 0.0:
+                return 0.0
+            for j in range(m):
+                rows[k, j], rows[pivot, j] = rows[pivot, j], rows[k, j]
+            for i in range(k + 1, m):
+                share = rows[i, k] / rows[k, k]
+                for j in range(k, m):
+                    rows[i, j] -= share * rows[k, j]
+        return product
 
     return by_elimination
 

@@ -158,4 +158,12 @@ def _raise_if_ended_early(trajectory: Trajectory, problem: Problem) -> None:
         )
     if status is Status.SINGULAR_PLANT:
         raise UndefinedLawError(f"{where}: the plant is singular at {system.singularity}", end, run)
-    raise UndefinedLawError(f"{where}: the law is undefined outside {system.region}", end, run)
+    if not (problem.controller.linearizing and system.linearizable(run.state[-1])):
+        raise UndefinedLawError(f"{where}: the law is undefined outside {system.region}", end, run)
+    at = ", ".join(f"{value:.4g}" for value in run.state[-1])
+    raise UndefinedLawError(
+        f"{where}: the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "
+        "singular there",
+        end,
+        run,
+    )
