@@ -177,7 +177,7 @@ def test_gains_cover_what_reaches_s_through_the_row_without_an_input() -> None:
         true = replace(p.plant, a=random.uniform(1, 3))
         alpha, E = law.coordinates.dynamics(0.0, x, p)
         u_0 = np.linalg.solve(E, -(p.K @ z) - alpha)
-        push, steered = surface_rate(law.coordinates, 0.0, x, p, true, p.G, S, u_0)
+        push, steered = surface_rate(law.coordinates.moved(0.0, x, p, true), z, p.G, S, u_0)
         rho = p.eta + (p.gamma0 + p.gamma1 * np.linalg.norm(z)) * np.linalg.norm(p.GB @ E)
         back = rho * steered[0, 0] / (p.GB @ E)[0, 0]
         assert abs(push[0]) - back <= -0.1 + 1e-9

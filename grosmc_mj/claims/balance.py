@@ -53,18 +53,17 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
     assert law.lqr is not None
     z, optimum = np.array(error.state(t, x, p)), law.lqr
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
+    rows = list(error.linearization.last_rows)
     if law.linearizing:
         alpha, E = error.dynamics(t, x, p)
-        u_c = np.linalg.solve(E, -(p.K @ z) - alpha)
+        u_c, believed = np.linalg.solve(E, -(p.K @ z) - alpha), G[:, rows] @ E
     else:
-        E, u_c = optimum.B[list(error.linearization.last_rows)], -(p.K @ z)
-    believed = G[:, list(error.linearization.last_rows)] @ E if law.linearizing else G @ optimum.B
-    S = G @ optimum.closed_loop
-    push, steered = surface_rate(error, t, x, p, true.parameters, G, S, u_c, w)
+        E, u_c, believed = optimum.B[rows], -(p.K @ z), G @ optimum.B
+    drift, gain = error.moved(t, x, p, true.parameters, w)
+    push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
     together = "unit-vector" in law.switching
     r = (authority_together if together else authority)(steered, believed)
     pushing = float(np.linalg.norm(push) if together else np.abs(push).max())
-    drift, gain = error.moved(t, x, p, true.parameters, w)
     return Balance(
         gain_ratio=r,
         push=pushing,

@@ -280,20 +280,19 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
 
 
 def realized(controller: Controller, realization: Realization) -> Controller:
-    """The same design sampled in another way; a law that does not switch stays as it is.
+    """A design, which is made as printed, sampled in this way; without switching it stays as it is.
 
     Nothing that a design computes depends on its switching law or its control period.
     """
-    if controller.with_reach is None or controller.lqr is None:
+    if realization == AS_PRINTED or controller.with_reach is None or controller.lqr is None:
         return controller
-    p, switching = controller.parameters, realization.switching
+    p, switching, period = controller.parameters, realization.switching, None
     changes: dict[str, Any] = {"switching": switching}
-    # A shaped law has no surface of its own that a period would enter.
-    period = realization.control_period if hasattr(p, "S") else None
-    if hasattr(p, "S"):
+    # A shaped law has no matrix S that a period would enter.
+    if isinstance(p, SurfaceParameters):
+        period = realization.control_period
         changes["S"] = drift_of_surface(p.G, controller.lqr, period)
-    memory = controller.memory()
-    m = len(controller.lqr.K)
+    memory, m = controller.memory(), len(controller.lqr.K)
     return replace(
         controller,
         law=controller.with_reach(switching.reach(m)),
@@ -315,21 +314,18 @@ def _sliding(
     linearizing: bool = False,
 ) -> Controller:
     """A sliding mode controller, sampled as the task says."""
-    law = with_reach(task.realization.switching.reach(task.error.inputs))
+    law = with_reach(AS_PRINTED.switching.reach(task.error.inputs))
     made = _controller(
         "grosmc", law, task, parameters, optimum, source, declared, linearizing=linearizing
     )
-    return replace(made, with_reach=with_reach)
+    return realized(replace(made, with_reach=with_reach), task.realization)
 
 
-def surface_numbers(
-    optimum: LqrDesign, realization: Realization, G: ArrayLike | None = None
-) -> dict[str, Any]:
-    """The fields of ``SurfaceParameters`` beyond those of the feedback.
+def surface_numbers(optimum: LqrDesign, G: ArrayLike | None = None) -> dict[str, Any]:
+    """The fields of ``SurfaceParameters`` beyond those of the feedback, as printed.
 
     Args:
         optimum: What the surface follows.
-        realization: How it is sampled.
         G: Projection, (m, n); B+ by default.
 
     Raises:
@@ -339,18 +335,18 @@ def surface_numbers(
     GB = matrix @ optimum.B
     return {
         "G": matrix,
-        "S": drift_of_surface(matrix, optimum, realization.control_period),
+        "S": drift_of_surface(matrix, optimum, AS_PRINTED.control_period),
         "GB": GB,
         "GB_inverse": np.linalg.inv(GB),
         "size_of_GB": float(np.linalg.norm(GB)),
-        "switching": realization.switching,
+        "switching": AS_PRINTED.switching,
     }
 
 
 def _surface(task: Task, optimum: LqrDesign, G: ArrayLike | None) -> dict[str, Any]:
     """Numbers of feedback and surface."""
     feedback = vars(task.feedback(optimum.K))
-    return {**feedback, **surface_numbers(optimum, task.realization, G)}
+    return {**feedback, **surface_numbers(optimum, G)}
 
 
 def _bounded(
@@ -397,7 +393,7 @@ def _controller(
     K = np.where(np.abs(optimum.K) > 1e-12 * np.abs(optimum.K).max(), optimum.K, 0.0)
     first = {f"K{j + 1}": float(K[0, j]) for j in range(n)}
     every = {f"K{i + 1}{j + 1}": float(K[i, j]) for i in range(m) for j in range(n)}
-    switching = task.realization.switching
+    switching = AS_PRINTED.switching
     return Controller(
         name=name,
         law=law,
@@ -411,7 +407,6 @@ def _controller(
         sliding_unit=_sliding_unit(task, parameters) if switched else "",
         linearizing=linearizing,
         switching=switching.name if switched else "",
-        control_period=task.realization.control_period if switched else None,
     )
 
 

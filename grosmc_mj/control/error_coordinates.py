@@ -189,9 +189,8 @@ class ErrorCoordinates:
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
         x, chains = np.asarray(x, float), self.linearization
-        names = list(chains.equations.x)
-        if all(t in names for t in chains.T):
-            return x[:, [names.index(t) for t in chains.T]]
+        if chains.plain is not None:
+            return x[:, chains.plain]
         return np.array([chains.transformation(row, plant) for row in x])
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:

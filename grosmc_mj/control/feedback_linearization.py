@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,13 +15,12 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
+from grosmc_mj.control.expressions import complement, determinant, is_zero
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.plants.equations import Equations
 
-# Points at which an expression is tried before it is called zero: no expression of the plants
-# vanishes at all of these without being zero.
-_TRIALS, _DRAWS = 8, 200
-_ZERO = 1e-9
+# A rate that rounding could be.
+_STILL = 1e-9
 # A root is found within this, to rounding; next to it a step gains half of the digits.
 _FOUND, _STEPS = 1e-13, 8
 
@@ -50,7 +48,7 @@ class ZeroDynamics:
         """
         numbers = _numbers(sp.Matrix(self.rates), parameters)
         still = numbers.subs(dict.fromkeys(self.states, 0))
-        if any(abs(float(rate)) > _ZERO for rate in still):
+        if any(abs(float(rate)) > _STILL for rate in still):
             raise PremiseError(f"the zero dynamics are not at rest at zero: rates {list(still)}")
         slope = numbers.jacobian(self.states).subs(dict.fromkeys(self.states, 0))
         return np.linalg.eigvals(np.array(slope.evalf(), float)).astype(complex)
@@ -111,15 +109,15 @@ class FeedbackLinearization:
     def matched(self) -> bool:
         """Whether no wrench reaches z' but through the rows of the inputs."""
         rows = set(range(len(self.T))) - set(self.last_rows)
-        return all(_is_zero(self.pushed[row], self.equations) for row in rows)
+        return all(is_zero(self.pushed[row], self.equations) for row in rows)
 
     @cached_property
     def singularity(self) -> Any:
         """The numerator of det E(x), in lowest terms: where it is zero, no input brings v about."""
-        determinant = sp.expand_trig(_determinant(self.E))
+        whole = sp.expand_trig(determinant(self.E))
         # Rational in the sines and cosines, which sin^2 + cos^2 = 1 then reduces.
-        names = {each: sp.Dummy() for each in determinant.atoms(sp.sin, sp.cos)}
-        numerator, _ = sp.fraction(sp.cancel(determinant.subs(names)))
+        names = {each: sp.Dummy() for each in whole.atoms(sp.sin, sp.cos)}
+        numerator, _ = sp.fraction(sp.cancel(whole.subs(names)))
         circles = [
             names[sp.sin(angle)] ** 2 + names[sp.cos(angle)] ** 2 - 1
             for angle in {each.args[0] for each in names}
@@ -201,9 +199,8 @@ class FeedbackLinearization:
             PremiseError: If there is none near the guess.
         """
         x = np.array(guess, float)
-        names = list(self.equations.x)
-        if all(t in names for t in self.T):
-            x[[names.index(t) for t in self.T]] = z
+        if self.plain is not None:
+            x[self.plain] = z
             return x
         free = self.seen
 
@@ -236,10 +233,16 @@ class FeedbackLinearization:
             raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
         return x
 
-    @property
+    @cached_property
+    def plain(self) -> list[int] | None:
+        """The states that the entries of z are, if each of them is one."""
+        names = list(self.equations.x)
+        return [names.index(t) for t in self.T] if all(t in names for t in self.T) else None
+
+    @cached_property
     def seen(self) -> list[int]:
         """States that z determines: as many as z has."""
-        left_out = set(_complement(self.T, self.equations)) if not self.complete else set()
+        left_out = set(complement(self.T, self.equations)) if not self.complete else set()
         return [i for i, x in enumerate(self.equations.x) if x not in left_out]
 
     def zero_dynamics(self) -> ZeroDynamics | None:
@@ -250,7 +253,7 @@ class FeedbackLinearization:
         """
         if self.complete:
             return None
-        inner = _complement(self.T, self.equations)
+        inner = complement(self.T, self.equations)
         outer = [x for x in self.equations.x if x not in inner]
         solutions = sp.solve(self.T, outer, dict=True)
         if not solutions:
@@ -315,7 +318,7 @@ def feedback_linearization(
             degree += 1
             row = slope * g
             derivative = (slope * f)[0]
-            if not all(_is_zero(each, equations) for each in row):
+            if not all(is_zero(each, equations) for each in row):
                 break
             if degree == len(equations.x):
                 raise PremiseError(
@@ -326,7 +329,7 @@ def feedback_linearization(
         K.append(derivative)
         E.append(list(row))
     matrix = sp.ImmutableMatrix(E)
-    if _is_zero(_determinant(matrix), equations):
+    if is_zero(determinant(matrix), equations):
         raise PremiseError(
             f"the decoupling matrix E(x) = {matrix.tolist()} is singular everywhere, so the "
             f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
@@ -336,69 +339,7 @@ def feedback_linearization(
     )
 
 
-def _determinant(matrix: Any) -> Any:
-    """By minors along the first row; sympy's own would simplify at every step."""
-    if matrix.shape == (1, 1):
-        return matrix[0]
-    minors = [matrix.minor_submatrix(0, j) for j in range(matrix.cols)]
-    signed = [(-1) ** j * matrix[0, j] * _determinant(minor) for j, minor in enumerate(minors)]
-    return sp.Add(*signed)
-
-
 def _numbers(matrix: sp.Matrix, parameters: Any) -> sp.Matrix:
     """Expressions with the plant's numbers in place of its parameters."""
     names = {symbol for symbol in matrix.free_symbols if hasattr(parameters, str(symbol))}
     return matrix.subs({symbol: getattr(parameters, str(symbol)) for symbol in names})
-
-
-def _trials(equations: Equations) -> Iterator[dict[sp.Symbol, float]]:
-    """Random states, wrenches and parameters, of either sign and of several sizes."""
-    random = np.random.default_rng(0)
-    symbols = (*equations.x, *equations.w, *equations.parameters)
-    positive = [1.0] * (len(equations.x) + len(equations.w)) + [0.0] * len(equations.parameters)
-    for size in itertools.cycle((1.0, 4.0)):
-        values = size * random.uniform(0.2, 1, len(symbols))
-        # Parameters mostly are positive; those that are not get their turn.
-        signs = random.choice([-1, 1], len(symbols))
-        keep = np.array(positive) == 0 if size == 1.0 else np.zeros(len(symbols), bool)
-        yield dict(zip(symbols, np.where(keep, values, signs * values).tolist(), strict=True))
-
-
-def _is_zero(expression: sp.Expr, equations: Equations) -> bool:
-    """Whether an expression vanishes wherever it was tried, against the size of its terms.
-
-    Raises:
-        PremiseError: If it has no value at any of the points.
-    """
-    if expression.is_zero:
-        return True
-    terms = sp.Add.make_args(expression)
-    symbols = (*equations.x, *equations.w, *equations.parameters)
-    values = sp.lambdify(symbols, list(terms), "math")
-    tried = 0
-    for trial in itertools.islice(_trials(equations), _DRAWS):
-        try:
-            found = [float(value) for value in values(*trial.values())]
-        except (ArithmeticError, ValueError, TypeError):  # outside a function's domain
-            continue
-        tried += 1
-        if abs(sum(found)) > _ZERO * sum(map(abs, found)):
-            return False
-        if tried == _TRIALS:
-            return True
-    if not tried:
-        raise PremiseError(f"{expression} has no real value at {_DRAWS} random points")
-    return True
-
-
-def _complement(T: Sequence[sp.Expr], equations: Equations) -> list[sp.Symbol]:
-    """States that complete T to a transformation of the whole state."""
-    slopes = sp.Matrix(T).jacobian(equations.x)
-    rows = np.array(slopes.subs(next(_trials(equations))).evalf(), float)
-    inner: list[sp.Symbol] = []
-    for index, x in enumerate(equations.x):
-        wider = np.vstack([rows, np.eye(len(equations.x))[index]])
-        if np.linalg.matrix_rank(wider) > len(rows) and len(wider) <= len(equations.x):
-            rows = wider
-            inner.append(x)
-    return inner

@@ -93,15 +93,7 @@ class _Believed(NamedTuple):
 
 
 def surface_rate(
-    error: ErrorCoordinates,
-    t: float,
-    x: Array,
-    p: Any,
-    plant: Any,
-    G: Array,
-    S: Array,
-    u: Array,
-    w: Array | None = None,
+    motion: tuple[Array, Array], z: Array, G: Array, S: Array, u: Array
 ) -> tuple[Array, Array]:
     """(push, steered) of s' = push + steered (u' - u) on a true plant, for any input u'.
 
@@ -109,21 +101,16 @@ def surface_rate(
     reaches s through the rows without an input counts too, if G looks at them.
 
     Args:
-        error: Error coordinates of the law.
-        t: Time [s].
-        x: State, (n,).
-        p: The law's parameters, with ``plant`` and ``reference``.
-        plant: Parameters of the true plant.
+        motion: (drift, gain) of z' = drift + gain u, as ``ErrorCoordinates.moved`` gives it.
+        z: Error state, (size,).
         G: Projection of the surface, (m, size).
         S: G (A - B K), (m, size).
         u: The continuous law's input, (m,).
-        w: Wrenches on the plant; None for none.
 
     Returns:
         push (m,) and steered (m, m).
     """
-    drift, gain = error.moved(t, x, p, plant, w)
-    z = np.array(error.state(t, x, p))
+    drift, gain = motion
     return G @ (drift + gain @ u) - S @ z, G @ gain
 
 
@@ -185,14 +172,18 @@ def switching_gains(
             return _Believed(z, x, G_r @ E, np.linalg.solve(E, -(K @ z) - alpha))
         return _Believed(z, x, G @ B, -(K @ z))
 
+    def rate(at: _Believed, plant: Any) -> tuple[Array, Array]:
+        """s' under u_0 on a true plant, and how its inputs steer s."""
+        return surface_rate(error.moved(0.0, at.x, nominal, plant), at.z, G, S, at.u_0)
+
     states = [believed(z, error.place(0.0, z, nominal)) for z in _states(uncertainty.region)]
     at_rest = believed(origin, error.place(0.0, origin, nominal))
     units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
         slopes = []
-        held, _ = surface_rate(error, 0.0, at_rest.x, nominal, plant, G, S, at_rest.u_0)
+        held, _ = rate(at_rest, plant)
         for at in states:
-            found, steered = surface_rate(error, 0.0, at.x, nominal, plant, G, S, at.u_0)
+            found, steered = rate(at, plant)
             r = min(authority(steered, at.steered), authority_together(steered, at.steered))
             if not r > 1e-9:
                 raise GainError(

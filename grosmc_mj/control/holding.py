@@ -22,7 +22,6 @@ from grosmc_mj.control.design import (
     AS_PRINTED,
     BoundedParameters,
     FeedbackParameters,
-    Realization,
     surface_numbers,
 )
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
@@ -120,7 +119,6 @@ def holding_ism(
     plant: AnalyticPlant,
     model: tuple[Array, Array] | None = None,
     uncertainty: HoldingUncertainty = HoldingUncertainty(),
-    realization: Realization = AS_PRINTED,
     G: ArrayLike | None = None,
 ) -> Controller:
     """Integral sliding mode on the four-state LQR: section 2's surface (8) and law (12).
@@ -134,7 +132,6 @@ def holding_ism(
         plant: The nominal plant.
         model: (A, B) of it, for instance from MuJoCo; in symbols by default.
         uncertainty: What the law shall withstand.
-        realization: How it is sampled.
         G: Projection of the surface, (1, 4); B+ by default, which does not amplify what is
             unmatched.
 
@@ -143,7 +140,7 @@ def holding_ism(
             unstable, when no switching gain helps.
     """
     optimum = lqr(*(model or linear_model(plant)), *WEIGHTS)
-    numbers = surface_numbers(optimum, realization, G)
+    numbers = surface_numbers(optimum, G)
     matrix, GB = numbers["G"], float(numbers["GB"][0, 0])
     gamma1, least = 0.0, math.inf
     for member in uncertainty.family(plant.parameters):
@@ -170,7 +167,7 @@ def holding_ism(
         gamma0=uncertainty.force,
         gamma1=gamma1,
     )
-    switching = realization.switching
+    switching = AS_PRINTED.switching
     return Controller(
         name="cart-ism",
         law=laws.grosmc_linear(STATE, switching.reach(1)),
@@ -190,7 +187,6 @@ def holding_ism(
         f"{uncertainty.force:g} N on the cart; input gain down to {least:.3g} of the nominal one",
         sliding_unit="N s" if math.isclose(GB, 1) else "1",
         switching=switching.name,
-        control_period=realization.control_period,
     )
 
 
@@ -233,7 +229,6 @@ class ShapedParameters(FeedbackParameters):
 def holding_pfl(
     plant: AnalyticPlant,
     uncertainty: HoldingUncertainty = HoldingUncertainty(),
-    realization: Realization = AS_PRINTED,
 ) -> Controller:
     """Partial feedback linearization of the angle, with an outer loop that brings the cart back.
 
@@ -250,7 +245,6 @@ def holding_pfl(
     Args:
         plant: The nominal plant.
         uncertainty: What the law shall withstand.
-        realization: How it is sampled; the surface has one form only.
 
     Raises:
         GainError: If the gains would let the angle overshoot, or a member of the family makes the
@@ -274,7 +268,7 @@ def holding_pfl(
                 "1/s, and no switching gain helps: weigh the cart less"
             )
     most = max(family, key=lambda member: member.m * member.L)
-    switching = realization.switching
+    switching = AS_PRINTED.switching
     parameters = ShapedParameters(
         plant=p,
         reference=Setpoint(),

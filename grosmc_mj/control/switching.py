@@ -52,7 +52,6 @@ class Switching:
     # Name on the command line, the memory it needs, and what makes it for m inputs.
     name: ClassVar[str] = ""
     memory: ClassVar[type[SurfaceMemory]] = SurfaceMemory
-    smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -90,7 +89,6 @@ class Sign(Switching):
     """phi = -(k s + rho sgn s), the chapter's; |s| stays in a band of the order h, chattering."""
 
     name: ClassVar[str] = "sign"
-    smooth: ClassVar[bool] = False
 
     def reach(self, m: int) -> Reach:
         """Each entry of s on its own, as printed."""
@@ -113,7 +111,6 @@ class UnitVector(Switching):
     """phi = -(k s + rho s/|s|): one switch for all inputs, the sign law's for one."""
 
     name: ClassVar[str] = "unit-vector"
-    smooth: ClassVar[bool] = False
 
     def reach(self, m: int) -> Reach:
         """All entries of s together."""
@@ -357,7 +354,6 @@ class Adaptive(Switching):
     least: float = 1e-2
     name: ClassVar[str] = "adaptive"
     memory: ClassVar[type[SurfaceMemory]] = AdaptiveMemory
-    smooth: ClassVar[bool] = False
 
     def reach(self, m: int) -> Reach:
         """Each entry of s on its own."""

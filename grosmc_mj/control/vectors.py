@@ -135,21 +135,19 @@ def _difference(i: int, a: Any, b: Any) -> float:
 
 @cache
 def _solver(m: int) -> Callable[[Any, Any], Vector]:
-    """E x = b: by hand for one and two inputs, by elimination with pivoting for more."""
+    """E x = b: by hand for one and two inputs, by elimination for more."""
+    determinant = _determinant(m)
     if m == 1:
         return jitable(lambda E, b: (b[0] / E[0],))
     if m == 2:
 
         @jitable
         def by_cramer(E: Any, b: Any) -> Vector:
-            determinant = E[0] * E[3] - E[1] * E[2]
-            return (
-                (b[0] * E[3] - b[1] * E[1]) / determinant,
-                (b[1] * E[0] - b[0] * E[2]) / determinant,
-            )
+            whole = determinant(E)
+            return ((b[0] * E[3] - b[1] * E[1]) / whole, (b[1] * E[0] - b[0] * E[2]) / whole)
 
         return by_cramer
-    entry = each(m, _column_entry)
+    entry, eliminate = each(m, _column_entry), _elimination(m)
 
     @jitable
     def by_elimination(E: Any, b: Any) -> Vector:
@@ -158,21 +156,60 @@ def _solver(m: int) -> Callable[[Any, Any], Vector]:
             for j in range(m):
                 rows[i, j] = E[i * m + j]
             rows[i, m] = b[i]
+        eliminate(rows)
+        return entry(rows, m)
+
+    return by_elimination
+
+
+@cache
+def _determinant(m: int) -> Callable[[Any], float]:
+    """det E up to its sign: by hand for one and two inputs, by elimination for more."""
+    if m == 1:
+        return jitable(lambda E: E[0])
+    if m == 2:
+        return jitable(lambda E: E[0] * E[3] - E[1] * E[2])
+    eliminate = _elimination(m)
+
+    @jitable
+    def by_elimination(E: Any) -> float:
+        rows = np.empty((m, m))
+        for i in range(m):
+            for j in range(m):
+                rows[i, j] = E[i * m + j]
+        return eliminate(rows)
+
+    return by_elimination
+
+
+@cache
+def _elimination(m: int) -> Callable[[Any], float]:
+    """Make the first m columns of ``rows`` diagonal, with pivoting; returns det E up to sign.
+
+    A matrix that is singular is left at the pivot that is zero.
+    """
+
+    @jitable
+    def eliminate(rows: Any) -> float:
+        product, columns = 1.0, rows.shape[1]
         for k in range(m):
             pivot = k
             for i in range(k + 1, m):
                 if abs(rows[i, k]) > abs(rows[pivot, k]):
                     pivot = i
-            for j in range(k, m + 1):
+            for j in range(k, columns):
                 rows[k, j], rows[pivot, j] = rows[pivot, j], rows[k, j]
+            product *= rows[k, k]
+            if product == 0.0:
+                return 0.0
             for i in range(m):
                 if i != k:
                     share = rows[i, k] / rows[k, k]
-                    for j in range(k, m + 1):
+                    for j in range(k, columns):
                         rows[i, j] -= share * rows[k, j]
-        return entry(rows, m)
+        return product
 
-    return by_elimination
+    return eliminate
 
 
 @cache
@@ -188,39 +225,6 @@ def _regular(m: int) -> Callable[[Any], bool]:
         return abs(determinant(E)) > _SINGULAR * size
 
     return regular
-
-
-@cache
-def _determinant(m: int) -> Callable[[Any], float]:
-    """det E: by hand for one and two inputs, by elimination for more."""
-    if m == 1:
-        return jitable(lambda E: E[0])
-    if m == 2:
-        return jitable(lambda E: E[0] * E[3] - E[1] * E[2])
-
-    @jitable
-    def by_elimination(E: Any) -> float:
-        rows, product = np.empty((m, m)), 1.0
-        for i in range(m):
-            for j in range(m):
-                rows[i, j] = E[i * m + j]
-        for k in range(m):
-            pivot = k
-            for i in range(k + 1, m):
-                if abs(rows[i, k]) > abs(rows[pivot, k]):
-                    pivot = i
-            product *= rows[pivot, k]
-            if product == 0.0:
-                return 0.0
-            for j in range(m):
-                rows[k, j], rows[pivot, j] = rows[pivot, j], rows[k, j]
-            for i in range(k + 1, m):
-                share = rows[i, k] / rows[k, k]
-                for j in range(k, m):
-                    rows[i, j] -= share * rows[k, j]
-        return product
-
-    return by_elimination
 
 
 @jitable

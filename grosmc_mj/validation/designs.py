@@ -234,7 +234,7 @@ def chapter_controller(
         made = designs.further[name](nominal, model)
     else:
         made = designs.build[designs.aliases.get(name, (name, ""))[0]](designs.task(nominal))
-    return made if realization == AS_PRINTED else realized(made, realization)
+    return realized(made, realization)
 
 
 def switching_for(name: str, design: str) -> Switching:

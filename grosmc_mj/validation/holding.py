@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
+from grosmc_mj.control.design import Realization, realized
 from grosmc_mj.control.holding import holding_ism, holding_lqr, sliding_dynamics
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.simulation.edits import BodyEdit
@@ -221,7 +221,7 @@ def projected_law(G: Array | None, realization: Realization) -> Controller:
     physics = MujocoPlant.load(SYSTEM)
     if G is None:
         return holding_lqr(physics.analytic(), linearize(physics))
-    return holding_ism(physics.analytic(), linearize(physics), realization=realization, G=G)
+    return realized(holding_ism(physics.analytic(), linearize(physics), G=G), realization)
 
 
 def projections(

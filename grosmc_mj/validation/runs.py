@@ -213,5 +213,4 @@ def nominal_controller(
     design: str | None = None,
 ) -> Controller:
     """A controller for the nominal plant of a variant."""
-    made = _as_printed(system, name, variant, design)
-    return made if realization == AS_PRINTED else realized(made, realization)
+    return realized(_as_printed(system, name, variant, design), realization)
