@@ -21,6 +21,7 @@ class Balance(NamedTuple):
         s' = G_r [(alpha* - alpha) + (E* - E) u_c + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
 
     Attributes:
+        R: As above, (m, m).
         gain_ratio: What is left of rho: r = E*/E for one input, else as ``authority``.
         push: The largest entry of the first part of s', in the unit of s per second.
         required: push / r, the least rho that keeps |s| from growing.
@@ -30,6 +31,7 @@ class Balance(NamedTuple):
         u_c: The continuous part of the input, (m,).
     """
 
+    R: Array
     gain_ratio: float
     push: float
     required: float
@@ -65,6 +67,7 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
     r = (authority_together if together else authority)(steered, believed)
     pushing = float(np.linalg.norm(push) if together else np.abs(push).max())
     return Balance(
+        R=steered @ np.linalg.inv(believed),
         gain_ratio=r,
         push=pushing,
         required=pushing / r if r > 0 else np.inf,

@@ -59,6 +59,25 @@ def from_optimum(found: Comparison) -> float:
     return 100 * float(np.abs(found.deviation).max() / abs(found.error[0]))
 
 
+def extrapolated(system: str, case: str) -> Measure:
+    """The deviation extrapolated to a sampling time of zero, in percent of the start."""
+
+    def measure(lab: Laboratory, plant: PlantName) -> Measured:
+        found = []
+        for each in (lab, lab.refined):
+            result = each.case(system, case, plant, "grosmc")
+            judged = of(result, from_optimum(result.comparison))
+            if judged.broken or judged.value is None:
+                return judged
+            found.append(judged.value)
+        note = (
+            f"{found[0]:.3g} % at T, {found[1]:.3g} % at T/2, a ratio of {found[0] / found[1]:.3g}"
+        )
+        return Measured(abs(2 * found[1] - found[0]), note)
+
+    return measure
+
+
 def changed_response(system: str, case: str, controller: str) -> Measure:
     """Largest difference between a case's response and the nominal one, in percent of the start."""
 
@@ -87,11 +106,11 @@ def excess_cost(system: str, case: str, name: str) -> Measure:
 
 
 def leaving_the_surface(system: str, case: str) -> Measure:
-    """Largest |s| over what one sample of the switching term makes of it, at that instant.
+    """Largest |s_i| over what one sample of the switching term makes of it, at that instant.
 
-    While the gain covers what pushes, |s'| is at most twice what the switching term does through
-    the true input gain: what is pushed plus what pushes back. A sampled law that never leaves the
-    surface by more than one sample stays below 1.
+    While the gain covers what pushes, |s_i'| is at most twice what the switching term does through
+    the true input gain, 2 rho R_ii: what is pushed plus what pushes back. A sampled law that never
+    leaves the surface by more than one sample stays below 1.
     """
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
@@ -104,11 +123,14 @@ def leaving_the_surface(system: str, case: str) -> Measure:
         for row in range(0, len(run.time) - 1, _EVERY):
             t, x = float(run.time[row]), run.state[row]
             found = balance(law, true, t, x, nothing)
-            band = 2 * lab.settings.control_period * found.gain_ratio * found.configured
-            if band == 0:
+            band = 2 * lab.settings.control_period * found.configured * np.diag(found.R)
+            if found.configured == 0:
                 return of(result, None, "the law does not switch")
-            if abs(run.sliding[row]) / band > worst:
-                worst = float(abs(run.sliding[row]) / band)
+            if not np.all(band > 0):
+                return of(result, None, "the law switches the wrong way")
+            away = float((np.abs(run.sliding[row]) / band).max())
+            if away > worst:
+                worst = away
                 note = f"at t = {t:.3g} s; max |s| = {np.abs(run.sliding).max():.3g}"
         return of(result, worst, note)
 

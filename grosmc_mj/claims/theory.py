@@ -16,6 +16,7 @@ from grosmc_mj.claims.measures import (
     BOTH,
     SAME,
     SAME_WHY,
+    extrapolated,
     failed_premise,
     from_optimum,
     of,
@@ -142,25 +143,6 @@ def _reached(system: str, body: str, torque: float) -> Callable[[Laboratory, Pla
     return measure
 
 
-def _limit(system: str, case: str) -> Callable[[Laboratory, PlantName], Measured]:
-    """The deviation extrapolated to a sampling time of zero, in percent of the start."""
-
-    def measure(lab: Laboratory, plant: PlantName) -> Measured:
-        found = []
-        for each in (lab, lab.refined):
-            result = each.case(system, case, plant, "grosmc")
-            judged = of(result, from_optimum(result.comparison))
-            if judged.broken or judged.value is None:
-                return judged
-            found.append(judged.value)
-        note = (
-            f"{found[0]:.3g} % at T, {found[1]:.3g} % at T/2, a ratio of {found[0] / found[1]:.3g}"
-        )
-        return Measured(abs(2 * found[1] - found[0]), note)
-
-    return measure
-
-
 def _matched(system: str) -> Callable[[Laboratory, PlantName], Measured]:
     """Worst deviation over random plants and matched disturbances of the declared size."""
 
@@ -264,7 +246,7 @@ def _sliding_is_optimal(system: str, case: str, equation: str) -> Claim:
         source=f"eq. {equation}",
         criterion=f"max |x1 - x1*| in {case}, extrapolated to zero sampling time, at most 0.1 %",
         why="the equality is of the continuous law: the rest must vanish with the sampling time",
-        measure=_limit(system, case),
+        measure=extrapolated(system, case),
         sense="at most",
         threshold=0.1,
         unit="%",

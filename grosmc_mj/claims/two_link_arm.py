@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.claims.balance import balance, switching_rate
+from grosmc_mj.claims.balance import balance
 from grosmc_mj.claims.claim import Claim, Curve, Drawing, Measured
 from grosmc_mj.claims.laboratory import Laboratory, trial
 from grosmc_mj.claims.measures import (
@@ -21,9 +20,11 @@ from grosmc_mj.claims.measures import (
     SENSITIVE_WHY,
     Measure,
     excess_cost,
+    extrapolated,
     failed_premise,
     from_optimum,
     gains,
+    leaving_the_surface,
     of,
     within,
 )
@@ -35,6 +36,7 @@ from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.validation.cases import TWO_LINK_START, Case, find_case
 from grosmc_mj.validation.designs import TWO_LINK_CIRCLE, TWO_LINK_G, TWO_LINK_UNCERTAINTY
 from grosmc_mj.validation.runs import PlantName, RunResult
+from grosmc_mj.validation.two_link_pictures import true_tip
 
 _SYSTEM = "two_link_arm"
 _TRACKING, _ROBUST = ("case1", "case2"), ("case1", "case2", "regulation1")
@@ -93,49 +95,24 @@ def _at_samples(
 
 
 def _leaving(cases: tuple[str, ...]) -> Measure:
-    """Largest |s_i| over what one sample of the switching term makes of it, at that instant.
-
-    With s' = push - rho R sgn(s) and a gain that dominates, |s_i'| is at most 2 rho R_ii; for one
-    input that is 2 r rho.
-    """
+    """Largest |s_i| over what one sample of the switching term makes of it, over cases."""
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
         results, values = [], []
         for name in cases:
             result = lab.case(_SYSTEM, name, plant, "grosmc")
-            s, law = result.trajectory.sliding, result.controller
+            s = result.trajectory.sliding
             assert s is not None
             if not len(s) or np.any(s[0]):
                 return of(result, None, f"{name} starts off its surface")
-            true, worst = lab.equations(result.case, plant), 0.0
-            for row, t, x, w in _at_samples(lab, result, plant):
-                R, rho = _steering(law, true.derivative, t, x, w)
-                band = 2 * lab.settings.control_period * rho * np.diag(R)
-                if not np.all(band > 0):
-                    return of(result, None, "the law does not switch, or the wrong way")
-                worst = max(worst, float((np.abs(s[row]) / band).max()))
+            found = leaving_the_surface(_SYSTEM, name)(lab, plant)
+            if found.value is None:
+                return found
             results.append(result)
-            values.append(worst)
+            values.append(found.value)
         return _extreme(results, values, max)
 
     return measure
-
-
-def _steering(
-    law: Controller,
-    derivative: Callable[[Array, ArrayLike, Array], Array],
-    t: float,
-    x: Array,
-    w: Array,
-) -> tuple[Array, float]:
-    """R = (G_r E*) (G_r E)^-1 by a plant's own accelerations, and the law's rho."""
-    error, p = law.coordinates, law.parameters
-    rows = list(error.linearization.last_rows)
-    _, E = error.dynamics(t, x, p)
-    E_true = _true_gain(law, derivative, x, w)
-    G_r = p.G[:, rows]
-    rho = switching_rate(law, np.array(error.state(t, x, p)), E)
-    return (G_r @ E_true) @ np.linalg.inv(G_r @ E), rho
 
 
 def _true_gain(
@@ -154,19 +131,12 @@ def _limit(cases: tuple[str, ...]) -> Measure:
     """Largest deviation over cases, extrapolated to a sampling time of zero, in percent."""
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
-        results, values, notes = [], [], []
-        for name in cases:
-            found = []
-            for each in (lab, lab.refined):
-                result = each.case(_SYSTEM, name, plant, "grosmc")
-                judged = of(result, from_optimum(result.comparison))
-                if judged.broken or judged.value is None:
-                    return judged
-                found.append(judged.value)
-            results.append(result)
-            values.append(abs(2 * found[1] - found[0]))
-            notes.append(f"{name} {found[0]:.3g} % at T, {found[1]:.3g} % at T/2")
-        return _extreme(results, values, max)._replace(note="; ".join(notes))
+        found = {name: extrapolated(_SYSTEM, name)(lab, plant) for name in cases}
+        for judged in found.values():
+            if judged.broken or judged.value is None:
+                return judged
+        worst = max(found.values(), key=lambda each: each.value or 0.0)
+        return worst._replace(note="; ".join(f"{name} {each.note}" for name, each in found.items()))
 
     return measure
 
@@ -271,24 +241,6 @@ def _approach(
     return sides * (p.G @ dz - p.S @ z)
 
 
-def _true_tip(x: Array, links: tuple[float, float]) -> Array:
-    """Where the tip is, from the shoulder, by the links' true lengths: (N, 2)."""
-    first, second = x[:, 0], x[:, 0] + x[:, 1]
-    return np.stack(
-        [
-            links[0] * np.cos(first) + links[1] * np.cos(second),
-            links[0] * np.sin(first) + links[1] * np.sin(second),
-        ],
-        axis=1,
-    )
-
-
-def _tip_along(lab: Laboratory, result: RunResult, plant: PlantName) -> Array:
-    """The true tip at every instant of a run, (N + 1, 2)."""
-    p: Any = lab.equations(result.case, plant).parameters
-    return _true_tip(result.trajectory.state, (p.l1, p.l2))
-
-
 def _off_the_circle(case: str) -> Measure:
     """Largest distance of the true tip from its reference in the last turn, in mm."""
 
@@ -297,7 +249,7 @@ def _off_the_circle(case: str) -> Measure:
         last = within(result.comparison.time, 4.0)
         if not last.any():
             return Measured(None, result.ended, broken=True)
-        there = _tip_along(lab, result, plant)[last]
+        there = true_tip(result)[last]
         off = np.linalg.norm(there - result.comparison.reference[last], axis=1)
         believed = 1e3 * float(result.comparison.error[last].max())
         return of(result, 1e3 * float(off.max()), f"by its own kinematics it is {believed:.2g} mm")
@@ -323,7 +275,7 @@ def _tip_path(case: str, controllers: tuple[str, ...]) -> Callable[[Laboratory],
         curves = []
         for name in controllers:
             result = lab.case(_SYSTEM, case, "physics", name)
-            path = _tip_along(lab, result, "physics")
+            path = true_tip(result)
             curves.append(Curve(LABELS.get(name, name), path[:, 0], path[:, 1], name))
         angle, circle = np.linspace(0, 2 * np.pi, 200), TWO_LINK_CIRCLE
         curves.append(

@@ -72,7 +72,9 @@ def hold(command: Hold) -> int:
 
 def _runs(found: Study) -> Table:
     """Every law in every case."""
-    table = _table(
+    from grosmc_mj.validation.tables import empty_table
+
+    table = empty_table(
         f"Cart-pendulum in MuJoCo from -10 degrees: {found.settings.switching} switching, "
         f"{found.settings.surface} surface"
     )
@@ -97,9 +99,9 @@ def _runs(found: Study) -> Table:
 
 def _projections(found: Study) -> Table:
     """Every G."""
-    from grosmc_mj.validation.tables import number
+    from grosmc_mj.validation.tables import empty_table, number
 
-    table = _table("case1: what the unmatched uncertainty costs with each G")
+    table = empty_table("case1: what the unmatched uncertainty costs with each G")
     table.add_column("surface", no_wrap=True)
     for header in (
         "amplification of\nwhat is unmatched", "r =\nG B_t/G B", "slowest pole\non s = 0 [1/s]",
@@ -120,7 +122,9 @@ def _projections(found: Study) -> Table:
 
 def _parts(found: Study) -> Table:
     """What the input reaches of each uncertainty."""
-    table = _table("Norms of what is added to A - B K")
+    from grosmc_mj.validation.tables import empty_table
+
+    table = empty_table("Norms of what is added to A - B K")
     table.add_column("uncertainty of the pole", no_wrap=True)
     for header in ("matched", "unmatched"):
         table.add_column(escape(header), justify="right", no_wrap=True)
@@ -128,17 +132,6 @@ def _parts(found: Study) -> Table:
         # What is left of zero is rounding of MuJoCo's differences.
         table.add_row(row.name, f"{row.matched:.3f}", f"{row.unmatched:.3f}")
     return table
-
-
-def _table(title: str) -> Table:
-    """An empty table in the house's style."""
-    from rich import box
-    from rich.table import Table
-
-    return Table(
-        box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, title=title,
-        title_justify="left", title_style="bold",
-    )  # fmt: skip
 
 
 def _cell(metric: Metric, factor: float = 1.0) -> str:

@@ -101,17 +101,9 @@ def _measured(row: CaseRow) -> dict[str, Any]:
 
 def _table(title: str, columns: Sequence[str], words: int) -> Table:
     """An empty table: so many columns of words, the others of numbers."""
-    from rich import box
-    from rich.table import Table
+    from grosmc_mj.validation.tables import empty_table
 
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        title=title,
-        title_justify="left",
-        title_style="bold",
-    )
+    table = empty_table(title)
     for i, name in enumerate(columns):
         table.add_column(name, justify="left" if i < words else "right", no_wrap=True)
     return table

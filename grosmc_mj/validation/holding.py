@@ -20,7 +20,7 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.cases import Case, find_case
-from grosmc_mj.validation.metrics import Metric
+from grosmc_mj.validation.metrics import Metric, settled
 from grosmc_mj.validation.results_file import case_document, origin
 from grosmc_mj.validation.runs import RunResult, Settings, case_plant, run_case, run_on
 
@@ -31,8 +31,6 @@ LAWS = ("grosmc", "cart-lqr", "cart-ism", "cart-pfl")
 HORIZONS = {"nominal": 20.0, "case1": 20.0, "case2": 30.0}
 # The cart has settled within this of the origin [m].
 CART_BAND = 0.02
-# The part of the time that it must stay there, as for the chapter's settling times.
-_DWELL = 0.1
 # What is added to the pole: matched in mass, not in length.
 UNCERTAINTIES = {
     "4m": BodyEdit("pole", mass_scale=4.0),
@@ -172,12 +170,8 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
 
 
 def cart_settling(time: Array, position: Array) -> Metric:
-    """When |p| enters ``CART_BAND`` for good, for the last tenth of the time at least."""
-    outside = np.flatnonzero(np.abs(position) > CART_BAND)
-    first = int(outside[-1]) + 1 if len(outside) else 0
-    if first >= len(time) or time[first] > (1 - _DWELL) * time[-1]:
-        return Metric(None, "s", "not reached")
-    return Metric(float(time[first]), "s")
+    """When |p| enters ``CART_BAND`` for good."""
+    return settled(time, position, CART_BAND)
 
 
 def _largest(values: Array, unit: str) -> Metric:

@@ -13,6 +13,7 @@ from grosmc_mj.rendering.figure import figure_written
 from grosmc_mj.rendering.palette import COLOURS, DISTURBANCE, OPTIMUM
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.validation.holding import ALONE, LAWS, Study, holding_case, run_of
+from grosmc_mj.validation.picture import labelled_below
 
 NAME = "hold"
 _CASES = ("case1", "case2")
@@ -51,11 +52,7 @@ def write_holding_figure(found: Study, folder: Path) -> Path:
         for row in rows:
             _share(row)
         _draw_costs([figure.add_subplot(grid[3, 2 * i : 2 * i + 2]) for i in range(3)], found)
-        entries = {}
-        for panel in rows[1]:
-            handles, labels = panel.get_legend_handles_labels()
-            entries |= dict(zip(labels, handles, strict=True))
-        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=3)
+        labelled_below(figure, rows[1])
         figure.suptitle(
             f"Cart-pendulum in MuJoCo from −10°: laws that hold pole and cart "
             f"({found.settings.switching} switching, {found.settings.surface} surface)",

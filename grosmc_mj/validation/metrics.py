@@ -144,12 +144,17 @@ def measure(
 
 
 def settling_time(time: Array, error: Array) -> Metric:
-    """When |error| enters the 2 % band of |error(0)| for good; ``not reached`` if never.
+    """When |error| enters the 2 % band of |error(0)| for good; ``not reached`` if never."""
+    return settled(time, error, SETTLING_BAND * abs(error[0]))
+
+
+def settled(time: Array, error: Array, band: float) -> Metric:
+    """When |error| enters a band for good; ``not reached`` if never.
 
     To count, it must stay inside for the last tenth of the time at least: an error that swings
     in and out is always inside for a moment before some end.
     """
-    outside = np.flatnonzero(np.abs(error) > SETTLING_BAND * abs(error[0]))
+    outside = np.flatnonzero(np.abs(error) > band)
     last = int(outside[-1]) if len(outside) else -1
     if last + 1 >= len(time) or time[last + 1] > (1 - _DWELL) * time[-1]:
         return Metric(None, "s", "not reached")

@@ -48,7 +48,7 @@ def _cell(metric: Metric | None) -> str:
     return number(metric.value)
 
 
-def _table(title: str = "") -> Table:
+def empty_table(title: str = "") -> Table:
     """An empty table in the house's style."""
     return Table(
         box=box.SIMPLE_HEAD,
@@ -64,7 +64,7 @@ def results_table(results: Sequence[RunResult]) -> Table:
     """The runs of one system."""
     system = results[0].trajectory.system
     output, u = system.positions[system.output], system.input
-    table = _table(f"{system.title}: x1 in {output.unit}, u in {u.unit}")
+    table = empty_table(f"{system.title}: x1 in {output.unit}, u in {u.unit}")
     columns = [*_COLUMNS, _CART] if system.name == "cart_pendulum" else _COLUMNS
     for header in ("case", "plant", "law"):
         table.add_column(header, no_wrap=True)
@@ -107,7 +107,7 @@ def endings(results: Sequence[RunResult]) -> list[str]:
 
 def gains_table(results: Sequence[RunResult]) -> Table:
     """The gains of each controller, and where its law stands in the chapter."""
-    table = _table()
+    table = empty_table()
     for header in ("system", "designed on", "law", "equations", "gains"):
         table.add_column(header, no_wrap=header != "gains")
     seen = set()
@@ -126,7 +126,7 @@ def gains_table(results: Sequence[RunResult]) -> Table:
 
 def agreement_table(rows: Sequence[Agreement]) -> Table:
     """Analytic plants against MuJoCo."""
-    table = _table()
+    table = empty_table()
     for header in ("system", "equations", "model"):
         table.add_column(header, no_wrap=True)
     for header in ("acceleration difference\nover largest term", "trajectory difference\n[m, rad]"):
@@ -140,7 +140,7 @@ def agreement_table(rows: Sequence[Agreement]) -> Table:
 def throughput_table(rows: Sequence[Throughput], integrator: str) -> Table:
     """What the benchmark measured."""
     title = f"cart_pendulum, {integrator}, a sample of the law at every timestep"
-    table = _table(title)
+    table = empty_table(title)
     table.add_column("loop", no_wrap=True)
     for header in ("simulations", "steps/s", "ratio"):
         table.add_column(escape(header), justify="right", no_wrap=True)
@@ -154,7 +154,7 @@ def throughput_table(rows: Sequence[Throughput], integrator: str) -> Table:
 
 def film_rates_table(rows: Sequence[FilmRate], title: str) -> Table:
     """What the benchmark of films measured."""
-    table = _table(title)
+    table = empty_table(title)
     table.add_column("frames", no_wrap=True)
     table.add_column("per second", justify="right", no_wrap=True)
     table.add_column("film's rate over it", justify="right", no_wrap=True)

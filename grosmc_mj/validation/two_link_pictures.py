@@ -15,10 +15,10 @@ from grosmc_mj.validation.runs import RunResult
 _LAWS = ("lqr", "pd", "grosmc")
 
 
-def _path(result: RunResult) -> Array:
+def true_tip(result: RunResult) -> Array:
     """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
-    true = result.plant_parameters
-    return TWO_LINK_TIP.outputs_along(result.trajectory.state, true)[:, [0, 2]]
+    z = TWO_LINK_TIP.outputs_along(result.trajectory.state, result.plant_parameters)
+    return z[:, TWO_LINK_TIP.output_rows]
 
 
 def _tracking(case: str) -> Callable[[Figure, Runs], None]:
@@ -31,14 +31,14 @@ def _tracking(case: str) -> Callable[[Figure, Runs], None]:
             if result is None:
                 continue
             style = {"color": colour_of(law, index), "label": LABELS.get(law, law)}
-            path, width = _path(result), 2.2 if law == "grosmc" else 1.2
+            path, width = true_tip(result), 2.2 if law == "grosmc" else 1.2
             plane.plot(path[:, 0], path[:, 1], lw=width, rasterized=True, **style)
             time, deviation = result.comparison.time, 1e3 * result.comparison.deviation
             distance.plot(time, deviation, lw=width, rasterized=True, **style)
         last = runs[(case, "physics", "grosmc")].comparison
         circle = last.reference[last.time <= 2.0]
         plane.plot(*circle.T, color=OPTIMUM, lw=1, ls=(0, (3, 2)), label="reference", zorder=5)
-        plane.plot(*_path(runs[(case, "physics", "grosmc")])[0], "o", color=OPTIMUM, ms=4)
+        plane.plot(*true_tip(runs[(case, "physics", "grosmc")])[0], "o", color=OPTIMUM, ms=4)
         plane.set_aspect("equal", adjustable="datalim")
         plane.set_xlabel("tip x [m]")
         plane.set_ylabel("tip z [m]")
