@@ -138,6 +138,21 @@ class ErrorCoordinates:
         negated = each(self.inputs**2, lambda i, E: sign * E[i])
         return jitable(lambda x, p: negated(matrix(x, p.plant)))
 
+    @cached_property
+    def driven(self) -> Callable[[float, Any, Vector, Any], Vector]:
+        """Jitable (t, x, u, p) -> alpha + E u, the v that an input comes to by eqs. (24), (45)."""
+        nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
+        m = self.inputs
+
+        def entry(i: int, alpha: Any, E: Any, u: Any) -> float:
+            total = alpha[i]
+            for j in range(m):
+                total += E[i * m + j] * u[j]
+            return total
+
+        rows = each(m, entry)
+        return jitable(lambda t, x, u, p: rows(nonlinearity(t, x, p), matrix(x, p), u))
+
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
         alpha = np.array(self.nonlinearity(t, x, p))

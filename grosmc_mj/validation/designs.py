@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -60,7 +62,8 @@ class Designs:
 
     Attributes:
         task: What they are designed for, from the nominal plant.
-        build: Each controller, by its name.
+        build: Each controller, by its name, from the task; the numbers that one may change are its
+            further arguments.
         aliases: Further names of the same laws, and why they are the same.
         further: Controllers beside these, which the cases of validate are not run with: from the
             nominal plant and its linear model in MuJoCo if there is one.
@@ -69,7 +72,7 @@ class Designs:
     """
 
     task: Callable[[AnalyticPlant], Task]
-    build: Mapping[str, Callable[[Task], Controller]]
+    build: Mapping[str, Callable[..., Controller]]
     aliases: Mapping[str, tuple[str, str]]
     further: Mapping[str, Callable[[AnalyticPlant, LinearModel], Controller]] = field(
         default_factory=dict
@@ -142,12 +145,20 @@ def pendulum_uncertainty(nominal: CartPendulumParameters) -> Uncertainty:
     )
 
 
+def pendulum_grosmc(
+    task: Task, uncertainty: Uncertainty | None = None, G: ArrayLike | None = None
+) -> Controller:
+    """GROSMC of the pendulum, for the declared family or for another one."""
+    declared = pendulum_uncertainty(task.plant.parameters)
+    return regulating_grosmc(task, declared if uncertainty is None else uncertainty, G)
+
+
 DESIGNS: Mapping[str, Designs] = {
     "servo": Designs(
         task=lambda plant: Task(plant, SERVO_ERROR, SERVO_STEP, *SERVO_WEIGHTS),
         build={
             "lqr": linear_lqr,
-            "grosmc": lambda task: linear_grosmc(task, SERVO_UNCERTAINTY),
+            "grosmc": partial(linear_grosmc, uncertainty=SERVO_UNCERTAINTY),
         },
         aliases={"fl-lqr": ("lqr", "the plant is linear already")},
     ),
@@ -156,9 +167,7 @@ DESIGNS: Mapping[str, Designs] = {
         build={
             "lqr": linear_lqr,
             "fl-lqr": linearized_lqr,
-            "grosmc": lambda task: regulating_grosmc(
-                task, pendulum_uncertainty(task.plant.parameters)
-            ),
+            "grosmc": pendulum_grosmc,
         },
         aliases={},
         further={
@@ -171,26 +180,26 @@ DESIGNS: Mapping[str, Designs] = {
     "arm": Designs(
         task=lambda plant: Task(plant, ARM_ERROR, ARM_REFERENCE, *ARM_WEIGHTS),
         build={
-            "lqr": lambda task: linearized_lqr(task, name="lqr"),
-            "grosmc": lambda task: tracking_grosmc(task, *ARM_GAINS, ARM_G),
+            "lqr": partial(linearized_lqr, name="lqr"),
+            "grosmc": partial(tracking_grosmc, k=ARM_GAINS[0], epsilon=ARM_GAINS[1], G=ARM_G),
         },
         aliases={"fl-lqr": ("lqr", "the chapter compares with the LQR part v = -K e alone")},
     ),
     "two_link_arm": Designs(
         task=lambda plant: Task(plant, TWO_LINK_TIP, TWO_LINK_CIRCLE, *TWO_LINK_WEIGHTS),
         build={
-            "lqr": lambda task: linearized_lqr(task, name="lqr"),
-            "pd": lambda task: computed_torque_pd(task, *TWO_LINK_PD),
-            "grosmc": lambda task: tracking_grosmc(task, *TWO_LINK_GAINS),
+            "lqr": partial(linearized_lqr, name="lqr"),
+            "pd": partial(computed_torque_pd, frequency=TWO_LINK_PD[0], damping=TWO_LINK_PD[1]),
+            "grosmc": partial(tracking_grosmc, k=TWO_LINK_GAINS[0], epsilon=TWO_LINK_GAINS[1]),
         },
         aliases={"fl-lqr": ("lqr", "there is no other linear design here")},
     ),
     "two_link_arm regulation": Designs(
         task=lambda plant: Task(plant, TWO_LINK_JOINTS, TWO_LINK_TARGET, *TWO_LINK_WEIGHTS),
         build={
-            "lqr": lambda task: linearized_lqr(task, name="lqr"),
-            "pd": lambda task: computed_torque_pd(task, *TWO_LINK_PD),
-            "grosmc": lambda task: regulating_grosmc(task, TWO_LINK_UNCERTAINTY, TWO_LINK_G),
+            "lqr": partial(linearized_lqr, name="lqr"),
+            "pd": partial(computed_torque_pd, frequency=TWO_LINK_PD[0], damping=TWO_LINK_PD[1]),
+            "grosmc": partial(regulating_grosmc, uncertainty=TWO_LINK_UNCERTAINTY, G=TWO_LINK_G),
         },
         aliases={"fl-lqr": ("lqr", "there is no other linear design here")},
     ),

@@ -1,0 +1,72 @@
+"""Numbers with units, as people write them."""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+from functools import cache
+from typing import Any
+
+import pint
+
+# What to write instead, by the unit that was asked for.
+_EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    """The units that pint knows, with one hertz a turn a second.
+
+    Angles have no dimension for pint, which would make 1 Hz one radian a second.
+    """
+    logging.getLogger("pint.util").setLevel(logging.ERROR)
+    registry = pint.UnitRegistry()
+    registry.define("hertz = turn / second = Hz")
+    return registry
+
+
+def number_in(value: Any, unit: str) -> float:
+    """A value such as ``"10 deg"`` as a number in a unit.
+
+    Args:
+        value: A string of a number and its unit or, where the unit is 1, a number.
+        unit: The unit wanted, such as ``rad/s``; ``1`` or nothing for a pure number.
+
+    Raises:
+        ValueError: If there is no unit, an unknown one, or one of something else.
+    """
+    example = _EXAMPLES.get(unit, f"1 {unit}")
+    if unit in {"", "1", "%"}:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ValueError(f"{value!r} must be a number without a unit")
+        return _finite(float(value), value)
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        raise ValueError(f'{value} has no unit: write "{value} {unit}"')
+    if not isinstance(value, str):
+        raise ValueError(f'{value!r} must be a number with a unit, such as "{example}"')
+    found = _NUMBER.fullmatch(value.strip())
+    if found is None:
+        raise ValueError(f'"{value}" is no number with a unit, such as "{example}"')
+    number, written = float(found[1]), found[2]
+    if not written:
+        raise ValueError(f'"{value}" has no unit: write "{value} {unit}"')
+    try:
+        quantity = _registry().Quantity(number, _registry().parse_units(written))
+        converted = float(quantity.to(unit).magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(
+            f'"{value}" cannot be converted to {unit}: write it as in "{example}"'
+        ) from None
+    # pint has no common class for what it cannot read.
+    except Exception:
+        raise ValueError(f'"{value}": {written!r} is no unit; write it as in "{example}"') from None
+    return _finite(converted, value)
+
+
+def _finite(number: float, value: Any) -> float:
+    """The number, if it is one."""
+    if not math.isfinite(number):
+        raise ValueError(f"{value!r} must be finite")
+    return number

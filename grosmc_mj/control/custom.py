@@ -1,0 +1,93 @@
+"""A law of somebody else's, weighed by the index of a design of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import make_dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.laws import Coordinates, Law
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.vectors import algebra, each
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.jitable import jitable
+
+
+def custom_controller(
+    name: str, law: Law, like: Controller, numbers: Mapping[str, Any] | None = None
+) -> Controller:
+    """A controller of any law, judged against the optimum of another one.
+
+    Args:
+        name: What it is called.
+        law: (t, x, memory, p) -> u, a number or, for several inputs, a tuple.
+        like: A controller with error coordinates and an optimum, whose index weighs this one.
+        numbers: Fields of p besides ``plant`` and ``reference``: numbers and arrays.
+
+    Raises:
+        ArgumentError: If ``like`` has no optimum.
+    """
+    if like.error is None or like.lqr is None:
+        raise ArgumentError(f"{like.name} has no optimum that {name} could be compared with")
+    given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
+    fields = {**given, **(numbers or {})}
+    parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
+    return Controller(
+        name=name,
+        law=_weighed(law, like.error, like.linearizing),
+        parameters=parameters,
+        memory=_Fresh(like.error.inputs),
+        error=like.error,
+        lqr=like.lqr,
+        source="a law of one's own",
+        gains={key: float(v) for key, v in (numbers or {}).items() if np.ndim(v) == 0},
+        linearizing=like.linearizing,
+    )
+
+
+class _Fresh:
+    """Makes the memory of a run of m inputs."""
+
+    def __init__(self, m: int) -> None:
+        self._m = m
+
+    def __call__(self) -> Memory:
+        return Memory(v=np.zeros(self._m))
+
+
+@cache
+def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
+    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45)."""
+    own, m = jitable(law), error.inputs
+    store = algebra(m).store
+    vector = _as_vector(m)
+    if not linearizing:
+
+        def noting_u(t: float, x: Any, memory: Any, p: Any) -> Any:
+            u = own(t, x, memory, p)
+            store(memory.v, vector(u))
+            return u
+
+        return noting_u
+    assert isinstance(error, ErrorCoordinates)
+    weigh = error.driven
+
+    def noting_v(t: float, x: Any, memory: Any, p: Any) -> Any:
+        u = own(t, x, memory, p)
+        store(memory.v, weigh(t, x, vector(u), p))
+        return u
+
+    return noting_v
+
+
+@cache
+def _as_vector(m: int) -> Any:
+    """What a law returned, as a tuple."""
+    if m == 1:
+        return jitable(lambda u: (u,))
+    return each(m, lambda i, u: u[i])
