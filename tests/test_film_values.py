@@ -29,7 +29,7 @@ from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.validation.cases import TWO_LINK_START, Case, find_case
+from grosmc_mj.validation.cases import Case, find_case
 from grosmc_mj.validation.designs import TWO_LINK_CIRCLE, TWO_LINK_TIP, chapter_controller
 from grosmc_mj.validation.films import film_of, films_of
 from grosmc_mj.validation.runs import RunResult, Settings, run_case
@@ -50,7 +50,7 @@ STARTS = {
     "servo": [0.0, 0.0],
     "cart_pendulum": [0.0, -0.15, 0.0, 0.0],
     "arm": [0.5, math.pi],
-    "two_link_arm": TWO_LINK_START,
+    "two_link_arm": find_case("two_link_arm", "nominal").x0,
 }
 # A torque about each system's joint is the last three of these [N, N m].
 FORCE, TORQUE = np.array([3.0, 0.0, -4.0]), np.array([0.0, 2.0, 0.0])

@@ -28,7 +28,7 @@ from grosmc_mj.errors import GainError
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.validation.cases import SERVO_START, cases, find_case
+from grosmc_mj.validation.cases import cases, find_case
 from grosmc_mj.validation.designs import ARM_G, DESIGNS, chapter_controller
 from grosmc_mj.validation.runs import Settings
 
@@ -384,7 +384,7 @@ def offset_surface(law: Controller) -> Controller:
 
 def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
     off = Fault("off", "s(0) = 0.1", controller=lambda law, *_: offset_surface(law))
-    case = trial("servo", "short", SERVO_START, 0.1)
+    case = trial("servo", "short", find_case("servo", "nominal").x0, 0.1)
     found = audit(Laboratory(Settings(engine="python"), off), case)
     assert not premise(found, "s(0) = 0").holds
 

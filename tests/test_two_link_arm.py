@@ -34,7 +34,7 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.validation.agreement import AGREEMENT_BOUND, acceleration_difference
-from grosmc_mj.validation.cases import TWO_LINK_AWAY, TWO_LINK_START, find_case
+from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.designs import (
     DESIGNS,
     TWO_LINK_CIRCLE,
@@ -47,6 +47,7 @@ from grosmc_mj.validation.designs import (
 from grosmc_mj.validation.metrics import compare_with_optimum
 
 SYSTEM, REGULATION = "two_link_arm", "two_link_arm regulation"
+START = find_case(SYSTEM, "nominal").x0
 LAWS = ("lqr", "pd", "grosmc")
 PUSHES = (
     Disturbance("payload", (1.0, 0.0, -3.0, 0.0, 0.0, 0.0), SineFrom(9.0)),
@@ -415,7 +416,7 @@ def test_engines_agree_bit_for_bit(name: str, design: str, *, on_physics: bool) 
     plant: Any = physics(BodyEdit("payload", 2.0))
     options: dict[str, Any] = {"duration": 0.15, "control_period": 2e-3, "disturbances": PUSHES}
     plant = plant if on_physics else plant.analytic()
-    start = TWO_LINK_START if design == SYSTEM else TWO_LINK_AWAY
+    start = START if design == SYSTEM else find_case(SYSTEM, "regulation").x0
     native = simulate(plant, law(name, design), start, **options)
     python = simulate(plant, law(name, design), start, engine="python", **options)
     assert native.status is Status.COMPLETED
@@ -426,7 +427,7 @@ def test_shapes_of_a_run_with_two_inputs() -> None:
     N = 40
     options: dict[str, Any] = {"duration": N * 1e-3, "disturbances": PUSHES}
     for name in LAWS:
-        single = simulate(physics(), law(name), TWO_LINK_START, **options)
+        single = simulate(physics(), law(name), START, **options)
         assert single.state.shape == (N + 1, 4)
         for values in (single.command, single.input, single.weighed):
             assert values.shape == (N, 2)
@@ -435,7 +436,7 @@ def test_shapes_of_a_run_with_two_inputs() -> None:
         assert (single.sliding is None) == (name != "grosmc")
         if single.sliding is not None:
             assert single.sliding.shape == (N, 2)
-    starts = np.array(TWO_LINK_START) + 0.01 * np.arange(3)[:, None]
+    starts = np.array(START) + 0.01 * np.arange(3)[:, None]
     plants = [physics(BodyEdit("payload", scale)) for scale in (1.0, 2.0, 3.0)]
     batch = simulate(plants, law("grosmc"), starts, **options)
     assert len(batch) == 3
@@ -652,7 +653,7 @@ def test_a_law_that_does_not_chatter_keeps_both_surfaces() -> None:
     """The implicit law on the nominal arm: |s_i| stays below one sample's worth of nothing."""
     realization = replace(DESIGNS[SYSTEM].task(nominal()).realization, switching=Implicit())
     ctl = chapter_controller("grosmc", nominal(), realization)
-    found = simulate(physics(), ctl, TWO_LINK_START, duration=0.5, engine="python")
+    found = simulate(physics(), ctl, START, duration=0.5, engine="python")
     sign, _ = run("grosmc", duration=0.5)
     assert found.sliding is not None
     assert sign.sliding is not None

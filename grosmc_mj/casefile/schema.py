@@ -74,21 +74,29 @@ class RunTable(Table):
         start: States at t = 0 by name, with their units; the others are zero.
         duration: [s].
         control_period: Time between two samples of the laws [s].
-        timestep: Physics timestep [s].
-        integrator: MuJoCo's integrator.
+        timestep: Physics timestep [s]; 1 ms, or that of a model of one's own.
+        integrator: MuJoCo's integrator; RK4, or that of a model of one's own.
         engine: ``native`` compiles the laws; ``python`` runs any callable.
     """
 
     start: dict[str, Any] = {}
     duration: Seconds
     control_period: Seconds = 1e-3
-    timestep: Seconds = 1e-3
-    integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] = "RK4"
+    timestep: Seconds | None = None
+    integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] | None = None
     engine: Literal["native", "python"] = "native"
 
 
+# What an edit may change, by what it is an edit of.
+_CHANGES = {
+    "body": ("mass_scale", "length_scale", "added_mass", "at"),
+    "joint": ("damping", "friction", "armature"),
+    "parameter": ("scale",),
+}
+
+
 class EditTable(Table):
-    """``[[edit]]``: what the true plant has that the laws do not know, of a body or a joint.
+    """``[[edit]]``: what the true plant has that the laws do not know; one thing each.
 
     Attributes:
         body: A body of the model.
@@ -100,6 +108,8 @@ class EditTable(Table):
         damping: Of the joint [N m s/rad or N s/m].
         friction: Dry friction of the joint [N m or N].
         armature: Of the joint [kg m^2 or kg].
+        parameter: A parameter of an analytic plant of one's own.
+        scale: Factor on it.
     """
 
     body: str | None = None
@@ -111,18 +121,19 @@ class EditTable(Table):
     damping: float | None = None
     friction: float | None = None
     armature: float | None = None
+    parameter: str | None = None
+    scale: float | None = None
 
     @model_validator(mode="after")
-    def _of_a_body_or_a_joint(self) -> EditTable:
-        of_joint = {"damping", "friction", "armature"} & self.model_fields_set
-        of_body = {"mass_scale", "length_scale", "added_mass", "at"} & self.model_fields_set
-        if (self.body is None) == (self.joint is None):
-            raise ValueError("name a body or a joint, one of them")
-        idle = of_joint if self.body is not None else of_body
-        if idle:
-            owner = "body" if self.body is not None else "joint"
-            raise ValueError(f"a {owner} has no {', '.join(sorted(idle))}")
-        if not of_joint | of_body:
+    def _of_one_thing(self) -> EditTable:
+        owners = [name for name in _CHANGES if getattr(self, name) is not None]
+        if len(owners) != 1:
+            raise ValueError(f"name one of {', '.join(_CHANGES)}, not {owners or 'none'}")
+        given = self.model_fields_set - {owners[0]}
+        if idle := sorted(given - set(_CHANGES[owners[0]])):
+            valid = ", ".join(_CHANGES[owners[0]])
+            raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {valid}")
+        if not given - {"at"}:
             raise ValueError("the edit changes nothing")
         return self
 

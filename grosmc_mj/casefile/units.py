@@ -37,15 +37,16 @@ def number_in(value: Any, unit: str) -> float:
     Raises:
         ValueError: If there is no unit, an unknown one, or one of something else.
     """
+    # Every mistake is a ValueError: what reads the file makes one line of it.
     example = _EXAMPLES.get(unit, f"1 {unit}")
     if unit in {"", "1", "%"}:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"{value!r} must be a number without a unit")
         return _finite(float(value), value)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        raise ValueError(f'{value} has no unit: write "{value} {unit}"')
+        raise ValueError(f'{value} has no unit: write "{value} {unit}"')  # noqa: TRY004
     if not isinstance(value, str):
-        raise ValueError(f'{value!r} must be a number with a unit, such as "{example}"')
+        raise ValueError(f'{value!r} must be a number with a unit, such as "{example}"')  # noqa: TRY004
     found = _NUMBER.fullmatch(value.strip())
     if found is None:
         raise ValueError(f'"{value}" is no number with a unit, such as "{example}"')

@@ -53,7 +53,7 @@ def load_named(text: str, folder: Path) -> Any:
 
 @contextmanager
 def _importable(name: str, folder: Path) -> Iterator[None]:
-    """Have the folder's modules found first, and none kept that another folder had under the name."""
+    """Have the folder's modules found first, and forget another folder's of the same name."""
     place = str(folder.resolve())
     known = sys.modules.get(name)
     own = folder.resolve().joinpath(*name.split(".")).with_suffix(".py")

@@ -33,7 +33,7 @@ from grosmc_mj.rendering.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.validation.cases import PENDULUM_START, Case
+from grosmc_mj.validation.cases import Case, find_case
 from grosmc_mj.validation.holding import (
     ALONE,
     CART_BAND,
@@ -89,7 +89,7 @@ def _holds(controller: str) -> Measure:
 
 def _trial(edit: BodyEdit) -> Case:
     """The chapter's start with one edit of the pole."""
-    return trial(SYSTEM, "pole", PENDULUM_START, _SHORT, (edit,))
+    return trial(SYSTEM, "pole", find_case(SYSTEM, "nominal").x0, _SHORT, (edit,))
 
 
 def _astray(what: str) -> Measure:

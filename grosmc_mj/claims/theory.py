@@ -29,7 +29,7 @@ from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.validation.cases import ARM_START, PENDULUM_START, SERVO_START, find_case
+from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.designs import (
     PENDULUM_REACHING_RATE,
     SERVO_UNCERTAINTY,
@@ -38,10 +38,14 @@ from grosmc_mj.validation.designs import (
 from grosmc_mj.validation.metrics import compare_with_optimum
 from grosmc_mj.validation.runs import PlantName
 
-_STARTS = {"servo": SERVO_START, "cart_pendulum": PENDULUM_START, "arm": ARM_START}
 _PLANTS, _STATES = 12, 40
 # What |s| of the arm shall fall by, without d(t) [rad/s^2]; the chapter declares nothing.
 _ARM_RATE = 1.0
+
+
+def _start(system: str) -> tuple[float, ...]:
+    """Where the nominal case begins."""
+    return find_case(system, "nominal").x0
 
 
 def _declared(lab: Laboratory, system: str) -> tuple[float, tuple[tuple[float, float], ...], Array]:
@@ -75,7 +79,7 @@ def _reaching(system: str) -> Callable[[Laboratory, PlantName], Measured]:
             ends = [(low, high)[(index >> bit) & 1] for bit, (low, high) in enumerate(scales)]
             inner = [random.uniform(low, high) for low, high in scales]
             mass, length = ends if index < 4 else inner
-            case = trial(system, "reaching", _STARTS[system], 1.0, (BodyEdit(body, mass, length),))
+            case = trial(system, "reaching", _start(system), 1.0, (BodyEdit(body, mass, length),))
             law = lab.controller(case, plant, "grosmc")
             own = getattr(law.parameters, "eta", None)
             derivative = lab.derivative(lab.plant(case, plant))
@@ -120,7 +124,7 @@ def _reached(system: str, body: str, torque: float) -> Callable[[Laboratory, Pla
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
         kick = Disturbance(body, (0.0, 0.0, 0.0, 0.0, -torque, 0.0), Pulse(2.0, 2.02))
-        case = trial(system, "kick", _STARTS[system], 4.0, (), (kick,))
+        case = trial(system, "kick", _start(system), 4.0, (), (kick,))
         result = lab.run(case, plant, "grosmc")
         run, p = result.trajectory, result.controller.parameters
         s = run.sliding
@@ -156,7 +160,7 @@ def _matched(system: str) -> Callable[[Laboratory, PlantName], Measured]:
             wave = SineFrom(float(random.uniform(0.5, 20)), 0.0, float(random.uniform(0, 6)))
             cases.append(
                 trial(
-                    system, "matched", _STARTS[system], 5.0, (BodyEdit(body, mass, length),),
+                    system, "matched", _start(system), 5.0, (BodyEdit(body, mass, length),),
                     (Disturbance(body, push, wave),) if wrench.any() else (),  # pyright: ignore
                 )
             )  # fmt: skip

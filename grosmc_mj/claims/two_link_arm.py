@@ -33,7 +33,7 @@ from grosmc_mj.control.gains import authority
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.rendering.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.validation.cases import TWO_LINK_START, Case, find_case
+from grosmc_mj.validation.cases import Case, find_case
 from grosmc_mj.validation.designs import TWO_LINK_CIRCLE, TWO_LINK_G, TWO_LINK_UNCERTAINTY
 from grosmc_mj.validation.runs import PlantName, RunResult
 from grosmc_mj.validation.two_link_pictures import true_tip
@@ -144,7 +144,7 @@ def _limit(cases: tuple[str, ...]) -> Measure:
 def _all_at_once() -> Case:
     """1 kg at the tip, links 5 % longer and every disturbance of case 1."""
     pushed, heavier = (find_case(_SYSTEM, name) for name in _TRACKING)
-    return trial(_SYSTEM, "both", TWO_LINK_START, 6.0, heavier.edits, pushed.disturbances)
+    return trial(_SYSTEM, "both", heavier.x0, 6.0, heavier.edits, pushed.disturbances)
 
 
 def _margin(make: Callable[[], tuple[Case, ...]]) -> Measure:
@@ -206,11 +206,12 @@ def _reaching(lab: Laboratory, plant: PlantName) -> Measured:
     """
     random, worst = np.random.default_rng(1), -np.inf
     low, high = _DECLARED.scales["mp"]
+    start = find_case(_SYSTEM, "nominal").x0
     wrench = np.array(_DECLARED.wrench)
     law = lab.controller(find_case(_SYSTEM, "regulation"), plant, "grosmc")
     masses = [low, high, *random.uniform(low, high, _PLANTS - 2).tolist()]
     for mass in masses:
-        heavier = trial(_SYSTEM, "reaching", TWO_LINK_START, 1.0, (BodyEdit("payload", mass),))
+        heavier = trial(_SYSTEM, "reaching", start, 1.0, (BodyEdit("payload", mass),))
         derivative = lab.derivative(lab.plant(heavier, plant))
         for _ in range(_STATES):
             z = random.uniform(-1, 1, 4) * _DECLARED.region

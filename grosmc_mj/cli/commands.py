@@ -67,6 +67,46 @@ class Validate:
     record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
+@dataclass(frozen=True)
+class Run:
+    """Run an experiment that a TOML file describes, and say whether it keeps what it requires.
+
+    The file names a plant (a system of the package, an MJCF robot, or Python of your own), edits,
+    disturbances, laws with their numbers, and requirements; grosmc-mj new writes one to begin with.
+    The package's own cases are such files: servo/case1, cart_pendulum/case1 and so on, see
+    grosmc-mj list. A table goes to standard output; NAME.json, NAME.png and NAME.svg to --out.
+
+    Exit code: 0 if every requirement is kept, 1 if one is not, 2 if file or set-up is wrong.
+
+    Attributes:
+        file: A case file, or a case of the package.
+        out: Folder for the results.
+        figures: Whether to draw the figure.
+        film: Whether to film its laws side by side in MuJoCo: NAME.mp4.
+    """
+
+    file: Annotated[Positional[str], arg(metavar="FILE", name="file")]
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    figures: bool = True
+    film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+
+
+@dataclass(frozen=True)
+class New:
+    """Write a case file to begin with: NAME.toml, every key explained.
+
+    Attributes:
+        name: Name of the case, and of its file.
+        like: Copy this case of the package instead, such as cart_pendulum/case1.
+        python: Write NAME.py too, with a plant, a law and a controller of your own, and a case
+            file that uses them.
+    """
+
+    name: Annotated[Positional[str], arg(metavar="NAME", name="name")]
+    like: Annotated[str | None, arg(metavar="CASE", help_behavior_hint="")] = None
+    python: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+
+
 OptionalSystem = Annotated[
     Positional[str | None],
     arg(metavar="[SYSTEM]", name="system", help_behavior_hint="(default: all of them)"),
@@ -349,6 +389,8 @@ class Readme:
 
 Command = (
     Annotated[Validate, subcommand("validate")]
+    | Annotated[Run, subcommand("run")]
+    | Annotated[New, subcommand("new")]
     | Annotated[Claims, subcommand("claims")]
     | Annotated[Premises, subcommand("premises")]
     | Annotated[Film, subcommand("film")]

@@ -75,7 +75,7 @@ def film(command: Film) -> int:
     for result in results:
         if result.ended:
             console.print(f"{result.key}: {result.ended}", style="red", soft_wrap=True)
-    _say(console, written, form.fps)
+    say(console, written, form.fps)
     return screen.DONE
 
 
@@ -87,7 +87,7 @@ def _size(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def _say(console: Console, written: Written, fps: int) -> None:
+def say(console: Console, written: Written, fps: int) -> None:
     """One line about a film."""
     size = written.film.stat().st_size / 1e6
     files = [written.film, written.poster, *([written.gif] if written.gif else [])]
@@ -124,7 +124,7 @@ def film_results(
                     backend=backend,
                     advance=lambda: advance(path.name),  # noqa: B023  called in this turn only
                 )
-            _say(console, written, SMALL.fps)
+            say(console, written, SMALL.fps)
     except SetupError as error:
         console.print(f"No films: {error}", style="yellow", soft_wrap=True)
     if kept:

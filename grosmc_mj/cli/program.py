@@ -23,6 +23,8 @@ PROGRAM = "grosmc-mj"
 # Where each command is carried out: module and function.
 _ACTIONS = {
     "Validate": ("validate", "validate"),
+    "Run": ("run", "run"),
+    "New": ("run", "new"),
     "Claims": ("claims", "claims"),
     "Premises": ("claims", "premises"),
     "Film": ("films", "film"),

@@ -1,17 +1,25 @@
-"""The cases as values: the chapter's, and this project's where it has no example."""
+"""Cases as values, from case files: the chapter's, this project's, the user's."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
+from grosmc_mj.casefile.reading import read_case_file
+from grosmc_mj.casefile.schema import CaseFile, DisturbanceTable, EditTable
+from grosmc_mj.casefile.units import number_in
+from grosmc_mj.casefile.user_code import is_named, load_named
 from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.plants import find_system
-from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
-from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
+from grosmc_mj.plants import System, find_system
+from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.models import load_model
-from grosmc_mj.validation.designs import PENDULUM_DISTURBANCE
+
+# Where the package's own case files are, a folder for each system.
+CASES = Path(__file__).resolve().parents[1] / "cases"
 
 
 @dataclass(frozen=True)
@@ -51,155 +59,21 @@ class Case:
         return min((d.window[0] for d in self.disturbances), default=math.inf)
 
 
-SERVO_START = (0.0, 0.0)  # x(0) = [1, 0] under the step theta_d = 1 rad
-PENDULUM_START = (0.0, -math.pi / 18, 0.0, 0.0)
-ARM_START = (0.5, math.pi)  # e(0) = [0.5, 0], since y_r(0) = 0 and y_r'(0) = pi
-TWO_LINK_START = (0.6, -1.2, 0.0, 0.0)  # at rest, elbow up, 0.16 m off the circle
-TWO_LINK_AWAY = (math.pi / 6, -2.0, 0.0, 0.0)  # 0.52 and 0.43 rad off the pose
-
-
-def _about_viewer(torque: float) -> tuple[float, float, float, float, float, float]:
-    """The wrench of a torque [N m] about the models' joint axes, which all point along -y."""
-    return (0.0, 0.0, 0.0, 0.0, -torque, 0.0)
-
-
-def _servo_cases() -> list[Case]:
-    # T_d acts against the rotor, eq. (15).
-    load = Disturbance("rotor", _about_viewer(-1.0), Pulse(10.0, 13.0), "load torque of 1 N m")
-    heavier = BodyEdit("rotor", mass_scale=3.0)
-    start = SERVO_START
-    return [
-        Case("servo", "nominal", "Step of 1 rad, nominal rotor", "section 2.3", start, 10.0),
-        Case(
-            "servo",
-            "case1",
-            "Load torque of 1 N m for 10 s ≤ t < 13 s",
-            "section 2.3, Fig. 1",
-            start,
-            18.0,
-            disturbances=(load,),
-        ),
-        Case(
-            "servo",
-            "case2",
-            "Three times the inertia",
-            "section 2.3, Fig. 2",
-            start,
-            10.0,
-            (heavier,),
-        ),
-    ]
-
-
-def _pendulum_cases() -> list[Case]:
-    nominal = CartPendulumParameters.from_model(load_model("cart_pendulum"), "corrected")
-    # The torque that gives the upright pole d(t); cos^2(theta) makes it inexact by less than
-    # 1e-4 of d within 1 degree of upright, where the pole is when d(t) begins.
-    torque = pole_torque(PENDULUM_DISTURBANCE, nominal)
-    push = Disturbance(
-        "pole", _about_viewer(torque), SineFrom(2.0, 9.0), "d(t) = 0.01 sin 2t rad/s²"
-    )
-    larger = BodyEdit("pole", mass_scale=4.0, length_scale=4.0)
-    start, system = PENDULUM_START, "cart_pendulum"
-    return [
-        Case(system, "nominal", "From -10 degrees, nominal pole", "section 3.4", start, 6.0),
-        Case(
-            system,
-            "case1",
-            "Four times the mass and the length of the pole",
-            "section 3.4, Figs. 3 and 5",
-            start,
-            6.0,
-            (larger,),
-        ),
-        Case(
-            system,
-            "case2",
-            "d(t) = 0.01 sin 2t rad/s² from t = 9 s",
-            "section 3.4, Fig. 4",
-            start,
-            18.0,
-            disturbances=(push,),
-        ),
-    ]
-
-
-def _arm_cases() -> list[Case]:
-    # d(t) acts against the torque, eq. (57).
-    push = Disturbance("link", _about_viewer(-0.5), SineFrom(2 * math.pi), "d(t) = 0.5 sin 2πt N m")
-    payload = BodyEdit("link", mass_scale=2.0, length_scale=1.25)
-    start = ARM_START
-    return [
-        Case("arm", "nominal", "Tracking sin πt, no disturbance", "section 4.3", start, 6.0),
-        Case(
-            "arm",
-            "case1",
-            "d(t) = 0.5 sin 2πt N m",
-            "section 4.3, Figs. 6 to 8",
-            start,
-            6.0,
-            disturbances=(push,),
-        ),
-        Case(
-            "arm",
-            "case2",
-            "Twice the payload on 1.25 times the link",
-            "claimed in words in section 4.3; the numbers are this project's",
-            start,
-            6.0,
-            (payload,),
-        ),
-    ]
-
-
-def _two_link_cases() -> list[Case]:
-    system, own = "two_link_arm", "this project: the chapter has no example of several inputs"
-    pushes = (
-        Disturbance(
-            "payload",
-            (0.0, 0.0, 5.0, 0.0, 0.0, 0.0),
-            SineFrom(2 * math.pi),
-            "5 sin 2πt N at the tip",
-        ),
-        Disturbance("upper", _about_viewer(2.0), SineFrom(math.pi), "2 sin πt N m on link 1"),
-    )
-    longer = (BodyEdit("upper", 1.0, 1.05), BodyEdit("lower", 1.0, 1.05))
-    heavier = BodyEdit("payload", mass_scale=5.0)
-    regulation = "two_link_arm regulation"
-    return [
-        Case(system, "nominal", "A circle of the tip, no disturbance", own, TWO_LINK_START, 6.0),
-        Case(
-            system, "case1", "A circle under forces on tip and link", own, TWO_LINK_START, 6.0,
-            disturbances=pushes,
-        ),
-        Case(
-            system, "case2", "A circle with 1 kg at the tip, links 5 % longer", own,
-            TWO_LINK_START, 6.0, (*longer, heavier),
-        ),
-        Case(
-            system, "regulation", "To a pose, no disturbance", own, TWO_LINK_AWAY, 5.0,
-            design=regulation,
-        ),
-        Case(
-            system, "regulation1", "To a pose with 0.6 kg at the tip and 5 N on it", own,
-            TWO_LINK_AWAY, 5.0, (BodyEdit("payload", mass_scale=3.0),), pushes[:1], regulation,
-        ),
-    ]  # fmt: skip
-
-
 def cases(system: str) -> list[Case]:
-    """The cases of a system, in the chapter's order.
+    """The cases of a system, the nominal one first.
 
     Raises:
         ModelError: If there is no such system.
     """
-    makers = {
-        "servo": _servo_cases,
-        "cart_pendulum": _pendulum_cases,
-        "arm": _arm_cases,
-        "two_link_arm": _two_link_cases,
-    }
-    return makers[find_system(system).name]()
+    return list(_shipped(find_system(system).name))
+
+
+@cache
+def _shipped(system: str) -> tuple[Case, ...]:
+    """The cases in the package's own files."""
+    files = [read_case_file(path) for path in shipped_files().values()]
+    found = [case_of(file, find_system(system)) for file in files if file.plant.system == system]
+    return tuple(sorted(found, key=lambda case: (case.name != "nominal", case.name)))
 
 
 def find_case(system: str, name: str) -> Case:
@@ -212,3 +86,95 @@ def find_case(system: str, name: str) -> Case:
     if name not in found:
         raise ArgumentError(unknown_name(f"case of {system}", name, found))
     return found[name]
+
+
+def shipped_files() -> dict[str, Path]:
+    """The case files of the package by their names, ``system/case``."""
+    return {
+        "/".join(path.relative_to(CASES).with_suffix("").parts): path
+        for path in sorted(CASES.glob("*/*.toml"))
+    }
+
+
+def case_of(file: CaseFile, system: System, folder: Path | None = None) -> Case:
+    """The experiment of a case file.
+
+    Args:
+        file: The file.
+        system: What it is about.
+        folder: Where profiles of the user's own are.
+
+    Raises:
+        ArgumentError: If a state is unknown, or a unit or profile does not fit.
+    """
+    return Case(
+        system=system.name,
+        name=file.name,
+        title=file.title or file.name,
+        source=file.source,
+        x0=_start(file.run.start, system),
+        duration=file.run.duration,
+        edits=case_edits(file),
+        disturbances=tuple(
+            _disturbance(table, f"disturbance {i + 1}", folder)
+            for i, table in enumerate(file.disturbance)
+        ),
+        design=file.task.design or "",
+    )
+
+
+def _start(given: Mapping[str, Any], system: System) -> tuple[float, ...]:
+    """x(0) from values by the states' names."""
+    names = [state.name for state in system.states]
+    x0 = [0.0] * len(names)
+    for name, value in given.items():
+        if name not in names:
+            raise ArgumentError(f"run: start: {unknown_name('state', name, names)}")
+        try:
+            x0[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
+        except ValueError as error:
+            raise ArgumentError(f"run: start: {name}: {error}") from None
+    return tuple(x0)
+
+
+def case_edits(file: CaseFile) -> tuple[BodyEdit, ...]:
+    """The edits of the model that a case file makes."""
+    return tuple(_edit(table) for table in file.edit if table.parameter is None)
+
+
+def _edit(table: EditTable) -> BodyEdit:
+    """One edit of the model."""
+    assert table.body is not None
+    return BodyEdit(table.body, table.mass_scale, table.length_scale)
+
+
+def _disturbance(table: DisturbanceTable, where: str, folder: Path | None) -> Disturbance:
+    """One disturbance."""
+    wrench: Any = (*table.force, *table.torque)
+    if not any(wrench):
+        raise ArgumentError(f"{where}: it has neither force nor torque")
+    try:
+        return Disturbance(table.body, wrench, _profile(table, folder), table.label)
+    except ArgumentError as error:
+        raise ArgumentError(f"{where}: {error}") from None
+
+
+def _profile(table: DisturbanceTable, folder: Path | None) -> Profile:
+    """Its course in time."""
+    if is_named(table.profile):
+        return load_named(table.profile, folder or Path())
+    used = {"constant": (), "pulse": ("start", "stop"), "sine": ("frequency", "phase", "onset")}
+    if table.profile not in used:
+        raise ArgumentError(unknown_name("profile", table.profile, [*used, "module:name"]))
+    timed = {name for names in used.values() for name in names} & table.model_fields_set
+    if idle := sorted(timed - set(used[table.profile])):
+        raise ArgumentError(f"a {table.profile} has no {', '.join(idle)}")
+    if table.profile == "pulse":
+        if table.stop is None:
+            raise ArgumentError("a pulse needs stop")
+        return Pulse(table.start, table.stop)
+    if table.profile == "sine":
+        if table.frequency is None:
+            raise ArgumentError("a sine needs frequency")
+        return SineFrom(table.frequency, table.onset, table.phase)
+    return Constant()

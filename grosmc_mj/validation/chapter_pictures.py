@@ -13,12 +13,12 @@ from grosmc_mj.rendering.palette import COLOURS, DISTURBANCE, LABELS, OPTIMUM
 from grosmc_mj.validation.picture import Picture, Runs, stacked
 from grosmc_mj.validation.runs import PlantName, RunResult
 
-_LINES: Mapping[PlantName, Mapping[str, object]] = {
+LINES: Mapping[PlantName, Mapping[str, Any]] = {
     "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
     "corrected": {"lw": 1.1, "ls": "--"},
     "printed": {"lw": 1.1, "ls": ":"},
 }
-_PLANTS: Mapping[PlantName, str] = {
+PLANTS: Mapping[PlantName, str] = {
     "physics": "MuJoCo",
     "corrected": "corrected equations",
     "printed": "printed equations",
@@ -48,7 +48,7 @@ def _curves(
 ) -> None:
     """One curve for each controller and plant: physics thick, the equations thin on top."""
     for controller in controllers:
-        for plant, line in _LINES.items():
+        for plant, line in LINES.items():
             result = _result(runs, case, plant, controller)
             if result is None:
                 continue
@@ -57,9 +57,9 @@ def _curves(
                 x,
                 y,
                 color=COLOURS[controller],
-                label=f"{LABELS[controller]}, {_PLANTS[plant]}",
+                label=f"{LABELS[controller]}, {PLANTS[plant]}",
                 rasterized=True,
-                **line,  # pyright: ignore[reportArgumentType]
+                **line,
             )
 
 
@@ -162,7 +162,7 @@ def _chatter(
     if result is None:
         return
     x, y = curve(result)
-    label = f"{LABELS[controller]}, {_PLANTS[plant]}"
+    label = f"{LABELS[controller]}, {PLANTS[plant]}"
     colour = COLOURS[controller] if plant == "physics" else OPTIMUM
     style: Any = {"lw": 0.35} if plant == "physics" else {"lw": 0, "marker": ".", "ms": 0.6}
     axes.plot(x, y, color=colour, label=label, rasterized=True, **style)

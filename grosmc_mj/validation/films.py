@@ -78,8 +78,10 @@ def film_of(
         ArgumentError: If the runs are not of one case on physics.
     """
     cases = {(result.case.system, result.case.name) for result in results}
+    physics = results[0].true
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
+    assert isinstance(physics, MujocoPlant)
     case = results[0].case
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
     moving = max(spans) > _STILL
@@ -100,7 +102,7 @@ def film_of(
         )
     return Film(
         title=f"{results[0].trajectory.system.title}, {case.name}: {case.title}",
-        model=MujocoPlant.load(case.system, edits=case.edits).model,
+        model=physics.model,
         takes=tuple(takes),
         format=form or Format(),
         ghost_label="reference" if moving else "nominal optimum",

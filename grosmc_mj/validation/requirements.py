@@ -23,7 +23,8 @@ class Limit(NamedTuple):
 
     Attributes:
         kind: Name of the key in the file.
-        value: The largest value allowed, in ``unit``.
+        written: The largest value allowed, as the file has it.
+        value: The same in ``unit``.
         unit: Its unit.
         after: From when on it holds [s].
         of: Controllers that must keep it.
@@ -31,6 +32,7 @@ class Limit(NamedTuple):
     """
 
     kind: str
+    written: str
     value: float
     unit: str
     after: float
@@ -43,8 +45,7 @@ class Limit(NamedTuple):
         if self.kind == "no_reaching_phase":
             return "no reaching phase: s(0) = 0"
         since = f" from {self.after:g} s on" if self.after else ""
-        unit = f" {self.unit}" if self.unit not in {"", "1"} else ""
-        return f"{self.kind.replace('_', ' ')} {self.value:g}{unit}{since}"
+        return f"{self.kind.replace('_', ' ')} {self.written}{since}"
 
 
 class Judgement(NamedTuple):
@@ -101,7 +102,8 @@ def limits(
         except ValueError as wrong:
             raise ArgumentError(f"{kind}: {wrong}") from None
         after = table.after if kind == "stays_within" else 0.0
-        found.append(Limit(kind, number, unit, after, of, on))
+        written = f"{value:g} s" if unit == "s" else str(value)
+        found.append(Limit(kind, written, number, unit, after, of, on))
     if not found:
         raise ArgumentError(f"nothing is required: give one of {', '.join(units)}")
     return found
@@ -174,5 +176,3 @@ def judge_all(found: Sequence[Limit], results: Sequence[RunResult]) -> list[Judg
 def failed(judgements: Sequence[Judgement]) -> list[Judgement]:
     """Those that are not kept."""
     return [each for each in judgements if not each.kept]
-
-

@@ -15,6 +15,8 @@ import grosmc_mj
 from grosmc_mj.files import written_aside
 from grosmc_mj.validation.agreement import AGREEMENT_BOUND, Agreement
 from grosmc_mj.validation.cases import Case
+from grosmc_mj.validation.experiment import Experiment
+from grosmc_mj.validation.requirements import Judgement
 from grosmc_mj.validation.runs import RunResult, Settings
 
 SCHEMA_VERSION = 1
@@ -53,6 +55,48 @@ def document(
         "differences": list(differences or ()),
         "runs": [_run(result) for result in results],
         "agreement": [agreement._asdict() for agreement in agreements],
+    }
+
+
+def experiment_document(
+    experiment: Experiment,
+    results: Sequence[RunResult],
+    judgements: Sequence[Judgement],
+    *,
+    complete: bool,
+) -> dict[str, Any]:
+    """What a case file led to.
+
+    Args:
+        experiment: The case file, as resolved.
+        results: Its runs, in order.
+        judgements: What it requires, and whether that was kept.
+        complete: Whether all its runs are there.
+    """
+    return {
+        **origin(None),
+        "complete": complete,
+        "configuration": {
+            **asdict(experiment.settings),
+            "cases": [case_document(experiment.case)],
+            "file": experiment.document(),
+        },
+        "kept": complete and all(each.kept for each in judgements),
+        "requirements": [
+            {
+                "requirement": each.limit.kind,
+                "limit": {"value": each.limit.value, "unit": each.limit.unit},
+                "after": each.limit.after,
+                "controller": each.controller,
+                "plant": each.plant,
+                "measured": each.measured,
+                "margin": each.margin,
+                "kept": each.kept,
+                "note": each.note,
+            }
+            for each in judgements
+        ],
+        "runs": [_run(result) for result in results],
     }
 
 
@@ -134,6 +178,7 @@ def _run(result: RunResult) -> dict[str, Any]:
         "equations": result.controller.source,
         "gains": dict(result.controller.gains),
         "declared": result.controller.declared,
+        "switching": result.controller.switching,
         "weights": _weights(result),
         "status": result.status.name.lower(),
         "ended": result.ended,

@@ -11,7 +11,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import AS_PRINTED, Realization, realized
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
-from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Variant, find_system
+from grosmc_mj.plants import SYSTEMS, Variant, find_system
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
@@ -79,7 +79,7 @@ class RunResult:
         comparison: The run beside the optimum that its law was designed for.
         metrics: By name.
         ended: Empty, or why the run ended early.
-        plant_parameters: The true plant's numbers.
+        true: The plant itself.
     """
 
     case: Case
@@ -89,12 +89,19 @@ class RunResult:
     comparison: Comparison
     metrics: Mapping[str, Metric]
     ended: str = ""
-    plant_parameters: Any = None
+    true: Plant | None = None
 
     @property
     def key(self) -> str:
         """Name of the run in files: system/case/plant/controller."""
         return "/".join((self.case.system, self.case.name, self.plant, self.controller.name))
+
+    @property
+    def plant_parameters(self) -> Any:
+        """The true plant's numbers; None where it has no equations."""
+        if isinstance(self.true, MujocoPlant):
+            return self.true.analytic().parameters if self.true.system.read_parameters else None
+        return self.true.parameters if self.true else None
 
     @property
     def status(self) -> Status:
@@ -172,8 +179,7 @@ def run_on(
         run, ended = error.trajectory, str(error)
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, case.onset)
-    true = plant if isinstance(plant, AnalyticPlant) else plant.analytic()
-    return RunResult(case, name, law, run, comparison, metrics, ended, true.parameters)
+    return RunResult(case, name, law, run, comparison, metrics, ended, plant)
 
 
 def case_plant(case: Case, plant: PlantName, settings: Settings) -> Plant:

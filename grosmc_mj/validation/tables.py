@@ -13,6 +13,7 @@ from grosmc_mj.validation.agreement import Agreement
 from grosmc_mj.validation.benchmark import Throughput
 from grosmc_mj.validation.film_benchmark import FilmRate
 from grosmc_mj.validation.metrics import Metric
+from grosmc_mj.validation.requirements import Judgement
 from grosmc_mj.validation.runs import RunResult
 
 # Header and metric of each column of numbers.
@@ -62,9 +63,10 @@ def empty_table(title: str = "") -> Table:
 
 def results_table(results: Sequence[RunResult]) -> Table:
     """The runs of one system."""
-    system = results[0].trajectory.system
-    output, u = system.positions[system.output], system.input
-    table = empty_table(f"{system.title}: x1 in {output.unit}, u in {u.unit}")
+    system, error = results[0].trajectory.system, results[0].controller.error
+    assert error is not None
+    output = error.units[error.output_rows[0]]
+    table = empty_table(f"{system.title}: x1 in {output}, u in {system.input.unit}")
     columns = [*_COLUMNS, _CART] if system.name == "cart_pendulum" else _COLUMNS
     for header in ("case", "plant", "law"):
         table.add_column(header, no_wrap=True)
@@ -98,6 +100,26 @@ LEGEND = (
     "least value. On physics the laws use the corrected equations; those of the printed ones run "
     "on the printed plant only."
 )
+
+
+def requirements_table(judgements: Sequence[Judgement]) -> Table:
+    """What was required, and whether it was kept."""
+    table = empty_table("Requirements")
+    for header in ("law", "plant", "requirement"):
+        table.add_column(header, no_wrap=True)
+    for header in ("measured", "margin"):
+        table.add_column(header, justify="right", no_wrap=True)
+    table.add_column("")
+    for each in judgements:
+        unit = each.limit.unit if each.limit.unit != "1" else ""
+        measured = "-" if each.measured is None else f"{number(each.measured)} {unit}".strip()
+        margin = "-" if each.margin is None else number(each.margin)
+        said = "kept" if each.kept else "FAILED" + (f": {each.note}" if each.note else "")
+        style = "" if each.kept else "red"
+        table.add_row(
+            each.controller, each.plant, each.limit.words, measured, margin, said, style=style
+        )
+    return table
 
 
 def endings(results: Sequence[RunResult]) -> list[str]:

@@ -1,0 +1,160 @@
+"""grosmc-mj run and new."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import New, Run
+from grosmc_mj.errors import ArgumentError, SetupError
+
+if TYPE_CHECKING:
+    from grosmc_mj.validation.experiment import Experiment
+    from grosmc_mj.validation.runs import RunResult
+
+_NAME = re.compile(r"[A-Za-z_]\w*")
+
+
+def run(command: Run) -> int:
+    """Run a case file, print, write, judge."""
+    from grosmc_mj.validation.cases import shipped_files
+    from grosmc_mj.validation.experiment import find_file, prepare
+    from grosmc_mj.validation.requirements import failed, judge_all
+    from grosmc_mj.validation.results_file import experiment_document, write_json
+
+    experiment = prepare(find_file(command.file))
+    # A case of the package is called system/case, a file by its own name.
+    console, name = (
+        screen.console(),
+        Path(
+            command.file.replace("/", "_") if command.file in shipped_files() else command.file
+        ).stem,
+    )
+    target = command.out / f"{name}.json"
+    results: list[RunResult] = []
+    complete = False
+    try:
+        with screen.progress(len(experiment.laws)) as advance:
+            for result in experiment.run():
+                results.append(result)
+                advance(result.key)
+        complete = True
+    finally:
+        # What was computed is shown and kept, whatever happened since.
+        judgements = judge_all(experiment.limits, results)
+        if results:
+            _show(console, results)
+            content = experiment_document(experiment, results, judgements, complete=complete)
+            write_json(target, content)
+    files = [target]
+    if command.figures:
+        files.append(_draw(results, command.out / f"{name}.png"))
+    _requirements(console, experiment, judgements)
+    console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
+    if command.film:
+        _film(console, experiment, results, command.out / f"{name}.mp4")
+    return screen.DIFFERS if failed(judgements) else screen.DONE
+
+
+def _show(console: Console, results: list[RunResult]) -> None:
+    """Print what was measured."""
+    from grosmc_mj.validation import tables
+
+    console.print(tables.results_table(results))
+    console.print()
+    console.print(tables.LEGEND, style="dim")
+    for line in tables.endings(results):
+        console.print(line, style="red", soft_wrap=True)
+    console.print(tables.gains_table(results))
+    console.print()
+
+
+def _draw(results: list[RunResult], path: Path) -> Path:
+    """The figure."""
+    from grosmc_mj.rendering.figure import figure_written
+    from grosmc_mj.validation.experiment_figure import SIZE, draw_experiment
+
+    with figure_written(path, SIZE) as figure:
+        draw_experiment(figure, results)
+    return path
+
+
+def _requirements(console: Console, experiment: Experiment, judgements: list) -> None:
+    """Say what was required and whether it was kept."""
+    from grosmc_mj.validation import tables
+    from grosmc_mj.validation.requirements import failed
+
+    if not experiment.limits:
+        console.print("The file requires nothing: give it a [[requirement]].")
+        return
+    console.print(tables.requirements_table(judgements))
+    console.print()
+    wrong = failed(judgements)
+    if wrong:
+        said = f"{len(wrong)} of {len(judgements)} requirements are not kept."
+        console.print(said, style="bold red")
+    else:
+        console.print(f"All {len(judgements)} requirements are kept.", style="bold green")
+
+
+def _film(console: Console, experiment: Experiment, results: list[RunResult], path: Path) -> None:
+    """Film the runs in MuJoCo, side by side, or say in one line why not."""
+    from grosmc_mj.cli.films import say
+    from grosmc_mj.rendering.backends import find_backend
+    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
+    from grosmc_mj.rendering.film import MOST_TAKES, Format
+    from grosmc_mj.validation.films import film_of, write_case_film
+
+    shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
+    if not shown:
+        console.print("No film: there is no run in MuJoCo.", style="yellow")
+        return
+    try:
+        find_ffmpeg()
+        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
+        film = film_of(shown, Format())
+        with screen.progress(len(film.times), "frames") as advance:
+            written = write_case_film(
+                experiment.case,
+                film,
+                path,
+                settings=experiment.settings,
+                backend=backend,
+                advance=lambda: advance(path.name),
+            )
+        say(console, written, film.format.fps)
+    except SetupError as error:
+        console.print(f"No film: {error}", style="yellow", soft_wrap=True)
+
+
+def new(command: New) -> int:
+    """Write a case file to begin with."""
+    from grosmc_mj.files import written_aside
+    from grosmc_mj.validation.experiment import find_file
+    from grosmc_mj.validation.starters import own_plant, starter
+
+    name = command.name.removesuffix(".toml")
+    if not _NAME.fullmatch(name):
+        raise ArgumentError(f"{command.name!r} must be a name of letters, digits and underscores")
+    if command.like is not None and command.python:
+        raise ArgumentError("--like copies a case, --python writes one: give one of them")
+    files = {f"{name}.toml": starter()}
+    if command.like is not None:
+        files = {f"{name}.toml": find_file(command.like).read_text(encoding="utf-8")}
+    elif command.python:
+        files = own_plant(name)
+    for file in files:
+        if Path(file).exists():
+            raise ArgumentError(f"{file} is there already: take another name or remove it")
+    for file, text in files.items():
+        with written_aside(Path(file)) as part:
+            part.write_text(text, encoding="utf-8")
+    screen.console().print(
+        f"{' and '.join(files)} written; run: grosmc-mj run {name}.toml", soft_wrap=True
+    )
+    return screen.DONE

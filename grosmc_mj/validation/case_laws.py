@@ -1,0 +1,296 @@
+"""The laws that a case file names, with its numbers."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from sympy.parsing.sympy_parser import parse_expr
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.casefile.schema import CaseFile, ControllerTable, TaskTable
+from grosmc_mj.casefile.user_code import blamed, is_named, load_named
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.custom import custom_controller
+from grosmc_mj.control.design import (
+    Realization,
+    Task,
+    computed_torque_pd,
+    linear_lqr,
+    linearized_lqr,
+    realized,
+    tracking_grosmc,
+)
+from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.feedback_linearization import feedback_linearization
+from grosmc_mj.control.gains import Uncertainty
+from grosmc_mj.control.references import TIME, ReferenceFunction, reference
+from grosmc_mj.control.switching import find_switching
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.validation.designs import DESIGNS, switching_for
+from grosmc_mj.validation.runs import PlantName
+from grosmc_mj.validation.subject import Subject
+
+# Laws for any plant of one's own.
+GENERAL: Mapping[str, Callable[..., Controller]] = {
+    "lqr": linear_lqr,
+    "fl-lqr": linearized_lqr,
+    "pd": computed_torque_pd,
+    "grosmc": tracking_grosmc,
+}
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """Parameters of a reference that is written out: there are none."""
+
+
+def controller_of(
+    table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
+) -> Controller:
+    """The controller of a table, designed for the nominal plant.
+
+    Args:
+        table: Its law and numbers.
+        file: The case file, with the task.
+        subject: The plant.
+        plant: Which plant it shall run on.
+        folder: Where the user's own Python is.
+
+    Raises:
+        GrosmcError: If there is no such law, a number does not fit, or the design fails.
+    """
+    nominal = subject.believed(plant)
+    try:
+        if is_named(table.law):
+            made = _users(table, file, subject, nominal, folder)
+        else:
+            made = _ours(table, file, subject, nominal, folder)
+        made = realized(made, _realization(table, made, file))
+    except GrosmcError as error:
+        raise ArgumentError(f"controller {_name(table)}: {error}") from error
+    return replace(made, name=_name(table))
+
+
+def _name(table: ControllerTable) -> str:
+    """What a controller is called."""
+    return table.name or table.law.split(":")[-1]
+
+
+def _realization(table: ControllerTable, made: Controller, file: CaseFile) -> Realization:
+    """How a law is sampled."""
+    given = {"switching", "surface"} & table.model_fields_set
+    if made.with_reach is None:
+        if given:
+            raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
+        return Realization()
+    design = file.task.design or (made.error.system.name if made.error else "")
+    law = (
+        switching_for(table.switching, design)
+        if design in DESIGNS
+        else find_switching(table.switching)
+    )
+    return Realization(law, file.run.control_period if table.surface == "discrete" else None)
+
+
+def _ours(
+    table: ControllerTable, file: CaseFile, subject: Subject, nominal: AnalyticPlant, folder: Path
+) -> Controller:
+    """A law of the package."""
+    task, build = _task(table, file.task, subject, nominal, folder)
+    if table.law not in build:
+        raise ArgumentError(unknown_name("law", table.law, [*build, "module:name"]))
+    maker, numbers = build[table.law], {k: v for k, v in table.numbers.items() if k not in "QR"}
+    valid = _numbers_of(maker)
+    for name in numbers:
+        if name not in valid:
+            keys = [*ControllerTable.model_fields, "Q", "R", *valid]
+            raise ArgumentError(unknown_name("key", name, keys))
+    if missing := [name for name, needed in valid.items() if needed and name not in numbers]:
+        raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
+    return maker(task, **{name: _number(name, value) for name, value in numbers.items()})
+
+
+def _users(
+    table: ControllerTable, file: CaseFile, subject: Subject, nominal: AnalyticPlant, folder: Path
+) -> Controller:
+    """A law of the user's own: a controller, a function that makes one, or a law."""
+    found = load_named(table.law, folder)
+    numbers = {name: _number(name, value) for name, value in table.numbers.items()}
+    if isinstance(found, Controller):
+        return found if not numbers else _refuse("a controller has its numbers already")
+    places = _places(found, table.law)
+    if places == 4:
+        task, build = _task(table, file.task, subject, nominal, folder)
+        like = build["fl-lqr" if "fl-lqr" in build else "lqr"](task)
+        own = {name: value for name, value in numbers.items() if name not in "QR"}
+        return custom_controller(_name(table), found, like, own)
+    with blamed(folder):
+        made = found(nominal, **numbers)
+    if not isinstance(made, Controller):
+        _refuse(f"{table.law} returned a {type(made).__name__}, must return a Controller")
+    return made
+
+
+def _refuse(said: str) -> NoReturn:
+    raise ArgumentError(said)
+
+
+def _places(found: Any, text: str) -> int:
+    """How many arguments a function must be given."""
+    wanted = (
+        "a law (t, x, memory, p) -> u, a function (nominal plant, numbers ...) -> Controller, or "
+        "a Controller"
+    )
+    if not callable(found):
+        _refuse(f"{text} is a {type(found).__name__}, must be {wanted}")
+    try:
+        parameters = inspect.signature(found).parameters.values()
+    except (TypeError, ValueError):
+        _refuse(f"{text} does not say what it takes; it must be {wanted}")
+    positional = [
+        each
+        for each in parameters
+        if each.default is each.empty and each.kind is each.POSITIONAL_OR_KEYWORD
+    ]
+    if len(positional) == 4 and [each.name for each in positional][:2] == ["t", "x"]:
+        return 4
+    if not positional:
+        _refuse(f"{text} takes no argument, it must be {wanted}")
+    return 1
+
+
+def _numbers_of(maker: Callable[..., Controller]) -> dict[str, bool]:
+    """The numbers that a law may be given, and whether it needs them."""
+    found = list(inspect.signature(maker).parameters.values())[1:]
+    return {each.name: each.default is each.empty for each in found if each.name != "name"}
+
+
+def _number(name: str, value: Any) -> Any:
+    """A number, a matrix or an uncertainty of a file."""
+    if name == "uncertainty":
+        return _uncertainty(value)
+    entries = np.ravel(np.asarray(value, object)).tolist()
+    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
+        raise ArgumentError(f"{name} = {value!r} must be a number or the rows of a matrix")
+    return float(value) if np.ndim(value) == 0 else np.array(value, float)
+
+
+def _uncertainty(value: Any) -> Uncertainty:
+    """A declared uncertainty."""
+    keys = [each.name for each in fields(Uncertainty)]
+    if not isinstance(value, dict):
+        raise ArgumentError(f"uncertainty = {value!r} must be a table with {', '.join(keys)}")
+    for key in value:
+        if key not in keys:
+            raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
+    if missing := [key for key in keys if key not in value]:
+        raise ArgumentError(f"uncertainty: {', '.join(missing)} is missing")
+    try:
+        return Uncertainty(
+            {name: (float(low), float(high)) for name, (low, high) in value["scales"].items()},
+            tuple(map(float, value["wrench"])),
+            tuple(map(float, value["region"])),
+            float(value["reaching_rate"]),
+        )
+    except (TypeError, ValueError, AttributeError) as error:
+        raise ArgumentError(f"uncertainty: {error}") from None
+
+
+def _task(
+    table: ControllerTable,
+    wanted: TaskTable,
+    subject: Subject,
+    nominal: AnalyticPlant,
+    folder: Path,
+) -> tuple[Task, Mapping[str, Callable[..., Controller]]]:
+    """What a law is designed for, and the laws that there are."""
+    Q, R = table.numbers.get("Q", wanted.Q), table.numbers.get("R", wanted.R)
+    if not subject.shipped:
+        if wanted.design is not None:
+            raise ArgumentError("task: design: only the package's systems have designs")
+        return _own_task(nominal, wanted, Q, R, folder), GENERAL
+    design = wanted.design or subject.system.name
+    valid = [name for name in DESIGNS if name.split()[0] == subject.system.name]
+    if design not in valid:
+        raise ArgumentError(f"task: {unknown_name('design', design, valid)}")
+    designs = DESIGNS[design]
+    task = designs.task(nominal)
+    if wanted.reference is not None:
+        degrees = task.error.linearization.relative_degree
+        moving, parameters = _reference(wanted.reference, degrees, folder)
+        task = replace(task, error=replace(task.error, reference=moving), reference=parameters)
+    size, m = task.error.size, task.error.inputs
+    task = replace(
+        task,
+        Q=task.Q if Q is None else _weight("Q", Q, size),
+        R=task.R if R is None else _weight("R", R, m),
+    )
+    aliases = {alias: designs.build[same] for alias, (same, _) in designs.aliases.items()}
+    further = {name: partial(_of_plant, maker=maker) for name, maker in designs.further.items()}
+    return task, {**designs.build, **aliases, **further}
+
+
+def _of_plant(task: Task, maker: Callable[..., Controller]) -> Controller:
+    """A further law of a system, which is designed from the plant alone."""
+    return maker(task.plant, None)
+
+
+def _own_task(nominal: AnalyticPlant, wanted: TaskTable, Q: Any, R: Any, folder: Path) -> Task:
+    """The task of a plant of the user's own."""
+    if Q is None or R is None:
+        raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
+    degrees = feedback_linearization(nominal.system.equations).relative_degree
+    formulas = wanted.reference or ["0"] * len(degrees)
+    moving, parameters = _reference(formulas, degrees, folder)
+    error = ErrorCoordinates(nominal.system, moving)
+    weights = _weight("Q", Q, error.size), _weight("R", R, error.inputs)
+    return Task(nominal, error, parameters, *weights)
+
+
+def _weight(name: str, value: Any, size: int) -> Array:
+    """A weight as a matrix."""
+    try:
+        found = np.asarray(value, float)
+    except ValueError:
+        found = np.zeros((0, 0))
+    found = found * np.eye(size) if found.ndim == 0 else found
+    found = np.diag(found) if found.ndim == 1 else found
+    if found.shape != (size, size):
+        raise ArgumentError(
+            f"task: {name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
+        )
+    return found
+
+
+def _reference(
+    formulas: list[str], degrees: tuple[int, ...], folder: Path
+) -> tuple[ReferenceFunction, Any]:
+    """A reference from formulas in t, or from the user's own Python."""
+    if len(formulas) == 1 and is_named(formulas[0]):
+        found = load_named(formulas[0], folder)
+        if not (isinstance(found, tuple) and len(found) == 2):
+            _refuse(f"task: reference: {formulas[0]} must be a pair (reference, its parameters)")
+        return found
+    if len(formulas) != len(degrees):
+        raise ArgumentError(
+            f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
+        )
+    outputs = []
+    for formula in formulas:
+        try:
+            output: Any = parse_expr(formula, local_dict={"t": TIME})
+        except Exception:  # sympy's parser has no class of errors of its own
+            raise ArgumentError(f"task: reference: {formula!r} is no formula in t") from None
+        if unknown := sorted(str(each) for each in output.free_symbols - {TIME}):
+            raise ArgumentError(
+                f"task: reference: {formula!r} has {', '.join(unknown)}, may have t only"
+            )
+        outputs.append(output)
+    return reference(outputs, degrees), Formulas()
