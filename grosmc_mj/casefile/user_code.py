@@ -19,6 +19,11 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _NAMED = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 # Where a compiler's message says that it stopped.
 _COMPILED = re.compile(r'File "([^"]+)", line (\d+)')
+# What it says of its own reasons, the last of which counts.
+_REASON = re.compile(
+    r"No implementation of function .* found|Unknown attribute .*|Untyped global .*|.*unsupported.*"
+    r"|.*not supported.*|Cannot .*|Invalid .*"
+)
 
 
 def is_named(text: str) -> bool:
@@ -85,11 +90,13 @@ def blamed(folder: Path) -> Iterator[None]:
 
 
 def _named(error: Exception) -> str:
-    """What went wrong: of a compiler's page the first line, of others the class too."""
+    """What went wrong: of a compiler's page the reason before the place, of others the class."""
     if isinstance(error, NumbaError):
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        told = next((line for line in lines if not line.startswith("Failed in")), lines[0])
-        return f'numba cannot compile this: {told}; engine = "python" runs it uncompiled'
+        page = str(error)
+        places = [found for found in _COMPILED.finditer(page) if Path(found[1]).suffix == ".py"]
+        before = page[: places[0].start()] if places else page
+        reason = (_REASON.findall(before) or page.splitlines())[-1]
+        return f'numba cannot compile this: {reason}; engine = "python" runs it uncompiled'
     return f"{type(error).__name__}: {getattr(error, 'msg', error)}"
 
 

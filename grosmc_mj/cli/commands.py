@@ -82,7 +82,7 @@ class Run:
         file: A case file, or a case of the package.
         out: Folder for the results.
         figures: Whether to draw the figure.
-        film: Whether to film its laws side by side in MuJoCo: NAME.mp4.
+        film: Whether to film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
     """
 
     file: Annotated[Positional[str], arg(metavar="FILE", name="file")]

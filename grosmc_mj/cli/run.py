@@ -11,6 +11,7 @@ from rich.console import Console
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import New, Run
+from grosmc_mj.cli.films import FOLDER, say
 from grosmc_mj.errors import ArgumentError, SetupError
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def run(command: Run) -> int:
     _requirements(console, experiment, judgements)
     console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
     if command.film:
-        _film(console, experiment, results, command.out / f"{name}.mp4")
+        _film(console, experiment, results, command.out / FOLDER / f"{name}.mp4")
     return screen.DIFFERS if failed(judgements) else screen.DONE
 
 
@@ -104,7 +105,6 @@ def _requirements(console: Console, experiment: Experiment, judgements: list) ->
 
 def _film(console: Console, experiment: Experiment, results: list[RunResult], path: Path) -> None:
     """Film the runs in MuJoCo, side by side, or say in one line why not."""
-    from grosmc_mj.cli.films import say
     from grosmc_mj.rendering.backends import find_backend
     from grosmc_mj.rendering.ffmpeg import find_ffmpeg
     from grosmc_mj.rendering.film import MOST_TAKES, Format

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from grosmc_mj.casefile.reading import read_case_file
 from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.casefile.user_code import blamed
@@ -51,8 +53,13 @@ class Experiment:
         """
         for (plant, _), law in self.laws.items():
             with blamed(self.folder):
+                self._try(law)
                 result = run_on(self.case, plant, law, self.subject.plants[plant], self.settings)
             yield result
+
+    def _try(self, law: Controller) -> None:
+        """Ask a law once in Python: compiled code does not say where it fails, or that it does."""
+        law.law(0.0, np.array(self.case.x0), law.memory(), law.parameters)
 
     def document(self) -> dict[str, Any]:
         """The resolved file as plain values."""

@@ -3,33 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.rendering.palette import DISTURBANCE, LABELS, OPTIMUM, colour_of
+from grosmc_mj.rendering.palette import COLOURS, DISTURBANCE, LABELS, OPTIMUM, colour_of
 from grosmc_mj.validation.chapter_pictures import LINES, PLANTS
 from grosmc_mj.validation.picture import labelled_below
-from grosmc_mj.validation.runs import RunResult
+from grosmc_mj.validation.runs import PlantName, RunResult
 
 SIZE = (7.2, 9.0)
+_ALONE: dict[str, Any] = {"lw": 1.6}
+# Thin enough to show how dense a signal is that jumps at every sample.
+_THIN: dict[str, Any] = {"lw": 0.8}
 
 
 def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     """Draw all runs of a case file on an empty figure, over time."""
     sliding = any(result.trajectory.sliding is not None for result in results)
     panels = list(figure.subplots(4 if sliding else 3, 1, sharex=True))
-    names = list(dict.fromkeys(result.controller.name for result in results))
+    colours = _colours(results)
+    smooth, switched = panels[:2], panels[2:]
     for result in results:
-        colour = colour_of(result.controller.name, names.index(result.controller.name))
-        for panel, (time, curve) in zip(panels, _curves(result, sliding=sliding), strict=True):
-            name = LABELS.get(result.controller.name, result.controller.name)
-            panel.plot(
-                time, curve, color=colour, rasterized=True,
-                label=f"{name}, {PLANTS[result.plant]}", **LINES[result.plant],
-            )  # fmt: skip
+        name = result.controller.name
+        label = f"{LABELS.get(name, name)}, {PLANTS[result.plant]}"
+        line = LINES[result.plant] if len(_plants(results)) > 1 else _ALONE
+        for panel, curve in zip(smooth, _outputs(result), strict=True):
+            time = result.trajectory.time
+            panel.plot(time, curve, color=colours[name], label=label, rasterized=True, **line)
+    for result in _calmest_last(results):
+        for panel, curve in zip(switched, _signals(result, sliding=sliding), strict=True):
+            held = result.trajectory.time[:-1]
+            panel.plot(held, curve, color=colours[result.controller.name], rasterized=True, **_THIN)
     _reference(panels[0], results[0])
     for panel, label in zip(panels, _labels(results, sliding=sliding), strict=True):
         panel.set_ylabel(label)
@@ -39,18 +47,38 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     labelled_below(figure, panels)
 
 
-def _curves(result: RunResult, *, sliding: bool) -> list[tuple[Array, Array]]:
-    """What each panel shows of a run; nothing where a law has no surface."""
-    run, comparison = result.trajectory, result.comparison
-    held = run.time[:-1]
+def _plants(results: Sequence[RunResult]) -> list[PlantName]:
+    """Plants that were run on."""
+    return list(dict.fromkeys(result.plant for result in results))
+
+
+def _colours(results: Sequence[RunResult]) -> dict[str, str]:
+    """A colour for each controller."""
+    names = list(dict.fromkeys(result.controller.name for result in results))
+    own = [name for name in names if name not in COLOURS]
+    return {name: colour_of(name, own.index(name) if name in own else 0) for name in names}
+
+
+def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:
+    """The runs on the last plant, physics if it is there: what chatters is drawn below the rest."""
+    last = [result for result in results if result.plant == _plants(results)[-1]]
+    return sorted(last, key=lambda result: -(result.metrics["total_variation"].value or 0.0))
+
+
+def _outputs(result: RunResult) -> list[Array]:
+    """The output, or the size of several outputs' errors; and the distance from the optimum."""
+    comparison, error = result.comparison, result.controller.error
     output = comparison.error
-    if len(comparison.outputs) == 1 and result.controller.error is not None:
-        output = comparison.reference[:, 0] + result.controller.error.sign * comparison.error
-    found = [(run.time, output), (run.time, comparison.deviation)]
-    if sliding:
-        s = np.full(len(held), np.nan) if run.sliding is None else _largest(run.sliding)
-        found.append((held, s))
-    return [*found, (held, _largest(run.input))]
+    if len(comparison.outputs) == 1 and error is not None:
+        output = comparison.reference[:, 0] + error.sign * comparison.error
+    return [output, comparison.deviation]
+
+
+def _signals(result: RunResult, *, sliding: bool) -> list[Array]:
+    """s, where a law has a surface, and the input."""
+    run = result.trajectory
+    s = np.full(len(run.time) - 1, np.nan) if run.sliding is None else _largest(run.sliding)
+    return [s, _largest(run.input)] if sliding else [_largest(run.input)]
 
 
 def _largest(rows: Array) -> Array:
