@@ -83,6 +83,11 @@ def blamed(folder: Path) -> Iterator[None]:
         yield
     except Exception as error:
         place = _place(error, folder.resolve())
+        if place is None and _compiling(error):
+            said = f"{type(error).__name__}: {error}"
+            raise ArgumentError(
+                f'numba cannot compile the law: {said}; engine = "python" runs it uncompiled'
+            ) from error
         if place is None:
             raise
         said = str(error) if isinstance(error, (ArgumentError, ValueError)) else _named(error)
@@ -114,6 +119,12 @@ def _place(error: Exception, folder: Path) -> str | None:
         if path.suffix == ".py" and path.resolve().is_relative_to(folder) and not _foreign(path):
             return f"{path.name}:{line}"
     return None
+
+
+def _compiling(error: Exception) -> bool:
+    """Whether it was numba that failed, without saying where."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return "numba" in Path(frames[-1].filename).parts
 
 
 def _foreign(path: Path) -> bool:

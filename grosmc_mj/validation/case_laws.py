@@ -131,6 +131,10 @@ def _users(
         like = build["fl-lqr" if "fl-lqr" in build else "lqr"](task)
         own = {name: value for name, value in numbers.items() if name not in "QR"}
         return custom_controller(_name(table), found, like, own)
+    try:
+        inspect.signature(found).bind(nominal, **numbers)
+    except TypeError as error:
+        _refuse(f"{table.law} cannot be called with the plant and {list(numbers)}: {error}")
     with blamed(folder):
         made = found(nominal, **numbers)
     if not isinstance(made, Controller):

@@ -1,0 +1,313 @@
+"""grosmc-mj run and new: files of each kind, Python of the user's own, exit codes."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grosmc_mj import cli
+from grosmc_mj.validation.cases import find_case
+from grosmc_mj.validation.experiment import find_file, prepare
+from grosmc_mj.validation.requirements import judge_all
+from grosmc_mj.validation.runs import Settings, run_case
+
+PYTHON = """
+import math
+import numpy as np
+import sympy as sp
+import grosmc_mj as gm
+
+q, w = sp.symbols("q w")
+m = sp.Symbol("m")
+
+def pendulum():
+    return gm.affine_plant("pendulum", states={"q": "rad", "w": "rad/s"}, inputs={"u": "N m"},
+        f=[w, -m * sp.sin(q)], g=[0, 1], h=[q], parameters={"m": 2.0})
+
+def law(t, x, memory, p):
+    return p.plant.m * math.sin(x[0]) - p.a * x[0] - p.b * x[1]
+
+def made(plant, epsilon=5.0):
+    error = gm.ErrorCoordinates(plant.system, gm.constant(2))
+    task = gm.Task(plant, error, gm.Setpoint(0.0), Q=np.eye(2), R=1.0)
+    return gm.tracking_grosmc(task, k=5.0, epsilon=epsilon)
+
+def gust(t):
+    return math.exp(-t)
+
+pair = (gm.reference([sp.sin(gm.TIME)]), gm.Setpoint())
+wrong = 3
+"""
+
+CASE = """
+[plant]
+plant = "own:pendulum"
+
+[run]
+start = { q = "10 deg" }
+duration = "0.2 s"
+engine = "python"
+
+[[edit]]
+parameter = "m"
+scale = 1.5
+
+[task]
+Q = [1, 1]
+R = 1
+
+[[controller]]
+law = "own:law"
+a = 4
+b = 4
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def own(folder: Path, case: str = CASE, python: str = PYTHON) -> str:
+    """A case file beside its Python."""
+    (folder / "own.py").write_text(python)
+    (folder / "own.toml").write_text(case)
+    return str(folder / "own.toml")
+
+
+@pytest.mark.slow
+def test_new_writes_what_run_runs(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert run("new", "mine") == 0
+    shorter = (folder / "mine.toml").read_text().replace('"6 s"', '"4 s"')
+    (folder / "mine.toml").write_text(shorter)
+    assert run("run", "mine.toml", "--out", "out") == 0
+    said = capsys.readouterr().out
+    assert "requirements are kept" in said
+    content = json.loads((folder / "out" / "mine.json").read_text())
+    assert content["kept"] is True
+    assert content["complete"] is True
+    assert {each["controller"] for each in content["runs"]} == {"lqr", "grosmc", "softer"}
+    assert content["configuration"]["file"]["run"]["duration"] == 4.0
+    assert (folder / "out" / "mine.png").stat().st_size > 10_000
+    assert (folder / "out" / "mine.svg").is_file()
+
+
+def test_new_with_python_writes_what_run_runs(folder: Path):
+    assert run("new", "mine", "--python") == 0
+    assert run("run", "mine.toml", "--no-figures") == 0
+    content = json.loads((folder / "renders" / "mine.json").read_text())
+    assert [each["controller"] for each in content["runs"]] == ["fl-lqr", "my_controller", "my_law"]
+
+
+def test_new_copies_a_shipped_case(folder: Path):
+    assert run("new", "mine", "--like", "arm/case1") == 0
+    assert (folder / "mine.toml").read_text() == find_file("arm/case1").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("new", "a b"), "must be a name of letters"),
+        (("new", "mine", "--like", "leg/case1"), "unknown case 'leg/case1'"),
+        (("new", "mine", "--like", "arm/case1", "--python"), "give one of them"),
+        (("run", "nowhere.toml"), "there is no such file; grosmc-mj new nowhere writes one"),
+        (("run", "arm/case7"), "unknown case 'arm/case7': did you mean 'arm/case"),
+    ],
+)
+def test_wrong_use(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
+):
+    assert run(*arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_new_never_overwrites(folder: Path, capsys: pytest.CaptureFixture[str]):
+    (folder / "mine.toml").write_text("precious")
+    assert run("new", "mine") == 2
+    assert "is there already" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_text() == "precious"
+
+
+def test_failed_requirement_has_exit_code_1(folder: Path, capsys: pytest.CaptureFixture[str]):
+    strict = CASE + '\n[[requirement]]\ndeviation_below = "1 urad"\n'
+    assert run("run", own(folder, strict), "--no-figures") == 1
+    said = capsys.readouterr().out
+    assert "FAILED" in said
+    assert "1 of 1 requirements are not kept" in said
+    assert json.loads((folder / "renders" / "own.json").read_text())["kept"] is False
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        "arm/case2",
+        *(
+            pytest.param(case, marks=pytest.mark.slow)
+            for case in ("servo/case1", "cart_pendulum/case1")
+        ),
+    ],
+)
+def test_a_file_runs_as_validate_does(case: str):
+    system, name = case.split("/")
+    for result in prepare(find_file(case)).run():
+        if result.plant == "physics":
+            same = run_case(find_case(system, name), "physics", result.controller.name, Settings())
+            assert np.array_equal(result.trajectory.state, same.trajectory.state)
+            assert result.metrics == same.metrics
+
+
+def test_numbers_of_the_file_are_the_defaults_written_out(tmp_path: Path):
+    text = find_file("arm/case1").read_text()
+    explicit = text.replace(
+        'law = "grosmc"\n',
+        'law = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\nQ = [[10, 2], [2, 1]]\nR = 1\n',
+    )
+    (tmp_path / "mine.toml").write_text(explicit)
+    found = {r.key: r for r in prepare(tmp_path / "mine.toml").run()}
+    for result in prepare(find_file("arm/case1")).run():
+        mine = found[result.key.replace("/case1/", "/mine/")]
+        assert np.array_equal(mine.trajectory.state, result.trajectory.state)
+
+
+def test_law_of_ones_own_in_both_engines_is_weighed_by_the_index(folder: Path):
+    path = Path(own(folder))
+    python = next(iter(prepare(path).run()))
+    path.write_text(CASE.replace('"python"', '"native"'))
+    native = next(iter(prepare(path).run()))
+    assert np.allclose(python.trajectory.state, native.trajectory.state, rtol=0, atol=1e-12)
+    # v = -m sin(q) + u = -a q - b q' of this law, by its own equations.
+    run, steps = native.trajectory, slice(0, -1)
+    expected = -4 * run.state[steps, 0] - 4 * run.state[steps, 1]
+    assert np.allclose(run.weighed, expected, rtol=0, atol=1e-12)
+
+
+def test_edit_reaches_the_plant_and_not_the_law(folder: Path):
+    experiment = prepare(Path(own(folder)))
+    law = experiment.laws["corrected", "law"]
+    assert law.parameters.plant.m == 2.0
+    assert experiment.subject.plants["corrected"].parameters.m == 3.0  # pyright: ignore
+
+
+def test_factory_and_reference_of_ones_own(folder: Path):
+    factory = CASE.replace('"own:law"\na = 4\nb = 4', '"own:made"\nepsilon = 7')
+    result = next(iter(prepare(Path(own(folder, factory))).run()))
+    assert result.controller.parameters.epsilon == 7.0
+    moving = CASE.replace("[task]", '[task]\nreference = ["own:pair"]')
+    result = next(iter(prepare(Path(own(folder, moving))).run()))
+    assert np.allclose(
+        result.comparison.reference[:, 0], np.sin(result.comparison.time), atol=1e-15
+    )
+
+
+def line_of(python: str, part: str) -> int:
+    """The line that a part of the source is on."""
+    return python[: python.index(part)].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        ("p.a * x[0]", "p.a * x[9]", "IndexError"),
+        ("p.a * x[0]", "p.aa * x[0]", "AttributeError"),
+        ("math.sin(x[0])", "math.sin(1 / 0)", "ZeroDivisionError"),
+        ("return gm.affine_plant", "return gm.affine_plan", "AttributeError"),
+        ("import sympy as sp", "import sympi as sp", "No module named 'sympi'"),
+        ("q, w = sp", "q, w == sp", "NameError"),
+        ("def law(t", "def law(t,,", "SyntaxError"),
+    ],
+)
+def test_errors_in_the_users_python_point_to_its_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], good: str, bad: str, said: str
+):
+    python = PYTHON.replace(good, bad, 1)
+    assert run("run", own(folder, CASE, python), "--no-figures") == 2
+    error = capsys.readouterr().err
+    assert f"own.py:{line_of(python, bad)}: " in error
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_law_that_numba_cannot_compile_points_to_its_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    python = PYTHON.replace("p.a * x[0]", "p.a * sum(x.tolist())")
+    native = CASE.replace('"python"', '"native"')
+    assert run("run", own(folder, native, python), "--no-figures") == 2
+    error = capsys.readouterr().err
+    assert f"own.py:{line_of(python, 'p.a * sum')}: numba cannot compile this" in error
+    assert 'engine = "python" runs it uncompiled' in error
+    assert run("run", own(folder, CASE, python), "--no-figures") == 0
+
+
+def test_law_that_numba_fails_on_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
+    python = PYTHON.replace("p.a * x[0]", "p.a * float(str(0.5))")
+    native = CASE.replace('"python"', '"native"')
+    assert run("run", own(folder, native, python), "--no-figures") == 2
+    assert "numba cannot compile the law: ValueError" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        ("own:pendulum", "own:pendulm", "did you mean 'pendulum'?"),
+        ("own:pendulum", "onw:pendulum", "there is no onw.py in"),
+        ("own:pendulum", "own:", "'own:' must be module:name"),
+        ("own:pendulum", "own:wrong", "own:wrong is a int, must be a plant"),
+        ("own:law", "own:wrong", "own:wrong is a int, must be a law (t, x, memory, p) -> u"),
+        ("own:law", "own:pendulum", "own:pendulum takes no argument"),
+        ("own:law", "own:gust", "got an unexpected keyword argument 'a'"),
+        ('parameter = "m"', 'parameter = "k"', "unknown parameter 'k': valid: m"),
+        ('parameter = "m"\nscale = 1.5', 'body = "rod"\nmass_scale = 2', "edit a parameter"),
+        ("Q = [1, 1]\n", "", "Q and R are missing"),
+        ("a = 4", 'a = "four"', "a = 'four' must be a number"),
+        ('"own:law"\na = 4\nb = 4', '"grosmc"', "grosmc needs k and epsilon"),
+        ('"own:law"\na = 4\nb = 4', '"lqr"\nk = 4', "unknown key 'k'"),
+        ('"own:law"\na = 4\nb = 4', '"lqr"\nswitching = "sign"', "it does not switch"),
+        ("[task]", '[task]\nreference = ["own:wrong"]', "must be a pair"),
+    ],
+)
+def test_wrong_files_of_ones_own(
+    folder: Path, capsys: pytest.CaptureFixture[str], good: str, bad: str, said: str
+):
+    assert run("run", own(folder, CASE.replace(good, bad, 1)), "--no-figures") == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_requirements_measure_what_they_say():
+    experiment = prepare(find_file("cart_pendulum/case1"))
+    results = [
+        r for r in experiment.run() if r.plant == "physics" and r.controller.name == "grosmc"
+    ]
+    found = {each.limit.kind: each for each in judge_all(experiment.limits, results)}
+    run, comparison = results[0].trajectory, results[0].comparison
+    assert found["stays_within"].measured == np.abs(run.state[:, 1]).max()
+    assert found["input_below"].measured == np.abs(run.input).max()
+    assert found["deviation_below"].measured == np.abs(comparison.deviation).max()
+    assert run.sliding is not None
+    assert found["no_reaching_phase"].measured == abs(run.sliding[0])
+    assert found["settles_within"].measured == results[0].metrics["settling_time"].value
+
+
+def test_diverged_run_keeps_nothing(folder: Path, capsys: pytest.CaptureFixture[str]):
+    wild = CASE.replace("a = 4", "a = -1e9").replace("0.2 s", "5 s")
+    wild += '\n[[requirement]]\ninput_below = "1e12 N m"\n'
+    assert run("run", own(folder, wild), "--no-figures") == 1
+    assert re.search(r"FAILED: the run ended at \d", capsys.readouterr().out)
