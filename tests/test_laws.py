@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import FeedbackParameters
-from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.memory import Memory, SurfaceMemory
+from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.references import Setpoint, Sine, setpoint, sine
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import sgn
@@ -58,7 +58,7 @@ def controller(system: str, name: str) -> Controller:
     return chapter_controller(name, nominal(system))
 
 
-def coordinates(ctl: Controller) -> ErrorCoordinates:
+def coordinates(ctl: Controller) -> OutputCoordinates:
     return ctl.coordinates
 
 

@@ -29,6 +29,7 @@ from grosmc_mj.claims.measures import (
     within,
 )
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.gains import authority
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.rendering.palette import LABELS
@@ -120,6 +121,7 @@ def _true_gain(
 ) -> Array:
     """E* of a plant's own accelerations, in the coordinates that the law believes in, (m, m)."""
     error, p = law.coordinates, law.parameters
+    assert isinstance(error, ErrorCoordinates)
     m, rows = error.inputs, list(error.linearization.last_rows)
     slope = np.reshape(error.linearization.slope(x, p.plant), (error.size, len(x)))[rows]
     still = derivative(x, np.zeros(m), w)
@@ -233,6 +235,7 @@ def _approach(
     """s_i' sgn(s_i) next to the surfaces on the named sides, (m,)."""
     error, p = law.coordinates, law.parameters
     x, memory = error.place(0.0, z, p), law.memory()
+    assert isinstance(error, ErrorCoordinates)
     assert isinstance(memory, SurfaceMemory)
     # Any time but the start, at which the law takes z for its own z(0).
     memory.z0[:], memory.t = z - np.linalg.pinv(p.G) @ (1e-6 * sides), 1.0

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.output_coordinates import OutputCoordinates, Workspace
 from grosmc_mj.control.state_coordinates import StateCoordinates
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.errors import ArgumentError
@@ -41,7 +41,7 @@ class Controller:
     law: Law
     parameters: Any
     memory: Callable[[], Memory] = Memory
-    error: ErrorCoordinates | StateCoordinates | None = None
+    error: OutputCoordinates | StateCoordinates | None = None
     lqr: LqrDesign | None = None
     source: str = ""
     gains: Mapping[str, float] = field(default_factory=dict)
@@ -53,12 +53,21 @@ class Controller:
     with_reach: Callable[[Reach], Law] | None = None
 
     @property
-    def coordinates(self) -> ErrorCoordinates:
+    def coordinates(self) -> OutputCoordinates:
         """The error coordinates of a law that regulates outputs.
 
         Raises:
             ArgumentError: If it regulates the whole state, or nothing.
         """
-        if not isinstance(self.error, ErrorCoordinates):
+        if not isinstance(self.error, OutputCoordinates):
             raise ArgumentError(f"{self.name} has no outputs that it regulates")
         return self.error
+
+    def begin(self) -> tuple[Memory, Workspace | None]:
+        """The memory of a new run, and what must be kept alive for as long as it."""
+        memory, workspace = self.memory(), None
+        if isinstance(self.error, OutputCoordinates):
+            workspace = self.error.workspace(self.parameters)
+        if workspace is not None:
+            memory.workspace = workspace.address
+        return memory, workspace

@@ -18,6 +18,7 @@ from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty, switching_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr, priced
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.surface import drift_of_surface, surface_matrix
 from grosmc_mj.control.switching import Reach, Sign, Switching
 from grosmc_mj.errors import ArgumentError, GainError
@@ -132,7 +133,7 @@ class Task:
     """
 
     plant: AnalyticPlant
-    error: ErrorCoordinates
+    error: OutputCoordinates
     reference: Any
     Q: ArrayLike
     R: ArrayLike
@@ -153,21 +154,36 @@ class Task:
                 f"finite values: each output with derivatives up to {degrees}"
             )
 
+    @property
+    def symbolic(self) -> ErrorCoordinates:
+        """The error coordinates, if they are those of equations in symbols.
+
+        Raises:
+            ArgumentError: If they are not.
+        """
+        if not isinstance(self.error, ErrorCoordinates):
+            raise ArgumentError(
+                f"{self.plant.system.name} has no equations in symbols, which this design needs: "
+                "take tracking_grosmc, linearized_lqr or computed_torque_pd"
+            )
+        return self.error
+
     def linearization_optimum(self) -> LqrDesign:
         """LQR on the Jacobian linearization about zero error; exact for the linear servo.
 
         Raises:
             GainError: If zero error is no equilibrium without input, or the weights do not fit.
         """
-        p = self.feedback(np.zeros((self.error.inputs, self.error.size)))
-        at_rest = self.error.place(0.0, np.zeros(self.error.size), p)
-        alpha = self.error.dynamics(0.0, at_rest, p)[0]
+        error = self.symbolic
+        p = self.feedback(np.zeros((error.inputs, error.size)))
+        at_rest = error.place(0.0, np.zeros(error.size), p)
+        alpha = error.dynamics(0.0, at_rest, p)[0]
         if np.abs(alpha).max() > _AT_REST:
             raise GainError(
                 f"{self.plant.system.name}: zero error is no equilibrium without input, z' = "
                 f"{alpha.tolist()} there: linearize by feedback instead"
             )
-        return lqr(*self.error.jacobian(p), self.Q, self.R)
+        return lqr(*error.jacobian(p), self.Q, self.R)
 
     def chain_optimum(self) -> LqrDesign:
         """LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45).
@@ -252,7 +268,7 @@ def regulating_grosmc(
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_regulator, task.error)
+    optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_regulator, task.symbolic)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
     source = "eqs. (31)+(37)"
     return _sliding(with_reach, task, parameters, optimum, source, declared, linearizing=True)
@@ -360,7 +376,7 @@ def _bounded(
     """Surface and gains of the laws (12) and (37), and what they were computed from."""
     surface = _surface(task, optimum, G)
     gains = switching_gains(
-        task.error,
+        task.symbolic,
         task.feedback(optimum.K),
         optimum.K,
         uncertainty,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,36 +15,25 @@ from grosmc_mj.control.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
-from grosmc_mj.control.references import ReferenceFunction
-from grosmc_mj.control.vectors import Vector, each
+from grosmc_mj.control.output_coordinates import Feedback, OutputCoordinates
+from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import System
-
-_PER_SECOND = ("", "/s", "/s²", "/s³")
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorCoordinates:
-    """z = sign * (T(x) - [y_r, y_r', ...]), each output with its derivatives below r_i.
+class ErrorCoordinates(OutputCoordinates):
+    """The errors of outputs in symbols: z = sign * (T(x) - [y_r, y_r', ...]).
 
     It is the chapter's x for the servo (sign -1: theta_d - theta, eq. (17)), its z = T(x) for
     the pendulum (y_r = 0, eq. (22)) and its e for the arm (eq. (45)).
 
     Attributes:
-        system: The plant's equations.
-        reference: y_r(t) and its derivatives, from ``p.reference``.
-        sign: +1 for y - y_r, -1 for y_r - y.
-        outputs: y in symbols, as many as inputs; the system's own by default.
         guess: A state near which z determines x, (n,); zero by default. It matters where
             several states have the same outputs.
         unit: Unit of the outputs, if they are no states.
     """
 
-    system: System
-    reference: ReferenceFunction
-    sign: Literal[1, -1] = 1
-    outputs: tuple[Any, ...] | None = None
     guess: tuple[float, ...] | None = None
     unit: str = ""
 
@@ -65,50 +54,16 @@ class ErrorCoordinates:
         return chains
 
     @property
-    def inputs(self) -> int:
-        """m, the number of inputs and outputs."""
-        return self.system.equations.inputs
-
-    @property
-    def size(self) -> int:
-        """Number of entries of z."""
-        return sum(self.linearization.relative_degree)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each entry of z."""
-        chains = self.linearization
-        states = dict(zip(chains.equations.x, self.system.states, strict=True))
-        found = []
-        for output, degree in zip(chains.h, chains.relative_degree, strict=True):
-            unit = states[output].unit if output in states else self.unit
-            found += [unit + _PER_SECOND[min(order, 3)] for order in range(degree)]
-        return tuple(found)
-
-    @property
-    def output_rows(self) -> tuple[int, ...]:
-        """Entries of z that are outputs' errors; the others are their derivatives."""
-        return self.linearization.first_rows
-
-    @cached_property
-    def _lower(self) -> tuple[int, ...]:
-        """Where the reference's values are that z is measured from."""
-        places, first = [], 0
-        for degree in self.linearization.relative_degree:
-            places += range(first, first + degree)
-            first += degree + 1
-        return tuple(places)
-
-    @cached_property
-    def _highest(self) -> tuple[int, ...]:
-        """Where the reference's derivatives of order r_i are."""
-        return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each output."""
+        states = dict(zip(self.linearization.equations.x, self.system.states, strict=True))
+        return tuple(states[y].unit if y in states else self.unit for y in self.linearization.h)
 
     @cached_property
     def state(self) -> Callable[[float, Any, Any], Vector]:
         """Jitable (t, x, p) -> z, by the nominal ``p.plant``."""
         reference, transformation = self.reference, self.linearization.transformation
-        difference = _signed_difference(self.size, float(self.sign), self._lower)
+        difference = signed_difference(self.size, float(self.sign), self._lower)
 
         def error_state(t: float, x: Any, p: Any) -> Vector:
             return difference(transformation(x, p.plant), reference(t, p.reference))
@@ -122,7 +77,7 @@ class ErrorCoordinates:
         It is L_f^r h - y_r^(r) of eqs. (23) and (44).
         """
         reference, nonlinearity = self.reference, self.linearization.nonlinearity
-        difference = _signed_difference(self.inputs, float(self.sign), self._highest)
+        difference = signed_difference(self.inputs, float(self.sign), self._highest)
 
         def error_nonlinearity(t: float, x: Any, p: Any) -> Vector:
             return difference(nonlinearity(x, p.plant), reference(t, p.reference))
@@ -153,6 +108,26 @@ class ErrorCoordinates:
         rows = each(m, entry)
         return jitable(lambda t, x, u, p: rows(nonlinearity(t, x, p), matrix(x, p), u))
 
+    @cached_property
+    def feedback(self) -> Feedback:
+        """Jitable (t, x, v, memory, p) -> u = E^-1 (v - alpha), eqs. (23) and (44).
+
+        It is not defined outside the system's region and where E is singular.
+        """
+        nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
+        linearizable, operations = self.system.linearizable, algebra(self.inputs)
+        solve, regular, subtract = operations.solve, operations.regular, operations.subtract
+        nothing = operations.nothing
+
+        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any) -> Vector:
+            E = matrix(x, p)
+            if not (linearizable(x) and regular(E)):
+                memory.undefined = 1.0
+                return nothing
+            return solve(E, subtract(v, nonlinearity(t, x, p)))
+
+        return jitable(feedback)
+
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
         alpha = np.array(self.nonlinearity(t, x, p))
@@ -161,20 +136,7 @@ class ErrorCoordinates:
     def moved(
         self, t: float, x: Array, p: Any, plant: Any, w: ArrayLike | None = None
     ) -> tuple[Array, Array]:
-        """(drift, gain) of z' = drift + gain u on a true plant, as the law sees it: eq. (24).
-
-        z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
-
-        Args:
-            t: Time [s].
-            x: State, (n,).
-            p: The law's parameters, with ``plant`` and ``reference``.
-            plant: Parameters of the true plant.
-            w: Wrenches on it, (6 * bodies,); None for none.
-
-        Returns:
-            drift (size,) and gain (size, m).
-        """
+        """As for every coordinates; ``plant`` has the parameters of the true plant."""
         equations = self.system.equations
         f = np.array(equations.drift(x, plant))
         if w is not None:
@@ -190,17 +152,6 @@ class ErrorCoordinates:
         slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(d)))
         return self.sign * slope @ d
 
-    def unmatched(self, t: float, x: Array, p: Any, drift: Array) -> Array:
-        """What a drift of z' does to the rows without an input, beyond the chains of eq. (24)."""
-        chains = self.linearization
-        z = np.array(self.state(t, x, p))
-        return np.delete(drift - chains.A @ z, chains.last_rows)
-
-    def along(self, time: ArrayLike, x: ArrayLike, parameters: Any) -> Array:
-        """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
-        z = self.outputs_along(x, parameters.plant)
-        return self.sign * (z - self.reference_along(time, parameters.reference))
-
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
         x, chains = np.asarray(x, float), self.linearization
@@ -208,27 +159,11 @@ class ErrorCoordinates:
             return x[:, chains.plain]
         return np.array([chains.transformation(row, plant) for row in x])
 
-    def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""
-        rows = [self.reference(t, parameters) for t in np.asarray(time, float).tolist()]
-        return np.array(rows)[:, self._lower]
-
     def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
-        """A state with this error, with all else at rest, (n,).
-
-        Args:
-            t: Time [s].
-            z: Error state, (size,).
-            p: The law's parameters, with ``plant`` and ``reference``.
-            near: Where to look, (n,); the coordinates' own guess by default.
-
-        Raises:
-            PremiseError: If there is none near the guess.
-        """
+        """A state with this error, with all else at rest or as it is near, (n,)."""
         near = self.guess if near is None else near
         guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
-        lower = np.array(self.reference(t, p.reference))[list(self._lower)]
-        return self.linearization.place(lower + self.sign * np.asarray(z, float), p.plant, guess)
+        return self.linearization.place(self.placed(t, z, p), p.plant, guess)
 
     def jacobian(self, p: Any) -> tuple[Array, Array]:
         """(A, B) of the linearization of z' about z = 0 with the other coordinates at rest.
@@ -250,10 +185,3 @@ class ErrorCoordinates:
         A[rows] = of_K @ np.linalg.inv(of_T)
         B[rows] = self.dynamics(0.0, x, p)[1]
         return A, B
-
-
-def _signed_difference(
-    count: int, sign: float, places: tuple[int, ...]
-) -> Callable[[Any, Any], Vector]:
-    """Jitable (values, reference) -> sign (values - the reference's entries at the places)."""
-    return each(count, lambda i, values, y_r: sign * (values[i] - y_r[places[i]]))

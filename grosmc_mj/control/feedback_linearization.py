@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 import scipy.optimize
 import sympy as sp
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
+from grosmc_mj.control.chains import Chains
 from grosmc_mj.control.expressions import complement, determinant, is_zero
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.plants.equations import Equations
@@ -55,13 +55,12 @@ class ZeroDynamics:
 
 
 @dataclass(frozen=True, eq=False)
-class FeedbackLinearization:
+class FeedbackLinearization(Chains):
     """z = T(x) and u = E(x)^-1 (v - K(x)), which make z' = A z + B v of an affine plant.
 
     Attributes:
         equations: The plant.
         h: Its outputs, one for each input.
-        relative_degree: r_1 ... r_m: how often each is differentiated until an input appears.
         T: z of eq. (22): each output and its derivatives below r_i.
         K: L_f^r_i h_i of eq. (23), m expressions.
         E: Decoupling matrix of eq. (21), (m, m).
@@ -70,35 +69,10 @@ class FeedbackLinearization:
 
     equations: Equations
     h: tuple[Any, ...]
-    relative_degree: tuple[int, ...]
     T: tuple[Any, ...]
     K: tuple[Any, ...]
     E: Any
     pushed: tuple[Any, ...]
-
-    @property
-    def last_rows(self) -> tuple[int, ...]:
-        """Rows of z' in which the inputs appear."""
-        return tuple((np.cumsum(self.relative_degree) - 1).tolist())
-
-    @property
-    def first_rows(self) -> tuple[int, ...]:
-        """Entries of z that are outputs."""
-        return tuple(r - d + 1 for r, d in zip(self.last_rows, self.relative_degree, strict=True))
-
-    @cached_property
-    def A(self) -> Array:
-        """State matrix of the chains of eq. (24), (sum r, sum r)."""
-        return np.asarray(
-            scipy.linalg.block_diag(*(np.eye(r, k=1) for r in self.relative_degree)), float
-        )
-
-    @cached_property
-    def B(self) -> Array:
-        """Their input matrix, (sum r, m)."""
-        matrix = np.zeros((sum(self.relative_degree), len(self.h)))
-        matrix[self.last_rows, range(len(self.h))] = 1.0
-        return matrix
 
     @property
     def complete(self) -> bool:
@@ -335,7 +309,7 @@ def feedback_linearization(
             f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
         )
     return FeedbackLinearization(
-        equations, outputs, tuple(degrees), tuple(T), tuple(K), matrix, tuple(pushed)
+        tuple(degrees), equations, outputs, tuple(T), tuple(K), matrix, tuple(pushed)
     )
 
 

@@ -12,13 +12,14 @@ from functools import cache
 from typing import Any
 
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.state_coordinates import StateCoordinates
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.vectors import algebra, norm
 
 # What a law regulates: outputs' errors through feedback linearization, or the whole state.
-Coordinates = ErrorCoordinates | StateCoordinates
+Coordinates = OutputCoordinates | StateCoordinates
 # For one input u is a number, for more a tuple.
 Law = Callable[[float, Any, Any, Any], Any]
 
@@ -39,21 +40,16 @@ def state_feedback(error: Coordinates) -> Law:
 
 
 @cache
-def linearizing_feedback(error: ErrorCoordinates) -> Law:
+def linearizing_feedback(error: OutputCoordinates) -> Law:
     """The optimal law through feedback linearization, eqs. (23)+(28) and (44)+(49)."""
-    error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
+    error_state, feedback = error.state, error.feedback
     times, subtract, store, given = _operations(error.inputs)
-    solve, regular = algebra(error.inputs).solve, algebra(error.inputs).regular
-    linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
+    nothing = algebra(error.inputs).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        E = matrix(x, p)
-        if not (linearizable(x) and regular(E)):
-            memory.undefined = 1.0
-            return given(nothing)
         v = subtract(nothing, times(p.K, error_state(t, x, p)))
         store(memory.v, v)
-        return given(solve(E, subtract(v, nonlinearity(t, x, p))))
+        return given(feedback(t, x, v, memory, p))
 
     return law
 
@@ -84,50 +80,37 @@ def grosmc_regulator(error: ErrorCoordinates, reach: Reach) -> Law:
     With s of eq. (31), (ds/dx) g = G B E(x), and u_con of eq. (36) is E^-1 (v_0 - K(x)); so
     u_dis of eq. (37) is E^-1 v_d with G B v_d the rate that the switching law asks of s.
     """
-    error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
-    surface = integral_surface(error.inputs, error.size)
+    error_state, feedback, matrix = error.state, error.feedback, error.decoupling_matrix
+    surface, product = integral_surface(error.inputs, error.size), algebra(error.inputs).product
     times, subtract, store, given = _operations(error.inputs)
-    solve, product = algebra(error.inputs).solve, algebra(error.inputs).product
-    regular = algebra(error.inputs).regular
-    linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
         s = surface(t, z, memory, p)
-        E = matrix(x, p)
-        if not (linearizable(x) and regular(E)):
-            memory.undefined = 1.0
-            return given(nothing)
-        ds_dx_g = product(p.GB, E)
+        ds_dx_g = product(p.GB, matrix(x, p))
         rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * norm(ds_dx_g)
         v_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
         v = subtract(v_d, times(p.K, z))
         store(memory.v, v)
-        return given(solve(E, subtract(v, nonlinearity(t, x, p))))
+        return given(feedback(t, x, v, memory, p))
 
     return law
 
 
 @cache
-def grosmc_tracker(error: ErrorCoordinates, reach: Reach) -> Law:
+def grosmc_tracker(error: OutputCoordinates, reach: Reach) -> Law:
     """GROSMC for tracking: the surface (51) and the law (55) in the feedback (44)."""
-    error_state, nonlinearity, matrix = error.state, error.nonlinearity, error.decoupling_matrix
+    error_state, feedback = error.state, error.feedback
     surface = integral_surface(error.inputs, error.size)
     times, subtract, store, given = _operations(error.inputs)
-    solve, regular = algebra(error.inputs).solve, algebra(error.inputs).regular
-    linearizable, nothing = error.system.linearizable, algebra(error.inputs).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
         s = surface(t, z, memory, p)
-        E = matrix(x, p)
-        if not (linearizable(x) and regular(E)):
-            memory.undefined = 1.0
-            return given(nothing)
         v_d = times(p.GB_inverse, reach(s, p.k, p.epsilon, memory, p.switching))
         v = subtract(v_d, times(p.K, z))
         store(memory.v, v)
-        return given(solve(E, subtract(v, nonlinearity(t, x, p))))
+        return given(feedback(t, x, v, memory, p))
 
     return law
 

@@ -18,10 +18,12 @@ class Memory:
         v: The input that the law's quadratic index weighs: u, or the v of eqs. (23) and (44);
             a number or, for m inputs, (m,).
         undefined: 1 once the law has met a state where it is not defined, else 0.
+        workspace: Address of what the feedback of this run computes in; 0 for nothing.
     """
 
     v: Any = 0.0
     undefined: float = 0.0
+    workspace: float = 0.0
 
 
 def _row() -> Array:

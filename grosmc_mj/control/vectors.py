@@ -230,3 +230,10 @@ def _regular(m: int) -> Callable[[Any], bool]:
 @jitable
 def _column_entry(i: int, rows: Any, m: int) -> float:
     return rows[i, m] / rows[i, i]
+
+
+def signed_difference(
+    count: int, sign: float, places: tuple[int, ...]
+) -> Callable[[Any, Any], Vector]:
+    """Jitable (values, reference) -> sign (values - the reference's entries at the places)."""
+    return each(count, lambda i, values, y_r: sign * (values[i] - y_r[places[i]]))

@@ -12,6 +12,7 @@ import sympy as sp
 
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
+from grosmc_mj.jitable import jitable
 
 Column = tuple[float, ...]
 
@@ -125,3 +126,41 @@ class Equations:
     def linearizable(self) -> Callable[[Any], bool]:
         """Jitable x -> whether x is in the region X_0 of section 3.2."""
         return generate_condition("linearizable", self.region, "x", self.places())
+
+
+class NoEquations(Equations):
+    """For a system without equations in symbols: it is defined everywhere, and asking tells why.
+
+    Attributes:
+        owner: Name of the system.
+    """
+
+    def __init__(self, owner: str) -> None:
+        object.__setattr__(self, "_owner", owner)
+
+    def __getattribute__(self, name: str) -> Any:
+        """What holds everywhere, or the reason why there is nothing.
+
+        Raises:
+            ModelError: For all that only symbols could give.
+        """
+        if name in ("singular", "linearizable"):
+            return _always if name == "linearizable" else _never
+        if name.startswith("_"):
+            return object.__getattribute__(self, name)
+        raise ModelError(
+            f"{self._owner} has no equations in symbols ({name}): MuJoCo computes its dynamics"
+        )
+
+    def __repr__(self) -> str:
+        return f"NoEquations({self._owner!r})"
+
+
+@jitable
+def _always(x: Any) -> bool:
+    return True
+
+
+@jitable
+def _never(x: Any) -> bool:
+    return False

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
-from grosmc_mj.plants.equations import Column, Equations
+from grosmc_mj.plants.equations import Column, Equations, NoEquations
 
 if TYPE_CHECKING:
     import mujoco
@@ -40,7 +40,8 @@ class System:
         states: The state x; of a mechanical system all positions, then their rates.
         inputs: The control inputs u.
         equations: x' = f(x) + g(x) u + d(x, w) and the outputs. The wrench w is [force, torque]
-            of every body in ``bodies`` in world axes, flattened.
+            of every body in ``bodies`` in world axes, flattened. ``NoEquations`` for a system
+            that MuJoCo alone knows the dynamics of.
         region: Where feedback linearization is relied on, in words.
         singularity: Where the plant's own equations break down, in words.
         controlled: Indices of the states that the outputs stand for in figures and films.
@@ -70,6 +71,8 @@ class System:
     position_bound: float = math.pi
 
     def __post_init__(self) -> None:
+        if isinstance(self.equations, NoEquations):
+            return
         counts = {
             "states": (len(self.states), len(self.equations.x)),
             "inputs": (len(self.inputs), self.equations.inputs),

@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.output_coordinates import Workspace
 from grosmc_mj.simulation.control_callback import (
     MAGIC,
     control_callback,
@@ -39,6 +40,7 @@ class NativeBatch:
         """
         refuse_foreign_callback()
         self._problem = problem
+        self._kept_alive: list[Workspace | None] = []
         self._dtype = userdata_dtype(problem)
         self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
         size, nsim = self._dtype.itemsize // 8, len(problem.x0)
@@ -69,9 +71,9 @@ class NativeBatch:
         header["calls_per_sample"] = np.where(rk4, 4, 1) * problem.stride
         flat = userdata.view(np.float64).reshape(len(userdata), -1)
         for row, controller in zip(flat, problem.controllers, strict=True):
-            row[self._memory :] = np.concatenate(
-                [pack(controller.memory()), pack(controller.parameters)]
-            )
+            memory, workspace = controller.begin()
+            self._kept_alive.append(workspace)
+            row[self._memory :] = np.concatenate([pack(memory), pack(controller.parameters)])
         return flat
 
     @property

@@ -33,9 +33,10 @@ def _run_analytic(problem: Problem) -> Record:
             problem.wrench(run),
         )
         assert isinstance(plant, AnalyticPlant)
+        memory, _kept_alive = controller.begin()
         arrays = (
             problem.x0[run].copy(),
-            pack(controller.memory()),
+            pack(memory),
             pack(controller.parameters),
             pack(plant.parameters),
             np.ascontiguousarray(nothing if wrench is None else wrench),

@@ -43,7 +43,8 @@ def run_python(problem: Problem) -> Record:
 def _run_one(problem: Problem, run: int, record: Record) -> None:
     """Run one simulation and write its rows."""
     controller, system = problem.controllers[run], problem.system
-    law, memory, p = controller.law, controller.memory(), controller.parameters
+    law, p = controller.law, controller.parameters
+    memory, _kept_alive = controller.begin()
     x, step, physics = _stepper(problem.plants[run], problem.x0[run], problem.timestep)
     wrenches, u = problem.wrench(run), np.zeros(len(system.inputs))
     inputs = written_inputs(len(u))
