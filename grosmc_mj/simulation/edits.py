@@ -1,4 +1,4 @@
-"""Parameter uncertainty as an edit of a body's mass and length."""
+"""Uncertainty as edits of a model: a body's mass and length, a load on it, a joint's friction."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.models import compile_spec
 
-_SIZELESS = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+_SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+# How a load is drawn: a sphere of the density of stone, in a colour of its own.
+_LOAD_DENSITY, _LOAD_COLOUR = 2500.0, (0.85, 0.33, 0.1, 1.0)
 
 
 @dataclass(frozen=True)
@@ -34,63 +38,221 @@ class BodyEdit:
 
     def __post_init__(self) -> None:
         for name in ("mass_scale", "length_scale"):
+            _require(f"edit of {self.body!r}", name, getattr(self, name), positive=True)
+
+    def __str__(self) -> str:
+        return f"{self.body}: mass x{self.mass_scale:.3g}, length x{self.length_scale:.3g}"
+
+
+@dataclass(frozen=True)
+class AddedMass:
+    """A point mass fixed to a body: a load that nobody has told the law of.
+
+    Attributes:
+        body: Name of the body.
+        mass: [kg].
+        position: In the body's own frame [m], (3,).
+    """
+
+    body: str
+    mass: float
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _require(f"load on {self.body!r}", "mass", self.mass, positive=True)
+        if np.shape(self.position) != (3,) or not np.all(np.isfinite(self.position)):
+            raise ModelError(
+                f"load on {self.body!r}: position = {self.position} must be three finite numbers"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.body}: {self.mass:.3g} kg more"
+
+
+@dataclass(frozen=True)
+class JointEdit:
+    """Give a joint other numbers; those left out stay as the model has them.
+
+    Attributes:
+        joint: Name of the joint.
+        damping: [N m s/rad] or [N s/m].
+        friction: Dry friction, MuJoCo's ``frictionloss`` [N m] or [N].
+        armature: Inertia of what drives it [kg m^2] or [kg].
+    """
+
+    joint: str
+    damping: float | None = None
+    friction: float | None = None
+    armature: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("damping", "friction", "armature"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ModelError(
-                    f"edit of {self.body!r}: {name} = {value:g} must be finite and positive"
-                )
+            if value is not None:
+                _require(f"edit of joint {self.joint!r}", name, value)
+
+    def __str__(self) -> str:
+        given = {name: getattr(self, name) for name in ("damping", "friction", "armature")}
+        words = [f"{name} {value:.3g}" for name, value in given.items() if value is not None]
+        return f"{self.joint}: {', '.join(words) or 'as it is'}"
 
 
-def apply_edits(spec: mujoco.MjSpec, edits: Iterable[BodyEdit]) -> mujoco.MjSpec:
+Edit = BodyEdit | AddedMass | JointEdit
+
+
+def _require(owner: str, name: str, value: float, *, positive: bool = False) -> None:
+    """Refuse a number that is not finite, or negative."""
+    if not (math.isfinite(value) and (value > 0 or (value == 0 and not positive))):
+        wanted = "finite and positive" if positive else "finite and not negative"
+        raise ModelError(f"{owner}: {name} = {value:g} must be {wanted}")
+
+
+def apply_edits(spec: mujoco.MjSpec, edits: Iterable[Edit]) -> mujoco.MjSpec:
     """A fresh copy of ``spec`` with the edits applied; ``spec`` itself is not touched.
 
+    Scales come first; a load sits where its position says in the scaled body.
+
     Raises:
-        ModelError: If a body is unknown, edited twice, massless under a mass edit, or drawn by a
-            mesh under a length edit.
+        ModelError: If a body or joint is unknown or edited twice, a body is massless under a
+            mass edit, or drawn by what cannot be scaled under a length edit.
     """
     edits = tuple(edits)
     if not edits:
         return spec.copy()
     nominal, edited = compile_spec(spec), spec.copy()
-    names = [edit.body for edit in edits]
-    for name in names:
-        if names.count(name) > 1:
-            raise ModelError(f"body {name!r} is edited twice: give one edit with both scales")
-    for edit in edits:
-        valid = [nominal.body(i).name for i in range(1, nominal.nbody)]
-        if edit.body not in valid:
-            raise ModelError(unknown_name("body", edit.body, valid))
-        _scale_inertia(edited.body(edit.body), nominal.body(edit.body), edit)
-        _scale_geometry(edited.body(edit.body), edit.length_scale)
+    scaled = [edit for edit in edits if isinstance(edit, BodyEdit)]
+    loads = [edit for edit in edits if isinstance(edit, AddedMass)]
+    joints = [edit for edit in edits if isinstance(edit, JointEdit)]
+    bodies = [nominal.body(i).name for i in range(1, nominal.nbody)]
+    for edit in (*scaled, *loads):
+        if edit.body not in bodies:
+            raise ModelError(unknown_name("body", edit.body, bodies))
+    _refuse_twice("body", [edit.body for edit in scaled], "give one edit with both scales")
+    _refuse_twice("joint", [edit.joint for edit in joints], "give one edit with all its numbers")
+    for edit in scaled:
+        _scale_inertia(edited.body(edit.body), nominal, edit)
+        _scale_geometry(edited, edited.body(edit.body), edit.length_scale)
+    for edit in loads:
+        # With what was added before: a body may bear several loads.
+        _add_load(edited.body(edit.body), compile_spec(edited), edit)
+    for edit in joints:
+        _edit_joint(edited, edit)
     return edited
 
 
-def _scale_inertia(body: mujoco.MjsBody, nominal: object, edit: BodyEdit) -> None:
-    """Write the scaled inertia of the compiled nominal body, explicit from now on."""
-    mass = float(nominal.mass[0])  # pyright: ignore[reportAttributeAccessIssue]
+def _refuse_twice(kind: str, names: list[str], instead: str) -> None:
+    """Refuse two edits of one thing."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ModelError(f"{kind} {name!r} is edited twice: {instead}")
+
+
+def write_inertia(body: mujoco.MjsBody, mass: float, like: mujoco.MjModel, index: int) -> None:
+    """Give a body the inertia of a compiled one, explicit from now on, with another mass."""
+    body.explicitinertial = True
+    body.mass = mass
+    body.inertia, body.ipos = like.body_inertia[index], like.body_ipos[index]
+    body.iquat, body.fullinertia = like.body_iquat[index], np.full(6, np.nan)
+
+
+def _scale_inertia(body: mujoco.MjsBody, nominal: mujoco.MjModel, edit: BodyEdit) -> None:
+    """Write the scaled inertia of the compiled nominal body."""
+    index, a, b = nominal.body(edit.body).id, edit.mass_scale, edit.length_scale
+    mass = float(nominal.body_mass[index])
     if mass == 0:
         if edit.mass_scale != 1:
             raise ModelError(f"body {edit.body!r} has no mass to scale: edit the body that has")
         return
-    a, b = edit.mass_scale, edit.length_scale
-    body.explicitinertial = True
-    body.mass = a * mass
-    body.inertia = a * (b * b) * nominal.inertia  # pyright: ignore[reportAttributeAccessIssue]
-    body.ipos = b * nominal.ipos  # pyright: ignore[reportAttributeAccessIssue]
-    body.iquat = nominal.iquat  # pyright: ignore[reportAttributeAccessIssue]
-    body.fullinertia = np.full(6, np.nan)
+    write_inertia(body, a * mass, nominal, index)
+    body.inertia = a * (b * b) * nominal.body_inertia[index]
+    body.ipos = b * nominal.body_ipos[index]
 
 
-def _scale_geometry(body: mujoco.MjsBody, b: float) -> None:
+def _scale_geometry(spec: mujoco.MjSpec, body: mujoco.MjsBody, b: float) -> None:
     """Scale what is drawn and what is attached, about the body's origin."""
     if b == 1:
         return
     for geom in body.geoms:
         if geom.type in _SIZELESS:
             raise ModelError(
-                f"geom {geom.name!r} of body {body.name!r} is a mesh: length edits need "
-                "primitive geoms"
+                f"geom {geom.name!r} of body {body.name!r} is a height field or SDF: length edits "
+                "need primitive geoms or meshes"
             )
         geom.size, geom.fromto = b * geom.size, b * geom.fromto
+    for name in sorted({geom.meshname for geom in body.geoms if geom.meshname}):
+        _scale_mesh(spec, body, name, b)
     for part in (*body.geoms, *body.sites, *body.cameras, *body.lights, *body.bodies, *body.frames):
         part.pos = b * part.pos
+
+
+def _scale_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, b: float) -> None:
+    """Scale a mesh that this body alone is drawn by."""
+    others = {
+        other.name
+        for other in spec.bodies
+        if other.name != body.name and any(geom.meshname == name for geom in other.geoms)
+    }
+    if others:
+        raise ModelError(
+            f"mesh {name!r} of body {body.name!r} also draws {', '.join(sorted(others))}: a length "
+            "edit needs a mesh that no other body uses"
+        )
+    mesh = spec.mesh(name)
+    mesh.scale = b * mesh.scale
+
+
+def _add_load(body: mujoco.MjsBody, model: mujoco.MjModel, edit: AddedMass) -> None:
+    """Merge a point mass into a body's inertia and draw it."""
+    index = model.body(edit.body).id
+    mass, centre = float(model.body_mass[index]), model.body_ipos[index]
+    total = mass + edit.mass
+    new_centre = (mass * centre + edit.mass * np.asarray(edit.position)) / total
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, model.body_iquat[index])
+    axes = rotation.reshape(3, 3)
+    about_new = (
+        axes @ np.diag(model.body_inertia[index]) @ axes.T
+        + mass * _steiner(centre - new_centre)
+        + edit.mass * _steiner(np.asarray(edit.position) - new_centre)
+    )
+    body.explicitinertial = True
+    body.mass, body.ipos, body.iquat = total, new_centre, [1.0, 0.0, 0.0, 0.0]
+    body.fullinertia = about_new[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    radius = (3 * edit.mass / (4 * math.pi * _LOAD_DENSITY)) ** (1 / 3)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[radius, 0, 0],
+        pos=edit.position,
+        rgba=_LOAD_COLOUR,
+        contype=0,
+        conaffinity=0,
+        mass=0,
+    )
+
+
+def _steiner(offset: Array) -> Array:
+    """The inertia of a unit point mass about a point this far from it: parallel-axis theorem."""
+    return float(offset @ offset) * np.eye(3) - np.outer(offset, offset)
+
+
+def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
+    """Write a joint's new numbers."""
+    names = [joint.name for joint in spec.joints]
+    if edit.joint not in names:
+        raise ModelError(unknown_name("joint", edit.joint, names))
+    joint = spec.joint(edit.joint)
+    if edit.damping is not None:
+        joint.damping = _like(joint.damping, edit.damping)
+    if edit.friction is not None:
+        joint.frictionloss = edit.friction
+    if edit.armature is not None:
+        joint.armature = edit.armature
+
+
+def _like(old: ArrayLike, value: float) -> ArrayLike:
+    """A linear coefficient in the form that MuJoCo has it: a number, or a polynomial's first."""
+    if np.ndim(old) == 0:
+        return value
+    coefficients = np.zeros_like(np.asarray(old, float))
+    coefficients[0] = value
+    return coefficients

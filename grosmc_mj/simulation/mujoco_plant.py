@@ -11,7 +11,7 @@ import mujoco
 
 from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
 from grosmc_mj.plants import AnalyticPlant, System, Variant, find_system
-from grosmc_mj.simulation.edits import BodyEdit, apply_edits
+from grosmc_mj.simulation.edits import Edit, apply_edits
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
@@ -43,7 +43,7 @@ class MujocoPlant:
 
     system: System
     spec: mujoco.MjSpec
-    edits: tuple[BodyEdit, ...] = ()
+    edits: tuple[Edit, ...] = ()
     timestep: float | None = None
     integrator: Integrator | None = None
 
@@ -52,7 +52,7 @@ class MujocoPlant:
         cls,
         name: str,
         *,
-        edits: tuple[BodyEdit, ...] = (),
+        edits: tuple[Edit, ...] = (),
         timestep: float | None = None,
         integrator: Integrator | None = None,
     ) -> MujocoPlant:
@@ -72,7 +72,7 @@ class MujocoPlant:
         if self.integrator is not None and self.integrator not in get_args(Integrator):
             raise ModelError(unknown_name("integrator", self.integrator, get_args(Integrator)))
 
-    def edited(self, *edits: BodyEdit) -> MujocoPlant:
+    def edited(self, *edits: Edit) -> MujocoPlant:
         """The nominal model with these edits; earlier edits are replaced, never compounded."""
         return replace(self, edits=edits)
 

@@ -81,9 +81,7 @@ def _compare(
 ) -> Agreement:
     """One variant against one model."""
     plant, system = physics.analytic(variant), physics.system
-    words = [
-        f"{e.body}: mass x{e.mass_scale:.3g}, length x{e.length_scale:.3g}" for e in physics.edits
-    ]
+    words = [str(edit) for edit in physics.edits]
     return Agreement(
         system=system.name,
         variant=variant,
