@@ -69,6 +69,8 @@ def fingerprint(function: Callable[..., Any]) -> str:
             return describe(list(value))
         if isinstance(value, Enum):
             return f"{value!r} {describe(value.value)}"
+        if isinstance(value, types.ExternalFunction):
+            return f"{value.symbol}{value.sig}"
         if isinstance(value, (int, float, complex, str, bytes, np.dtype, type(None))):
             return repr(value)
         return f"{type(value).__name__} {getattr(value, '__name__', '')}"

@@ -24,6 +24,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.compilation import compile_c, pointer
 from grosmc_mj.simulation.inputs import written_inputs
+from grosmc_mj.simulation.mjdata import mjdata_dtype
 from grosmc_mj.simulation.problem import FAILED, Problem
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
@@ -52,35 +53,10 @@ def userdata_dtype(problem: Problem) -> np.dtype[Any]:
 
 
 @cache
-def _data_dtype() -> np.dtype[Any]:
-    """Where mjData keeps the pointers that the callback follows.
-
-    The offsets are read off a live mjData, so that they are those of the installed MuJoCo.
-    """
-    model = mujoco.MjModel.from_xml_string(
-        "<mujoco><size nuserdata='1'/><worldbody><body><joint name='j'/><geom size='1'/></body>"
-        "</worldbody><actuator><motor joint='j'/></actuator></mujoco>"
-    )
-    data = mujoco.MjData(model)
-    wanted = {
-        getattr(data, name).ctypes.data: name for name in ("qpos", "qvel", "ctrl", "userdata")
-    }
-    offsets, offset = {}, 0
-    # Every array's pointer is a field of the struct, so the search ends inside it.
-    while wanted:
-        word = ctypes.c_uint64.from_address(data._address + offset).value
-        if word in wanted:
-            offsets[wanted.pop(word)] = offset
-        offset += 8
-    return np.dtype(
-        {"names": list(offsets), "formats": [np.int64] * 4, "offsets": list(offsets.values())}
-    )
-
-
-@cache
 def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) -> Any:
     """Compile the control callback of one law, as a ctypes function."""
-    law, singular, data_dtype = jitable(law), system.singular, _data_dtype()
+    law, singular = jitable(law), system.singular
+    data_dtype = mjdata_dtype("qpos", "qvel", "ctrl", "userdata")
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
