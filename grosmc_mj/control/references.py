@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
-from grosmc_mj.errors import PremiseError
+from grosmc_mj.control.vectors import each
+from grosmc_mj.errors import ArgumentError, PremiseError
+from grosmc_mj.jitable import jitable
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
@@ -127,3 +133,69 @@ def _circle() -> ReferenceFunction:
 
 
 circle = _circle()
+
+
+@dataclass(frozen=True, eq=False)
+class FourierSeries:
+    """Periodic references y_i = mean_i + sum_k [cosine_ik cos(k w t) + sine_ik sin(k w t)].
+
+    Attributes:
+        frequency: w [rad/s].
+        mean: In the unit of each output, (m,).
+        cosine: (m, harmonics), from k = 1.
+        sine: (m, harmonics).
+    """
+
+    frequency: float
+    mean: Array
+    cosine: Array
+    sine: Array
+
+    @classmethod
+    def through(cls, samples: ArrayLike, frequency: float, harmonics: int) -> FourierSeries:
+        """The series of one period of samples at equal distances in time, cut off.
+
+        Args:
+            samples: (N, m), the first at t = 0; the next period begins after the last.
+            frequency: w [rad/s].
+            harmonics: How many are kept, fewer than N/2.
+
+        Raises:
+            ArgumentError: If there are too few samples.
+        """
+        rows = np.asarray(samples, float)
+        if not 0 < harmonics < len(rows) / 2:
+            raise ArgumentError(f"{len(rows)} samples cannot give {harmonics} harmonics")
+        parts = np.fft.rfft(rows, axis=0).T[:, : harmonics + 1] / len(rows)
+        return cls(frequency, parts[:, 0].real, 2 * parts[:, 1:].real, -2 * parts[:, 1:].imag)
+
+
+@cache
+def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
+    """The reference of a ``FourierSeries`` with two exact derivatives of each output."""
+
+    def entry(row: int, c: float, s: float, p: Any) -> float:
+        i, order = row // 3, row % 3
+        # cos(k w t) and sin(k w t) from those before: two sines in all for a sample.
+        cosine, sine, value = c, s, 0.0
+        for k in range(harmonics):
+            rate = (k + 1) * p.frequency
+            if order == 0:
+                value += p.cosine[i, k] * cosine + p.sine[i, k] * sine
+            elif order == 1:
+                value += rate * (p.sine[i, k] * cosine - p.cosine[i, k] * sine)
+            else:
+                value -= rate * rate * (p.cosine[i, k] * cosine + p.sine[i, k] * sine)
+            cosine, sine = cosine * c - sine * s, sine * c + cosine * s
+        return value + p.mean[i] if order == 0 else value
+
+    entries = each(3 * outputs, entry)
+
+    @jitable
+    def series(t: float, p: Any) -> Any:
+        return entries(math.cos(p.frequency * t), math.sin(p.frequency * t), p)
+
+    function: Any = series
+    function.degrees = (2,) * outputs
+    function.moves = True
+    return function

@@ -106,34 +106,32 @@ def _keep(
     said: list[str],
 ) -> set[str]:
     """Remove the joints that are not named, and the actuators that are not or that have none."""
-    removed: set[str] = set()
+    locked: list[str] = []
     if joints is not None:
         kept = _chosen("joint", joints, [joint.name for joint in spec.joints])
         for joint in spec.joints:
             if joint.name not in kept:
-                removed.add(joint.name)
+                locked.append(joint.name)
                 spec.delete(joint)
     wanted = [actuator.name for actuator in spec.actuators]
     if actuators is not None:
         wanted = _chosen("actuator", actuators, wanted)
     left_out = []
     for actuator in spec.actuators:
-        of_removed = actuator.target in removed
-        if of_removed and actuators is not None and actuator.name in wanted:
+        idle = actuator.target in locked
+        if idle and actuators is not None and actuator.name in wanted:
             raise ModelError(
                 f"actuator {actuator.name!r} drives the joint {actuator.target!r}, which joints="
                 "... leaves out"
             )
-        if of_removed or actuator.name not in wanted:
+        if idle or actuator.name not in wanted:
             left_out.append(actuator.name)
-            removed.add(actuator.name)
             spec.delete(actuator)
-    locked = sorted(removed - set(left_out))
     if locked:
         said.append(f"locked where the model has them: joints {', '.join(locked)}")
     if left_out:
         said.append(f"left out: actuators {', '.join(left_out)}")
-    return removed
+    return {*locked, *left_out}
 
 
 def _chosen(kind: str, names: Iterable[str], valid: Sequence[str]) -> list[str]:
