@@ -364,13 +364,15 @@ class Bench:
 
     Attributes:
         integrator: MuJoCo's integrator; by default both RK4, the model's own, and implicitfast.
-        rounds: How often each loop is measured; by default 15 times, films 3 times.
+        rounds: How often each loop is measured; by default 15 times, robots 5 and films 3 times.
+        robot: Measure 1024 Jaco arms of dm_control with payloads instead.
         films: Measure films instead: composed frames per second against bare mujoco.Renderer
             frames of the same size.
     """
 
     integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     rounds: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    robot: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 

@@ -47,9 +47,15 @@ def bench(command: Bench) -> int:
     if command.films:
         return _bench_films(command.rounds or 3)
     console = screen.console()
+    if command.robot:
+        from grosmc_mj.validation.robot_benchmark import benchmark_robots
+
+        rows = benchmark_robots(command.rounds or 5)
+        console.print(tables.throughput_table(rows, "Jaco arms with payloads, Euler"))
+        return screen.DONE
     for integrator in [command.integrator] if command.integrator else ["RK4", "implicitfast"]:
         rows = benchmark(integrator, command.rounds or 15)  # pyright: ignore[reportArgumentType]
-        console.print(tables.throughput_table(rows, integrator))
+        console.print(tables.throughput_table(rows, f"cart_pendulum, {integrator}"))
     return screen.DONE
 
 

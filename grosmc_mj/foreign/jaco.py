@@ -9,6 +9,14 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import (
+    AS_PRINTED,
+    Realization,
+    computed_torque_pd,
+    linearized_lqr,
+    tracking_grosmc,
+)
 from grosmc_mj.control.references import FourierSeries, ReferenceFunction, fourier_series
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.rendering.backends import without_graphics
@@ -27,6 +35,17 @@ HOME = (0.0, 3.6, 1.6, 1.2, 1.9, 0.0)
 _AMPLITUDES = (0.4, 0.25, 0.25, 0.3, 0.3, 0.4)
 _MULTIPLES = (1, 2, 1, 2, 1, 2)
 _SINE_PERIOD = 8.0
+
+# Weights of every joint's error and acceleration: two poles at 3.2 rad/s, damped by 0.71. From
+# 0.1 rad off the reference that asks for 1 rad/s² at first, 2 N m of the wrist's 6.8.
+_Q, _R = (100.0, 0.0), 1.0
+# The PD is faster, as two equal poles can be without more torque at the start than there is.
+_PD_FREQUENCY, _PD_DAMPING = 5.0, 1.0
+# What 1 kg, which the law does not know of, and dry friction push s' by along both references is
+# at most 1.75 rad/s², at joint 4. The next joint's whole epsilon costs 2 N m per rad/s² in the
+# wrist, so that 3 would leave it no torque: 2 it is, for all joints. k brings back what
+# saturation let go, in a fifth of a second.
+_EPSILON, _REACHING = 2.0, 5.0
 
 # The figure of eight, in the plane across the arm: half width and half height [m].
 _EIGHT, _EIGHT_PERIOD = (0.12, 0.06), 8.0
@@ -47,6 +66,20 @@ class Path(NamedTuple):
     reference: ReferenceFunction
     parameters: FourierSeries
     tip_error: float
+
+
+class Designs(NamedTuple):
+    """The controllers that are compared.
+
+    Attributes:
+        lqr: Computed torque with the LQR of the chains.
+        pd: Computed torque with the same two poles for every joint.
+        grosmc: The law (55) in the same feedback.
+    """
+
+    lqr: Controller
+    pd: Controller
+    grosmc: Controller
 
 
 def jaco(timestep: float = 1e-3) -> Robot:
@@ -85,6 +118,30 @@ def _stage(model: Any) -> None:
     )
 
 
+def controllers(robot: Robot, path: Path, realization: Realization = AS_PRINTED) -> Designs:
+    """LQR, computed-torque PD and GROSMC for a path, all by the arm without a payload.
+
+    Args:
+        robot: The arm.
+        path: What it is to track.
+        realization: How GROSMC is sampled.
+    """
+    n = robot.joints
+    Q, R = np.kron(np.eye(n), np.diag(_Q)), _R * np.eye(n)
+    task = robot.task(path.reference, path.parameters, Q, R, realization)
+    return Designs(
+        lqr=linearized_lqr(task, "lqr"),
+        pd=computed_torque_pd(task, _PD_FREQUENCY, _PD_DAMPING),
+        grosmc=tracking_grosmc(task, _REACHING, _EPSILON),
+    )
+
+
+def start(path: Path, off: float = 0.1) -> Array:
+    """At rest, every joint this far from where the path begins [rad]; (12,)."""
+    q = np.array(path.reference(0.0, path.parameters))[::3]
+    return np.concatenate([q + off, np.zeros(len(q))])
+
+
 def payload(robot: Robot, mass: float) -> AddedMass:
     """A point mass held between the fingers [kg]."""
     site = robot.plant.model.site(TIP)
@@ -102,9 +159,7 @@ def joint_sines(robot: Robot, scale: float = 1.0) -> Path:
     n = robot.joints
     sine = np.zeros((n, max(_MULTIPLES)))
     sine[range(n), np.array(_MULTIPLES) - 1] = scale * np.array(_AMPLITUDES)
-    series = FourierSeries(
-        2 * math.pi / _SINE_PERIOD, np.array(HOME), np.zeros_like(sine), sine
-    )
+    series = FourierSeries(2 * math.pi / _SINE_PERIOD, np.array(HOME), np.zeros_like(sine), sine)
     return Path(fourier_series(n, sine.shape[1]), series, 0.0)
 
 

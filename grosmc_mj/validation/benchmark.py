@@ -40,8 +40,16 @@ class Throughput(NamedTuple):
     baseline: str
 
 
-class _Loop(NamedTuple):
-    """A loop to measure: ``ready`` sets it up, untimed, and returns what is timed."""
+class Loop(NamedTuple):
+    """A loop to measure.
+
+    Attributes:
+        name: What runs.
+        simulations: How many at once.
+        steps: Physics steps of each.
+        ready: Sets it up, untimed, and returns what is timed.
+        baseline: Name of the loop that it is compared with.
+    """
 
     name: str
     simulations: int
@@ -53,15 +61,22 @@ class _Loop(NamedTuple):
 def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Throughput]:
     """Measure the pendulum under the full GROSMC law at every timestep, and what it is beside.
 
-    All loops run once in each round, in turn, so that a slow moment of the machine meets all
-    of them; ratios are taken within a round, and their median is reported.
-
     Args:
         integrator: MuJoCo's integrator; None for the model's own.
         rounds: How often each loop is measured.
     """
-    plant = MujocoPlant.load("cart_pendulum", integrator=integrator)
-    loops = _loops(plant)
+    return measured(_loops(MujocoPlant.load("cart_pendulum", integrator=integrator)), rounds)
+
+
+def measured(loops: Sequence[Loop], rounds: int) -> list[Throughput]:
+    """Run all loops once in each round, in turn: a slow moment of the machine meets all of them.
+
+    Ratios are taken within a round, and their median is reported.
+
+    Args:
+        loops: Each baseline before what is compared with it.
+        rounds: How often each loop is measured.
+    """
     rates: dict[str, list[float]] = {loop.name: [] for loop in loops}
     for _ in range(rounds):
         for loop in loops:
@@ -85,7 +100,7 @@ def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Th
     ]
 
 
-def _loops(plant: MujocoPlant) -> Sequence[_Loop]:
+def _loops(plant: MujocoPlant) -> Sequence[Loop]:
     """The loops, each baseline before what is compared with it."""
     case = find_case("cart_pendulum", "nominal")
     controller = chapter_controller("grosmc", plant.analytic())
@@ -133,18 +148,18 @@ def _loops(plant: MujocoPlant) -> Sequence[_Loop]:
 
     one, many = "mj_step(nstep), open loop", "Batch.step(nstep), open loop"
     return [
-        _Loop(one, 1, _STEPS[1], open_loop_one, one),
-        _Loop("GROSMC, native", 1, _STEPS[1], closed(1), one),
-        _Loop("GROSMC, native, recorded", 1, _STEPS[1], recorded(1), one),
-        _Loop("GROSMC, Python mj_step loop", 1, few, python_loop, one),
+        Loop(one, 1, _STEPS[1], open_loop_one, one),
+        Loop("GROSMC, native", 1, _STEPS[1], closed(1), one),
+        Loop("GROSMC, native, recorded", 1, _STEPS[1], recorded(1), one),
+        Loop("GROSMC, Python mj_step loop", 1, few, python_loop, one),
         *_suite_loop(one),
-        _Loop(many, 1024, _STEPS[1024], open_loop_batch, many),
-        _Loop("GROSMC, native, batch", 1024, _STEPS[1024], closed(1024), many),
-        _Loop("GROSMC, native, batch, recorded", 1024, _STEPS[1024], recorded(1024), many),
+        Loop(many, 1024, _STEPS[1024], open_loop_batch, many),
+        Loop("GROSMC, native, batch", 1024, _STEPS[1024], closed(1024), many),
+        Loop("GROSMC, native, batch, recorded", 1024, _STEPS[1024], recorded(1024), many),
     ]
 
 
-def _suite_loop(baseline: str) -> list[_Loop]:
+def _suite_loop(baseline: str) -> list[Loop]:
     """dm_control's cartpole under a constant action; nothing where dm_control is missing."""
     try:
         with without_graphics():
@@ -165,4 +180,4 @@ def _suite_loop(baseline: str) -> list[_Loop]:
 
         return run
 
-    return [_Loop("dm_control suite cartpole", 1, calls * substeps, ready, baseline)]
+    return [Loop("dm_control suite cartpole", 1, calls * substeps, ready, baseline)]

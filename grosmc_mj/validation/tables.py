@@ -159,10 +159,9 @@ def agreement_table(rows: Sequence[Agreement]) -> Table:
     return table
 
 
-def throughput_table(rows: Sequence[Throughput], integrator: str) -> Table:
-    """What the benchmark measured."""
-    title = f"cart_pendulum, {integrator}, a sample of the law at every timestep"
-    table = empty_table(title)
+def throughput_table(rows: Sequence[Throughput], what: str) -> Table:
+    """What the benchmark measured of a system."""
+    table = empty_table(f"{what}, a sample of the law at every timestep")
     table.add_column("loop", no_wrap=True)
     for header in ("simulations", "steps/s", "ratio"):
         table.add_column(escape(header), justify="right", no_wrap=True)
