@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import ArmParameters, CartPendulumParameters, Variant
-from grosmc_mj.simulation.edits import BodyEdit, apply_edits
+from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.simulation.models import load_model, load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
@@ -300,3 +301,115 @@ def test_an_edit_that_mujoco_refuses_is_a_model_error() -> None:
     """A moving body must have a mass above 1e-15 kg."""
     with pytest.raises(ModelError, match="mass and inertia of moving bodies"):
         edited("servo", BodyEdit("rotor", mass_scale=1e-16))
+
+
+# --- loads, joints and meshes ---
+
+LOADED = """
+<mujoco>
+  <asset>
+    <mesh name="wedge" vertex="0 0 0  0.2 0 0  0 0.1 0  0 0 0.3"/>
+    <mesh name="shared" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/>
+  </asset>
+  <worldbody>
+    <body name="link">
+      <joint name="j" damping="0.5" frictionloss="0.1" armature="0.2"/>
+      <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0.2" euler="10 20 30" mass="2"/>
+      <body name="horn" pos="0 0 0.4"><geom type="mesh" mesh="wedge" density="500"/></body>
+      <body name="one"><geom type="mesh" mesh="shared" density="500"/></body>
+      <body name="two"><geom type="mesh" mesh="shared" density="500"/></body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def about_origin(model: mujoco.MjModel, name: str) -> Array:
+    """A body's inertia about its own origin in its own axes: what only adds up."""
+    body, rotation = model.body(name), np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, body.iquat)
+    axes, c = rotation.reshape(3, 3), body.ipos
+    inertia = axes @ np.diag(body.inertia) @ axes.T
+    return inertia + body.mass[0] * (c @ c * np.eye(3) - np.outer(c, c))
+
+
+def edited(*edits: Edit) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+    spec = mujoco.MjSpec.from_string(LOADED)
+    return spec.compile(), apply_edits(spec, edits).compile()
+
+
+def test_a_load_adds_its_mass_its_moment_and_its_inertia() -> None:
+    loads = (AddedMass("link", 0.7, (0.1, -0.3, 0.5)), AddedMass("link", 0.2, (-0.2, 0.0, 0.1)))
+    before, after = edited(*loads)
+    mass = before.body("link").mass[0] + 0.9
+    moment = before.body("link").mass[0] * before.body("link").ipos
+    inertia = about_origin(before, "link")
+    for load in loads:
+        r = np.array(load.position)
+        moment = moment + load.mass * r
+        inertia = inertia + load.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    assert after.body("link").mass[0] == pytest.approx(mass, rel=1e-15)
+    np.testing.assert_allclose(after.body("link").ipos, moment / mass, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(about_origin(after, "link"), inertia, rtol=0, atol=1e-14)
+    assert after.ngeom == before.ngeom + 2
+    assert not after.geom_contype[-2:].any()
+
+
+def test_a_load_on_a_scaled_body_sits_where_its_position_says() -> None:
+    before, after = edited(AddedMass("link", 1.0, (0.5, 0, 0)), BodyEdit("link", 2.0, 1.5))
+    own, mass = before.body("link"), before.body("link").mass[0]
+    wanted = (2 * mass * 1.5 * own.ipos + [0.5, 0, 0]) / (2 * mass + 1)
+    np.testing.assert_allclose(after.body("link").ipos, wanted, rtol=0, atol=1e-15)
+
+
+def test_a_joint_edit_sets_what_it_names_only() -> None:
+    _, after = edited(JointEdit("j", damping=3.0, friction=0.0))
+    assert after.dof_damping[0] == 3.0
+    assert after.dof_frictionloss[0] == 0.0
+    assert after.dof_armature[0] == 0.2
+    _, after = edited(JointEdit("j", armature=0.9))
+    assert (after.dof_damping[0], after.dof_frictionloss[0]) == (0.5, 0.1)
+    assert after.dof_armature[0] == 0.9
+
+
+def test_a_body_drawn_by_a_mesh_of_its_own_stays_similar_to_itself() -> None:
+    before, after = edited(BodyEdit("horn", length_scale=1.3))
+    np.testing.assert_allclose(
+        after.mesh_vert,
+        np.where(np.arange(before.nmeshvert)[:, None] < before.mesh_vertnum[0], 1.3, 1.0)
+        * before.mesh_vert,
+        rtol=1e-6,
+        atol=1e-9,
+    )  # vertices are float32
+    np.testing.assert_allclose(
+        about_origin(after, "horn"), 1.69 * about_origin(before, "horn"), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("edits", "message"),
+    [
+        ((BodyEdit("one", length_scale=2.0),), "mesh 'shared' of body 'one' also draws two"),
+        ((AddedMass("lnk", 1.0),), "unknown body 'lnk': did you mean 'link'"),
+        ((JointEdit("k", damping=1.0),), "unknown joint 'k'"),
+        ((JointEdit("j", damping=1.0), JointEdit("j", friction=1.0)), "'j' is edited twice"),
+    ],
+)
+def test_loads_and_joint_edits_that_do_not_fit(edits: tuple[Edit, ...], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        edited(*edits)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: AddedMass("link", 0.0),
+        lambda: AddedMass("link", math.nan),
+        lambda: AddedMass("link", 1.0, (0.0, math.inf, 0.0)),
+        lambda: JointEdit("j", damping=-1.0),
+        lambda: JointEdit("j", friction=math.inf),
+    ],
+)
+def test_numbers_that_no_load_or_joint_can_have(make: Callable[[], Edit]) -> None:
+    with pytest.raises(ModelError, match="finite"):
+        make()

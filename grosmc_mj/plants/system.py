@@ -162,6 +162,8 @@ class AnalyticPlant:
             raise ModelError(
                 f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
             )
+        if isinstance(system.equations, NoEquations):
+            raise ModelError(f"{system.name} has no equations in symbols, and no analytic twin")
         if system.read_parameters is None:
             raise ModelError(f"{system.name} has no model in MuJoCo to read its numbers from")
         try:

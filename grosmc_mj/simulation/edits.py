@@ -215,9 +215,10 @@ def _add_load(body: mujoco.MjsBody, model: mujoco.MjModel, edit: AddedMass) -> N
         + mass * _steiner(centre - new_centre)
         + edit.mass * _steiner(np.asarray(edit.position) - new_centre)
     )
-    body.explicitinertial = True
-    body.mass, body.ipos, body.iquat = total, new_centre, [1.0, 0.0, 0.0, 0.0]
-    body.fullinertia = about_new[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    principal, vectors, turn = np.zeros(3), np.zeros(9), np.zeros(4)
+    mujoco.mju_eig3(principal, vectors, turn, about_new.ravel())
+    write_inertia(body, total, model, index)
+    body.inertia, body.ipos, body.iquat = principal, new_centre, turn
     radius = (3 * edit.mass / (4 * math.pi * _LOAD_DENSITY)) ** (1 / 3)
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
