@@ -109,12 +109,18 @@ def jaco(timestep: float = 1e-3) -> Robot:
 
 
 def _stage(model: Any) -> None:
-    """A floor, a light and a camera: the entity has none. Nothing touches the floor."""
+    """A sky, a floor, lights and a camera: the entity has none. Nothing touches the floor."""
+    sky = {"rgb1": (0.93, 0.95, 0.98), "rgb2": (0.8, 0.85, 0.92), "width": 256, "height": 256}
+    model.asset.add("texture", name="sky", type="skybox", builtin="gradient", **sky)
+    model.visual.headlight.set_attributes(ambient=(0.35,) * 3, diffuse=(0.5,) * 3)
     floor = {"type": "plane", "size": (1, 1, 0.1), "rgba": (0.85, 0.87, 0.9, 1)}
     model.worldbody.add("geom", name="floor", contype=0, conaffinity=0, **floor)
     model.worldbody.add("light", name="lamp", pos=(0.6, -0.8, 2.2), dir=(-0.25, 0.35, -1))
     model.worldbody.add(
-        "camera", name="fixed", pos=(1.5, -1.1, 0.95), xyaxes=(0.6, 0.8, 0, -0.23, 0.17, 0.96)
+        "camera",
+        name="fixed",
+        pos=(0.6, -1.1, 0.75),
+        xyaxes=(0.832, 0.555, 0, -0.131, 0.196, 0.972),
     )
 
 

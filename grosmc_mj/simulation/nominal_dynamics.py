@@ -29,8 +29,18 @@ from grosmc_mj.simulation.edits import write_inertia
 from grosmc_mj.simulation.mjdata import mjdata_dtype
 from grosmc_mj.simulation.models import compile_spec
 
-# qfrc_inverse = M(q) q'' + h(q, q') - passive, of the mjData's own q, q' and q''.
-_mj_inverse = types.ExternalFunction("mj_inverse", types.void(types.voidptr, types.voidptr))
+
+def _of_model_and_data(name: str) -> Any:
+    """MuJoCo's C function of that name, for an mjModel and an mjData."""
+    return types.ExternalFunction(name, types.void(types.voidptr, types.voidptr))
+
+
+# What inverse dynamics needs of ``mj_inverse``, which does twice as much: recursive Newton-Euler.
+_mj_kinematics, _mj_com_pos = _of_model_and_data("mj_kinematics"), _of_model_and_data("mj_comPos")
+_mj_com_vel, _mj_passive = _of_model_and_data("mj_comVel"), _of_model_and_data("mj_passive")
+_mj_rne = types.ExternalFunction(
+    "mj_rne", types.void(types.voidptr, types.voidptr, types.int32, types.voidptr)
+)
 
 _WITHOUT = (
     mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
@@ -51,11 +61,12 @@ class NominalData:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model, self._data = model, mujoco.MjData(model)
-        self._addresses = np.array([model._address, self._data._address], np.int64)
+        armature = model.dof_armature.ctypes.data
+        self._addresses = np.array([model._address, self._data._address, armature], np.int64)
 
     @property
     def address(self) -> float:
-        """Where the addresses of both are."""
+        """Where the addresses of both and of the joints' armature are."""
         return float(self._addresses.ctypes.data)
 
 
@@ -116,12 +127,14 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
         and the accelerations a, (n,).
     """
     _load_mujoco()
-    data_dtype, entries = mjdata_dtype("qpos", "qvel", "qacc", "qfrc_inverse"), each(n, _entry)
+    data_dtype = mjdata_dtype("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
+    entries = each(n, _total)
 
     @numba.njit
     def torque(workspace: float, x: Any, a: Any) -> tuple[float, ...]:
-        addresses = numba.carray(pointer(np.int64(workspace)), (2,), np.int64)
+        addresses = numba.carray(pointer(np.int64(workspace)), (3,), np.int64)
         m, d = pointer(addresses[0]), pointer(addresses[1])
+        armature = numba.carray(pointer(addresses[2]), (n,), np.float64)
         arrays = numba.carray(d, (1,), data_dtype)[0]
         qpos = numba.carray(pointer(arrays.qpos), (n,), np.float64)
         qvel = numba.carray(pointer(arrays.qvel), (n,), np.float64)
@@ -130,14 +143,22 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
             qpos[i] = x[i]
             qvel[i] = x[i + n]
             qacc[i] = a[i]
-        _mj_inverse(m, d)
-        return entries(numba.carray(pointer(arrays.qfrc_inverse), (n,), np.float64))
+        _mj_kinematics(m, d)
+        _mj_com_pos(m, d)
+        _mj_com_vel(m, d)
+        _mj_passive(m, d)
+        result = pointer(arrays.qfrc_inverse)
+        _mj_rne(m, d, np.int32(1), result)
+        # M a + h of the bodies, what drives the joints, and what acts without an input.
+        bodies = numba.carray(result, (n,), np.float64)
+        passive = numba.carray(pointer(arrays.qfrc_passive), (n,), np.float64)
+        return entries(bodies, armature, a, passive)
 
     return torque
 
 
-def _entry(i: int, values: Any) -> float:
-    return values[i]
+def _total(i: int, bodies: Any, armature: Any, a: Any, passive: Any) -> float:
+    return bodies[i] + armature[i] * a[i] - passive[i]
 
 
 @cache
