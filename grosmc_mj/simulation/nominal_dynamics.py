@@ -74,7 +74,8 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The model of a robot with its dynamics only: nothing to see, to touch or to actuate.
 
     Bodies that do not move against each other are one, which leaves the dynamics as they are
-    and makes an mjData small and fast: 4096 runs must fit.
+    and makes them fast. An mjData has 0.44 MB whatever its model, most of it for statistics of
+    MuJoCo's solver: 4096 runs take 1.8 GB.
 
     Args:
         spec: The robot, not changed.
