@@ -1,1 +1,1 @@
-"""Robots that come with other packages."""
+"""Plants from other packages' models, read as they are."""

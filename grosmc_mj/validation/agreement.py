@@ -118,11 +118,14 @@ def acceleration_difference(
     model, system, n = physics.model, plant.system, plant.system.degrees_of_freedom
     data, p = mujoco.MjData(model), plant.parameters
     bodies = [model.body(name).id for name in system.bodies]
+    limited = model.actuator_ctrllimited.astype(bool)[:, None]
+    # Beyond its range MuJoCo would apply another input than the equations are given.
+    low, high = np.where(limited, model.actuator_ctrlrange, (-_INPUT_BOUND, _INPUT_BOUND)).T
     bound, worst = system.position_bound, 0.0
     for _ in range(states):
         x = np.concatenate([random.uniform(-bound, bound, n), random.uniform(-1, 1, n)])
         x[n:] *= _RATE_BOUND
-        u = random.uniform(-_INPUT_BOUND, _INPUT_BOUND, len(system.inputs))
+        u = random.uniform(low, high)
         w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(bodies))
         data.qpos, data.qvel, data.ctrl = x[:n], x[n:], u
         data.xfrc_applied[bodies] = w.reshape(-1, 6)
