@@ -33,9 +33,8 @@ from grosmc_mj.control.surface import accumulated
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, CartPendulumParameters
+from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, System
 
-STATE = StateCoordinates(CART_PENDULUM)
 _ANGLE = ErrorCoordinates(CART_PENDULUM, setpoint)
 
 # The pole's rate costs most: with a stiff cart the sliding dynamics themselves are unstable for a
@@ -43,6 +42,15 @@ _ANGLE = ErrorCoordinates(CART_PENDULUM, setpoint)
 WEIGHTS = (np.diag([1.0, 1.0, 1.0, 100.0]), 1.0)
 # Largest angle that the outer loop asks for [rad].
 LEAN = 0.35
+
+# Q (4, 4) and R of the index (4).
+Weights = tuple[Array, float]
+
+
+@cache
+def state_of(system: System) -> StateCoordinates:
+    """The whole state of a pole on a cart, made once, as a law is compiled once for it."""
+    return StateCoordinates(system)
 
 
 @dataclass(frozen=True)
@@ -52,34 +60,38 @@ class HoldingUncertainty:
     Attributes:
         mass: Largest mass of the pole over its nominal one.
         length: Largest length over the nominal one.
-        force: Largest force on the cart [N].
+        force: Largest force on the cart, in the unit of the input.
         reaching_rate: Rate at which the true plant shall keep |s| falling, in the unit of s per
             second.
+        push: Largest force along the rail at the pole's centre of mass [N].
     """
 
     mass: float = 4.0
     length: float = 4.0
     force: float = 0.05
     reaching_rate: float = 0.2
+    push: float = 0.0
 
     def __post_init__(self) -> None:
         if not (1 <= self.mass < math.inf and 1 <= self.length < math.inf):
             raise GainError(
                 f"mass x{self.mass:g} and length x{self.length:g} must be 1 or more, and finite"
             )
-        if not (0 <= self.force < math.inf and 0 < self.reaching_rate < math.inf):
+        forces = (self.force, self.push)
+        if not (all(0 <= each < math.inf for each in forces) and 0 < self.reaching_rate < math.inf):
             raise GainError(
-                f"force {self.force:g} N must not be negative, reaching rate "
-                f"{self.reaching_rate:g} positive, and both finite"
+                f"force {self.force:g} and push {self.push:g} must not be negative, reaching rate "
+                f"{self.reaching_rate:g} positive, and all finite"
             )
 
-    def family(self, nominal: CartPendulumParameters) -> list[CartPendulumParameters]:
-        """The corners of the family and their means."""
-        scales = ((1.0, math.sqrt(most), most) for most in (self.mass, self.length))
-        return [
-            replace(nominal, m=a * nominal.m, L=b * nominal.L)
-            for a, b in itertools.product(*scales)
-        ]
+    def scales(self) -> list[tuple[float, float]]:
+        """Mass and length of the family's corners and their means, over the nominal ones."""
+        each = ((1.0, math.sqrt(most), most) for most in (self.mass, self.length))
+        return list(itertools.product(*each))
+
+    def family(self, nominal: Any) -> list[Any]:
+        """Their parameters, from the nominal plant's."""
+        return [nominal.scaled(mass, length) for mass, length in self.scales()]
 
 
 def linear_model(plant: AnalyticPlant) -> tuple[Array, Array]:
@@ -87,20 +99,26 @@ def linear_model(plant: AnalyticPlant) -> tuple[Array, Array]:
     return plant.jacobian(np.zeros(4), np.zeros(1))
 
 
-def holding_lqr(plant: AnalyticPlant, model: tuple[Array, Array] | None = None) -> Controller:
+def holding_lqr(
+    plant: AnalyticPlant,
+    model: tuple[Array, Array] | None = None,
+    weights: Weights | None = None,
+) -> Controller:
     """LQR of all four states, eqs. (5)-(6).
 
     Args:
-        plant: The nominal plant.
+        plant: The nominal plant: a pole on a cart.
         model: (A, B) of it, for instance from MuJoCo; in symbols by default.
+        weights: Q and R of the index; ``WEIGHTS`` by default.
     """
-    optimum = lqr(*(model or linear_model(plant)), *WEIGHTS)
+    optimum = lqr(*(model or linear_model(plant)), *(weights or WEIGHTS))
+    error = state_of(plant.system)
     return Controller(
         name="cart-lqr",
-        law=laws.state_feedback(STATE),
+        law=laws.state_feedback(error),
         parameters=FeedbackParameters(plant.parameters, Setpoint(), optimum.K),
         memory=_one_input,
-        error=STATE,
+        error=error,
         lqr=optimum,
         source="eqs. (5)-(6) with four states",
         gains=_gains(optimum),
@@ -120,33 +138,39 @@ def holding_ism(
     model: tuple[Array, Array] | None = None,
     uncertainty: HoldingUncertainty = HoldingUncertainty(),
     G: ArrayLike | None = None,
+    weights: Weights | None = None,
 ) -> Controller:
     """Integral sliding mode on the four-state LQR: section 2's surface (8) and law (12).
 
     On the linear models of the family, with A_t and B_t of a member,
 
-        gamma1 = sup |G (A_t - B_t K - A + B K)| / |G B_t|,   eta = reaching_rate / min r,
-        r = G B_t / G B.
+        gamma0 = force + push sup |G d_t| / |G B_t|,   eta = reaching_rate / min r,
+        gamma1 = sup |G (A_t - B_t K - A + B K)| / |G B_t|,   r = G B_t / G B,
+
+    where d_t is what 1 N on the pole does to x'.
 
     Args:
-        plant: The nominal plant.
+        plant: The nominal plant: a pole on a cart.
         model: (A, B) of it, for instance from MuJoCo; in symbols by default.
         uncertainty: What the law shall withstand.
         G: Projection of the surface, (1, 4); B+ by default, which does not amplify what is
             unmatched.
+        weights: Q and R of the index; ``WEIGHTS`` by default.
 
     Raises:
         GainError: If a member of the family turns the input round or makes the sliding dynamics
             unstable, when no switching gain helps.
     """
-    optimum = lqr(*(model or linear_model(plant)), *WEIGHTS)
+    optimum = lqr(*(model or linear_model(plant)), *(weights or WEIGHTS))
+    error = state_of(plant.system)
     numbers = surface_numbers(optimum, G)
     matrix, GB = numbers["G"], float(numbers["GB"][0, 0])
-    gamma1, least = 0.0, math.inf
-    for member in uncertainty.family(plant.parameters):
-        A_t, B_t = linear_model(replace(plant, parameters=member))
+    share, gamma1, least = 0.0, 0.0, math.inf
+    for mass, length in uncertainty.scales():
+        member = replace(plant, parameters=plant.parameters.scaled(mass, length))
+        A_t, B_t = linear_model(member)
         r = float((matrix @ B_t)[0, 0]) / GB
-        where = f"cart_pendulum with m = {member.m:g} kg and L = {member.L:g} m"
+        where = f"{plant.system.name} with the pole's mass x{mass:g} and length x{length:g}"
         if not r > 0:
             raise GainError(f"{where}: G B is {r:g} of the nominal one: choose another G")
         pole = np.linalg.eigvals(sliding_dynamics(optimum, matrix, A_t, B_t)).real.max()
@@ -157,37 +181,61 @@ def holding_ism(
             )
         difference = A_t - B_t @ optimum.K - optimum.closed_loop
         gamma1 = max(gamma1, float(np.linalg.norm(matrix @ difference)) / abs(r * GB))
+        share = max(share, abs(float((matrix @ _pushed(member))[0])) / abs(r * GB))
         least = min(least, r)
+    gamma0 = uncertainty.force + uncertainty.push * share
     parameters = BoundedParameters(
         plant=plant.parameters,
         reference=Setpoint(),
         K=optimum.K,
         **numbers,
         eta=uncertainty.reaching_rate / least,
-        gamma0=uncertainty.force,
+        gamma0=gamma0,
         gamma1=gamma1,
     )
     switching = AS_PRINTED.switching
     return Controller(
         name="cart-ism",
-        law=laws.grosmc_linear(STATE, switching.reach(1)),
-        with_reach=partial(laws.grosmc_linear, STATE),
+        law=laws.grosmc_linear(error, switching.reach(1)),
+        with_reach=partial(laws.grosmc_linear, error),
         parameters=parameters,
         memory=switching.new_memory(1, 4),
-        error=STATE,
+        error=error,
         lqr=optimum,
         source="eqs. (8)+(12) with four states",
         gains={
             **_gains(optimum),
             "eta": parameters.eta,
-            "gamma0": parameters.gamma0,
+            "gamma0": gamma0,
             "gamma1": gamma1,
         },
-        declared=f"m up to x{uncertainty.mass:g}, L up to x{uncertainty.length:g}, forces up to "
-        f"{uncertainty.force:g} N on the cart; input gain down to {least:.3g} of the nominal one",
-        sliding_unit="N s" if math.isclose(GB, 1) else "1",
+        declared=f"m up to x{uncertainty.mass:g}, L up to x{uncertainty.length:g}, "
+        f"{_forces(uncertainty, plant.system)}; input gain down to {least:.3g} of the nominal one",
+        sliding_unit=_sliding_unit(plant.system, GB),
         switching=switching.name,
     )
+
+
+def _pushed(plant: AnalyticPlant) -> Array:
+    """x' of the upright pole under 1 N along the rail at its centre of mass, (4,)."""
+    system = plant.system
+    wrench = np.zeros((len(system.bodies), 6))
+    wrench[system.bodies.index(system.uncertain_body), 0] = 1.0
+    return plant.derivative(np.zeros(4), wrench=wrench)
+
+
+def _forces(uncertainty: HoldingUncertainty, system: System) -> str:
+    """The declared forces in words."""
+    unit = "" if system.input.unit == "1" else f" {system.input.unit}"
+    cart = f"forces up to {uncertainty.force:g}{unit} on the cart"
+    return cart + (f", {uncertainty.push:g} N on the pole" if uncertainty.push else "")
+
+
+def _sliding_unit(system: System, GB: float) -> str:
+    """Unit of s: that of the input times time, if G B is 1."""
+    if not math.isclose(GB, 1):
+        return "1"
+    return "s" if system.input.unit == "1" else f"{system.input.unit} s"
 
 
 def sliding_dynamics(optimum: LqrDesign, G: Array, A_t: Array, B_t: Array) -> Array:
@@ -287,7 +335,7 @@ def holding_pfl(
         with_reach=shaped_regulator,
         parameters=parameters,
         memory=switching.new_memory(1, 1),
-        error=STATE,
+        error=state_of(CART_PENDULUM),
         lqr=optimum,
         source="eqs. (23)+(31)+(37) with an outer loop on the cart",
         gains=_gains(optimum),

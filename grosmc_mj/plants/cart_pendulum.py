@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +64,10 @@ class CartPendulumParameters:
             )
         g = float(-model.opt.gravity[2])
         return cls(M=M, m=m, L=L, g=g, printed=float(variant == "printed"))
+
+    def scaled(self, mass: float, length: float) -> CartPendulumParameters:
+        """With the pole's mass and every length of it scaled, as an edit of the model does."""
+        return replace(self, m=mass * self.m, L=length * self.L)
 
 
 def _equations() -> Equations:
