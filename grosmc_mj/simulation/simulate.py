@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
+from grosmc_mj.simulation.endings import why_ended
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import Disturbances, prepare
@@ -148,22 +149,6 @@ def _raise_if_ended_early(trajectory: Trajectory, problem: Problem) -> None:
     status, end = trajectory.status[0], float(trajectory.valid_until[0])
     if status is Status.COMPLETED:
         return
-    run, system, name = trajectory[0], trajectory.system, problem.controller.name
-    where = f"{system.name} under {name} at t = {end:g} s"
-    if status is Status.DIVERGED:
-        raise DivergenceError(
-            f"{where}: the state grew without bound; try a smaller control period or timestep",
-            end,
-            run,
-        )
-    if status is Status.SINGULAR_PLANT:
-        raise UndefinedLawError(f"{where}: the plant is singular at {system.singularity}", end, run)
-    if not (problem.controller.linearizing and system.linearizable(run.state[-1])):
-        raise UndefinedLawError(f"{where}: the law is undefined outside {system.region}", end, run)
-    at = ", ".join(f"{value:.4g}" for value in run.state[-1])
-    raise UndefinedLawError(
-        f"{where}: the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "
-        "singular there",
-        end,
-        run,
-    )
+    run = trajectory[0]
+    why = why_ended(status, trajectory.system, problem.controller, end, run.state[-1])
+    raise (DivergenceError if status is Status.DIVERGED else UndefinedLawError)(why, end, run)
