@@ -305,6 +305,40 @@ class Film:
 
 
 @dataclass(frozen=True)
+class View:
+    """Watch a case of a SYSTEM in MuJoCo's window, and push it.
+
+    The closed loop runs as you watch, in real time and without end, or a recorded run is replayed.
+
+    Keys: space pauses; . shows one picture more; + and - double and halve the speed; backspace
+    starts again. Left and right push the uncertain body for 0.2 s (a force along x, or a torque
+    where a force moves nothing), up and down make the push stronger and weaker; in a replay left
+    and right go 1 s back and on. The mouse turns and moves the picture, [ and ] change the camera,
+    Tab shows MuJoCo's own panel. Close the window or press Ctrl-C to end.
+
+    Without a display it says so and names the command that makes a film. On macOS run it with
+    mjpython -m grosmc_mj.cli view.
+
+    Attributes:
+        system: servo, cart_pendulum, arm or two_link_arm.
+        case: nominal, case1 or case2.
+        controller: One of those that grosmc-mj list shows.
+        replay: Whether to record the whole run first, and replay it.
+        speed: Seconds of the run in a second.
+        switching: Switching law of the sliding mode laws, as for validate.
+        surface: printed or discrete, as for validate.
+    """
+
+    system: System
+    case: Annotated[str, arg(metavar="NAME")] = "case1"
+    controller: Annotated[str, arg(metavar="NAME")] = "grosmc"
+    replay: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    speed: Annotated[float, arg(metavar="X")] = 1.0
+    switching: Annotated[str, arg(metavar="NAME")] = "sign"
+    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
+
+
+@dataclass(frozen=True)
 class Switching:
     """Measure accuracy and chattering of six switching laws against sample time.
 
@@ -396,6 +430,7 @@ Command = (
     | Annotated[Claims, subcommand("claims")]
     | Annotated[Premises, subcommand("premises")]
     | Annotated[Film, subcommand("film")]
+    | Annotated[View, subcommand("view")]
     | Annotated[List, subcommand("list")]
     | Annotated[Hold, subcommand("hold")]
     | Annotated[Compare, subcommand("compare")]

@@ -28,6 +28,7 @@ _ACTIONS = {
     "Claims": ("claims", "claims"),
     "Premises": ("claims", "premises"),
     "Film": ("films", "film"),
+    "View": ("view", "view"),
     "List": ("show", "list_systems"),
     "Compare": ("measure", "compare"),
     "Region": ("region", "region"),

@@ -1,0 +1,92 @@
+"""grosmc-mj view."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands import View
+from grosmc_mj.errors import DivergenceError, SetupError
+
+if TYPE_CHECKING:
+    from grosmc_mj.rendering.motions import Experiment, Motion
+
+
+def view(command: View) -> int:
+    """Prepare the case, open the window."""
+    from grosmc_mj.rendering.motions import Experiment
+    from grosmc_mj.rendering.playback import Playback
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+    from grosmc_mj.validation.cases import find_case
+    from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
+
+    settings = Settings(
+        switching=command.switching,
+        surface=command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
+    )
+    Playback(command.speed)  # refuses a speed that cannot be before anything is compiled
+    case = find_case(command.system, command.case)
+    realization = settings.realization(case.controllers)
+    law = nominal_controller(
+        case.system, command.controller, "corrected", realization, case.controllers
+    )
+    plant = case_plant(case, "physics", settings)
+    assert isinstance(plant, MujocoPlant)
+    experiment = Experiment(
+        plant, law, case.x0, case.duration, case.disturbances, settings.control_period
+    )
+    film = (
+        f"grosmc-mj film {case.system} --case {case.name} --controllers {command.controller}"
+        + (f" --switching {command.switching}" if command.switching != "sign" else "")
+        + (f" --surface {command.surface}" if command.surface != "printed" else "")
+    )
+    return show(experiment, replay=command.replay, speed=command.speed, film=film)
+
+
+def show(experiment: Experiment, *, replay: bool, speed: float, film: str) -> int:
+    """Show an experiment in a window until that is closed.
+
+    Args:
+        experiment: What runs.
+        replay: Whether it is recorded first and then shown.
+        speed: Seconds of it in a second.
+        film: The command that makes a film of it, offered where there is no display.
+
+    Raises:
+        SetupError: If there is no display.
+    """
+    from grosmc_mj.rendering.viewer import play, require_display
+
+    try:
+        require_display()
+    except SetupError as error:
+        raise SetupError(f"{error}; for a film of it run: {film}") from error
+    motion = _recorded(experiment) if replay else _live(experiment)
+    play(motion, speed=speed, say=lambda line: print(line, file=sys.stderr))
+    return screen.DONE
+
+
+def _live(experiment: Experiment) -> Motion:
+    from grosmc_mj.rendering.live import Live
+
+    return Live(experiment)
+
+
+def _recorded(experiment: Experiment) -> Motion:
+    from grosmc_mj.rendering.replay import Replay
+    from grosmc_mj.simulation.simulate import simulate
+
+    ended = ""
+    try:
+        run = simulate(
+            experiment.plant,
+            experiment.controller,
+            experiment.x0,
+            duration=experiment.duration,
+            control_period=experiment.control_period,
+            disturbances=experiment.disturbances,
+        )
+    except DivergenceError as error:
+        run, ended = error.trajectory, str(error)
+    return Replay(experiment.plant.model, run, ended)
