@@ -14,6 +14,8 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 LENGTH = 0.2
 # Bounds of its size [N or N m].
 WEAKEST, STRONGEST = 1 / 64, 1024.0
+# An instant counts as reached when it is this close [s]: sums of steps are not exact.
+_INSTANT = 1e-9
 # An acceleration per newton that counts as none.
 _NOTHING = 1e-9
 
@@ -50,15 +52,18 @@ class Push:
 
     def wrench(self, now: float) -> Array:
         """[force, torque] of each of the system's bodies at ``now`` [s], (6 * bodies,)."""
-        signed = self._sign * self.size if now < self._until else 0.0
+        signed = self._sign * self.size if self._acts(now) else 0.0
         wrenches = np.zeros((self._bodies, 6))
         wrenches[self._place, 0 if self._forces else 4] = signed if self._forces else -signed
         return wrenches.ravel()
 
     def words(self, now: float) -> str:
         """What it is, and whether it acts at ``now`` [s]."""
-        acts = "" if now >= self._until else (" <-" if self._sign < 0 else " ->")
-        return f"{self.size:g} {self.unit} on {self.body}{acts}"
+        way = ("", " ->", " <-")[self._sign if self._acts(now) else 0]
+        return f"{self.size:g} {self.unit} on {self.body}{way}"
+
+    def _acts(self, now: float) -> bool:
+        return now < self._until - _INSTANT
 
 
 def _moves(plant: MujocoPlant, x0: Array, body: str) -> bool:

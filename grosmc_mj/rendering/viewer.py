@@ -124,20 +124,24 @@ def play(
     _pose(motion, data)
     shown, told = window(motion.model, data, pressed.put), ""
     # A diverging run overflows quietly; its state tells.
-    with contextlib.closing(shown), np.errstate(all="ignore"), warnings_counted_only():
-        with contextlib.suppress(KeyboardInterrupt):
-            while shown.is_running():
-                now = clock()
-                while not pressed.empty():
-                    press(pressed.get(), playback, motion)
-                motion.advance(playback.elapsed(now))
-                _pose(motion, data)
-                shown.set_texts(_text(playback, motion))
-                shown.sync()
-                if motion.note and motion.note != told:
-                    say(motion.note)
-                told = motion.note
-                wait(max(0.0, PICTURE - (clock() - now)))
+    with (
+        contextlib.closing(shown),
+        np.errstate(all="ignore"),
+        warnings_counted_only(),
+        contextlib.suppress(KeyboardInterrupt),
+    ):
+        while shown.is_running():
+            now = clock()
+            while not pressed.empty():
+                press(pressed.get(), playback, motion)
+            motion.advance(playback.elapsed(now))
+            _pose(motion, data)
+            shown.set_texts(_text(playback, motion))
+            shown.sync()
+            if motion.note and motion.note != told:
+                say(motion.note)
+            told = motion.note
+            wait(max(0.0, PICTURE - (clock() - now)))
 
 
 def _pose(motion: Motion, data: mujoco.MjData) -> None:

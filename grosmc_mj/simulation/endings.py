@@ -8,9 +8,7 @@ from grosmc_mj.plants import System
 from grosmc_mj.simulation.trajectory import Status
 
 
-def why_ended(
-    status: Status, system: System, controller: Controller, time: float, x: Array
-) -> str:
+def why_ended(status: Status, system: System, controller: Controller, time: float, x: Array) -> str:
     """One line for a run that could not go on; empty for one that could.
 
     Args:
@@ -24,9 +22,7 @@ def why_ended(
     if status is Status.COMPLETED:
         return ""
     if status is Status.DIVERGED:
-        return (
-            f"{where}: the state grew without bound; try a smaller control period or timestep"
-        )
+        return f"{where}: the state grew without bound; try a smaller control period or timestep"
     if status is Status.SINGULAR_PLANT:
         return f"{where}: the plant is singular at {system.singularity}"
     if not (controller.linearizing and system.linearizable(x)):
