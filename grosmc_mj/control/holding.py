@@ -86,8 +86,8 @@ class HoldingUncertainty:
 
     def scales(self) -> list[tuple[float, float]]:
         """Mass and length of the family's corners and their means, over the nominal ones."""
-        each = ((1.0, math.sqrt(most), most) for most in (self.mass, self.length))
-        return list(itertools.product(*each))
+        masses, lengths = ((1.0, math.sqrt(most), most) for most in (self.mass, self.length))
+        return list(itertools.product(masses, lengths))
 
     def family(self, nominal: Any) -> list[Any]:
         """Their parameters, from the nominal plant's."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -14,6 +15,8 @@ from grosmc_mj.arrays import Array
 _MARGIN = 0.92
 # Further back than this [m] nothing can be told apart.
 _FURTHEST = 60.0
+# Width over height of a window as it opens.
+_WINDOW = 1.5
 
 
 class Placement(NamedTuple):
@@ -40,6 +43,34 @@ def visible_height(camera: Any, point: Array) -> float:
     """Height of what the picture shows at the distance of a point [m]."""
     depth = -(_axes(camera)[2] @ (np.asarray(point, float) - camera.pos))
     return float((camera.frustum_top - camera.frustum_bottom) / camera.frustum_near * depth)
+
+
+def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let a free camera, which the mouse can turn, begin with the picture of the model's own.
+
+    That is the model's camera ``fixed``, else its first; without one nothing is changed.
+
+    Args:
+        free: The camera of a window.
+        model: The model.
+        data: Its pose, kinematics computed.
+    """
+    if model.ncam == 0:
+        return
+    names = [model.camera(i).name for i in range(model.ncam)]
+    camera = names.index("fixed") if "fixed" in names else 0
+    axes = data.cam_xmat[camera].reshape(3, 3).T
+    eye = data.cam_xpos[camera] + np.array(place(model, camera, [data], _WINDOW)) @ axes
+    moving = [body for body in range(1, model.nbody) if model.body_weldid[body] != 0]
+    depth = -float(axes[2] @ (data.xipos[moving].mean(axis=0) - eye))
+    forward = -axes[2]
+    fields = (model.cam_fovy[camera], model.vis.global_.fovy)
+    own, wide = (math.tan(math.radians(field) / 2) for field in fields)
+    free.type = mujoco.mjtCamera.mjCAMERA_FREE
+    free.lookat[:] = eye + depth * forward
+    free.distance = depth * own / wide
+    free.azimuth = math.degrees(math.atan2(forward[1], forward[0]))
+    free.elevation = math.degrees(math.asin(forward[2]))
 
 
 def place(

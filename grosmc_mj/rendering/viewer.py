@@ -6,9 +6,11 @@ import contextlib
 import queue
 import re
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import mujoco
@@ -16,6 +18,7 @@ import numpy as np
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.rendering.backends import has_display
+from grosmc_mj.rendering.camera import aim
 from grosmc_mj.rendering.keys import press
 from grosmc_mj.rendering.motions import Motion
 from grosmc_mj.rendering.playback import Playback
@@ -23,6 +26,8 @@ from grosmc_mj.simulation.quiet import warnings_counted_only
 
 # Time between two pictures [s].
 PICTURE = 1 / 60
+# How long a last picture may take, without a graphics card [s].
+_LAST_PICTURE = 20.0
 
 
 class Window(Protocol):
@@ -43,6 +48,32 @@ class Window(Protocol):
     def close(self) -> None:
         """Close it."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """MuJoCo's window and the threads that draw it."""
+
+    handle: Any
+    threads: tuple[threading.Thread, ...]
+
+    def is_running(self) -> bool:
+        """Whether it is open."""
+        return self.handle.is_running()
+
+    def sync(self) -> None:
+        """Draw the data as they are."""
+        self.handle.sync()
+
+    def set_texts(self, texts: Any) -> None:
+        """Words over the picture."""
+        self.handle.set_texts(texts)
+
+    def close(self) -> None:
+        """Close it, and wait for the end of its threads: left behind, they crash at the exit."""
+        self.handle.close()
+        for thread in self.threads:
+            thread.join(_LAST_PICTURE)
 
 
 OpenWindow = Callable[[mujoco.MjModel, mujoco.MjData, Callable[[int], None]], Window]
@@ -88,9 +119,13 @@ def open_window(
     require_display()
     import mujoco.viewer as theirs
 
-    return theirs.launch_passive(
+    before = threading.enumerate()
+    handle = theirs.launch_passive(
         model, data, key_callback=on_key, show_left_ui=False, show_right_ui=False
     )
+    with handle.lock():
+        aim(handle.cam, model, data)
+    return _Opened(handle, tuple(each for each in threading.enumerate() if each not in before))
 
 
 def play(
