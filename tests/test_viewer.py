@@ -372,7 +372,21 @@ def test_what_the_window_does_to_its_data_never_reaches_the_physics() -> None:
     np.testing.assert_array_equal(*runs)
 
 
-@pytest.mark.parametrize("system", ["cart_pendulum", "servo", "arm", "two_link_arm"])
+def test_the_window_follows_the_cart() -> None:
+    model, free = MujocoPlant.load("cart_pendulum").model, mujoco.MjvCamera()
+    data, scene, option = mujoco.MjData(model), mujoco.MjvScene(model, 1000), mujoco.MjvOption()
+    mujoco.mj_forward(model, data)
+    aim(free, model, data)
+    data.qpos[0] = 3.0
+    mujoco.mj_forward(model, data)
+    for _ in range(200):
+        mujoco.mjv_updateScene(
+            model, data, option, None, free, mujoco.mjtCatBit.mjCAT_STATIC.value, scene
+        )
+    assert free.lookat[0] == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("system", ["servo", "arm", "two_link_arm"])
 def test_the_window_begins_with_the_picture_of_the_models_camera(system: str) -> None:
     """The same line of sight, and at the body's depth the same height of the picture."""
     model, free = MujocoPlant.load(system).model, mujoco.MjvCamera()

@@ -48,7 +48,8 @@ def visible_height(camera: Any, point: Array) -> float:
 def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Let a free camera, which the mouse can turn, begin with the picture of the model's own.
 
-    That is the model's camera ``fixed``, else its first; without one nothing is changed.
+    That is the model's camera ``fixed``, else its first; without one nothing is changed. What
+    drives about on a slide is followed.
 
     Args:
         free: The camera of a window.
@@ -71,6 +72,9 @@ def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> N
     free.distance = depth * own / wide
     free.azimuth = math.degrees(math.atan2(forward[1], forward[0]))
     free.elevation = math.degrees(math.asin(forward[2]))
+    if mujoco.mjtJoint.mjJNT_SLIDE in model.jnt_type:
+        free.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+        free.trackbodyid = moving[0]
 
 
 def place(
