@@ -17,6 +17,7 @@ _MARGIN = 0.92
 _FURTHEST = 60.0
 # Width over height of a window as it opens.
 _WINDOW = 1.5
+_ROOM = 1.4
 
 
 class Placement(NamedTuple):
@@ -75,6 +76,8 @@ def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> N
     if mujoco.mjtJoint.mjJNT_SLIDE in model.jnt_type:
         free.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         free.trackbodyid = moving[0]
+        # Its centre of mass is in the middle now, which is low in a cart with a pole.
+        free.distance *= _ROOM
 
 
 def place(
