@@ -1,0 +1,52 @@
+"""The chapter's index as a reward: what it weighs, and its stage cost."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+
+
+class Index:
+    """J = 1/2 ∫ z'Qz + v'Rv dt of eqs. (13), (27) and (48).
+
+    v is u itself for a law on the plant's linear model, and alpha + E u of eqs. (23) and (44)
+    after feedback linearization.
+
+    Args:
+        law: A controller with error coordinates and the optimum that it was designed for.
+    """
+
+    def __init__(self, law: Controller) -> None:
+        if law.error is None or law.lqr is None:
+            raise ArgumentError(
+                f"{law.name} has no error coordinates or no optimum: take one of the chapter's "
+                "controllers, or one made for a Task"
+            )
+        self._law, self._error, self._design = law, law.error, law.lqr
+
+    def defined(self, x: Array) -> bool:
+        """Whether a state is in the region that the index is defined in."""
+        return not self._law.linearizing or bool(self._error.system.linearizable(x))
+
+    def weighed(self, t: float, x: Array, u: ArrayLike) -> Array:
+        """v, (m,).
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            u: Input, (m,).
+        """
+        u = np.atleast_1d(np.asarray(u, float))
+        if not self._law.linearizing:
+            return u
+        alpha, E = self._law.coordinates.dynamics(t, x, self._law.parameters)
+        return alpha + E @ u
+
+    def stage_cost(self, t: float, x: Array, u: ArrayLike) -> float:
+        """1/2 (z'Qz + v'Rv), in the index's unit per second."""
+        z, v = np.array(self._error.state(t, x, self._law.parameters)), self.weighed(t, x, u)
+        return float(0.5 * (z @ self._design.Q @ z + v @ self._design.R @ v))

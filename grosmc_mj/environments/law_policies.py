@@ -1,0 +1,94 @@
+"""A law as a policy: from observations to actions, in any environment."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.environments.signals import Observation, seen_state, state_names
+from grosmc_mj.errors import ArgumentError, UndefinedLawError
+from grosmc_mj.plants import System, find_system
+from grosmc_mj.simulation.inputs import written_inputs
+
+
+class LawPolicy:
+    """A controller's law, called with observations; its memory starts anew at time 0.
+
+    Args:
+        controller: The controller.
+        system: Its plant, which names the states.
+    """
+
+    def __init__(self, controller: Controller, system: System) -> None:
+        self._controller, self._names = controller, state_names(system)
+        self._u = np.zeros(len(system.inputs))
+        self._write = written_inputs(len(self._u))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the run so far."""
+        self._memory, self._last = self._controller.memory(), math.nan
+
+    def __call__(self, observation: Observation) -> Array:
+        """The law's inputs, (m,).
+
+        Args:
+            observation: As the environments give it, or any mapping of ``time`` and the states'
+                names to numbers.
+
+        Raises:
+            ArgumentError: If an entry is missing, or the sampling is not what the law needs.
+            UndefinedLawError: If the law is not defined at this state.
+        """
+        t, x = seen_state(self._names, observation)
+        if t == 0:
+            self.reset()
+        self._check_period(t)
+        law = self._controller
+        try:
+            self._write(self._u, law.law(t, x, self._memory, law.parameters))
+        except ArithmeticError:  # where compiled code goes on with infinities and NaN
+            self._u[:] = np.nan
+        except ValueError as error:
+            if "math domain" not in str(error):
+                raise
+            self._u[:] = np.nan
+        if self._memory.undefined:
+            raise UndefinedLawError(f"t = {t:g} s: {law.name} is undefined at this state", t)
+        return self._u.copy()
+
+    def _check_period(self, t: float) -> None:
+        """Refuse another sampling time than the one that the law is made for."""
+        wanted, found = self._controller.control_period, t - self._last
+        # Differences of instants are rounded in the instants' last place.
+        if wanted is not None and abs(found - wanted) > 1e-9 * max(1.0, t):
+            raise ArgumentError(
+                f"{self._controller.name} is designed for a control period of {wanted:g} s, not "
+                f"{found:g} s: load the environment with control_period={wanted:g}"
+            )
+        self._last = t
+
+
+def law_policy(controller: Controller, system: str | None = None) -> LawPolicy:
+    """A law as a policy ``policy(observation) -> action``, for dm_control and Gymnasium alike.
+
+    It takes ``time_step.observation`` of the one and the observation of the other, and starts
+    its memory anew when the observed time is 0.
+
+    Args:
+        controller: Any controller.
+        system: Its system's name; needed if the controller has no error coordinates.
+
+    Raises:
+        ArgumentError: If the system is not known.
+    """
+    if system is not None:
+        return LawPolicy(controller, find_system(system))
+    if controller.error is None:
+        raise ArgumentError(
+            f"{controller.name} does not say which plant it is for: give law_policy its system"
+        )
+    return LawPolicy(controller, controller.error.system)

@@ -1,0 +1,66 @@
+"""A case as an environment of dm_control."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from grosmc_mj.environments.experiment import Experiment
+from grosmc_mj.errors import SetupError
+from grosmc_mj.validation.cases import Case
+
+if TYPE_CHECKING:
+    from dm_control.rl.control import Environment
+
+
+def load(
+    system: str,
+    task: str | Case = "nominal",
+    *,
+    control_period: float = 1e-3,
+    timestep: float = 1e-3,
+    spread: ArrayLike = 0.0,
+    seed: int | None = None,
+) -> Environment:
+    """A case as a dm_control environment, with its edits and disturbances.
+
+    A law that runs in it gets the states and inputs that ``simulate`` gives it, bit for bit.
+
+    Args:
+        system: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``.
+        task: Name of one of its cases, or a case.
+        control_period: Time between two actions [s], a multiple of the timestep.
+        timestep: Physics timestep [s].
+        spread: Half widths of the starts about the case's own, (n,), in the states' units, or
+            one number for all of them. Starts are drawn uniformly by ``task.random``.
+        seed: Of the starts; None for others each time.
+
+    Returns:
+        The environment; ``environment.task.ended`` says why an episode ended early.
+
+    Raises:
+        ModelError: If there is no such system.
+        ArgumentError: If there is no such case, or a number does not fit.
+        SetupError: If dm_control is not installed.
+    """
+    experiment = Experiment(
+        system, task, control_period=control_period, timestep=timestep, spread=spread
+    )
+    try:
+        with warnings.catch_warnings():
+            # Without a display GLFW only warns, and dm_control would take it for rendering.
+            warnings.filterwarnings("error", module="glfw")
+            from dm_control.rl.control import Environment
+
+            from grosmc_mj.environments.physics import CasePhysics
+            from grosmc_mj.environments.task import CaseTask
+    except ImportError as error:
+        raise SetupError(
+            f"environments need dm_control, which cannot be imported ({error}): pip install "
+            "dm_control with Python 3.12 or older, or use the Gymnasium environments"
+        ) from error
+    stride = experiment.problem.stride
+    physics, case = CasePhysics.of(experiment), CaseTask(experiment, seed)
+    return Environment(physics, case, n_sub_steps=stride)
