@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.native_analytic import analytic_kernel
 from grosmc_mj.simulation.native_batch import NativeBatch
@@ -15,7 +16,15 @@ from grosmc_mj.simulation.records import pack
 
 
 def run_native(problem: Problem) -> Record:
-    """Run every simulation of the problem on all threads that it allows."""
+    """Run every simulation of the problem on all threads that it allows.
+
+    Raises:
+        ArgumentError: If the law says that it can't be compiled, by an attribute ``python_only``.
+    """
+    if getattr(problem.controller.law, "python_only", False):
+        raise ArgumentError(
+            f"{problem.controller.name} runs in Python only: use engine='python', not 'native'"
+        )
     if isinstance(problem.plants[0], AnalyticPlant):
         return _run_analytic(problem)
     return NativeBatch(problem).run()
