@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from grosmc_mj import environments
     from grosmc_mj.control.controller import Controller
     from grosmc_mj.control.design import (
         Realization,
@@ -82,6 +83,8 @@ _HOMES = {
     "write_film": "rendering.write",
 }
 
+_PACKAGES = ("environments",)
+
 __all__ = [
     "TIME",
     "AnalyticPlant",
@@ -110,6 +113,7 @@ __all__ = [
     "chapter_controller",
     "computed_torque_pd",
     "constant",
+    "environments",
     "feedback_linearization",
     "find_switching",
     "linearize",
@@ -126,6 +130,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Load a public name from the module that it lives in."""
+    if name in _PACKAGES:
+        return importlib.import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -1,0 +1,194 @@
+"""A policy as a controller: judged by the same claims and metrics as the laws."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal, NoReturn, get_args
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.environments.index import Index
+from grosmc_mj.environments.signals import Observation, Signals
+from grosmc_mj.environments.time_steps import TimeSteps
+from grosmc_mj.errors import (
+    ArgumentError,
+    GrosmcError,
+    PolicyError,
+    UndefinedLawError,
+    unknown_name,
+)
+
+Takes = Literal["observation", "time_step"]
+
+
+@dataclass
+class PolicyMemory(Memory):
+    """What a run under a policy remembers.
+
+    Attributes:
+        v: What the index weighs of the input commanded, (m,).
+        samples: Actions asked for so far.
+    """
+
+    v: Any = field(default_factory=lambda: np.zeros(1))
+    samples: float = 0.0
+
+
+class PolicyLaw:
+    """A law (t, x, memory, p) -> u that asks a policy.
+
+    Args:
+        policy: What is asked.
+        like: The controller whose error coordinates and index the run is measured in.
+        takes: What the policy is called with.
+        name: What it is called in messages.
+    """
+
+    python_only = True
+
+    def __init__(self, policy: Any, like: Controller, takes: Takes, name: str) -> None:
+        self._policy, self._name = policy, name
+        self._signals, self._index = Signals(like), Index(like)
+        self._ask: Callable[[Any], Any] = _predicting(policy) or policy
+        self._time_steps = TimeSteps(self._index) if takes == "time_step" else None
+
+    def __call__(self, t: float, x: Array, memory: PolicyMemory, p: Any) -> Any:
+        """The policy's inputs: a number or, for several, a tuple."""
+        if memory.samples == 0:
+            self._restart()
+        memory.samples += 1.0
+        m = len(self._signals.system.inputs)
+        if not self._index.defined(x):
+            memory.undefined = 1.0
+            return _given(np.zeros(m))
+        seen: Any = self._signals.observe(t, x)
+        if self._time_steps is not None:
+            seen = self._time_steps.at(t, seen)
+        try:
+            u = self._checked(self._ask(seen), m)
+        except UndefinedLawError:
+            memory.undefined = 1.0
+            return _given(np.zeros(m))
+        except GrosmcError:
+            raise
+        except Exception as error:
+            self._point_at(error, t)
+        if self._time_steps is not None:
+            self._time_steps.book(t, x, u)
+        memory.v[:] = self._index.weighed(t, x, u)
+        return _given(u)
+
+    def _restart(self) -> None:
+        """Tell a policy with a memory of its own that a run begins."""
+        if self._time_steps is not None:
+            self._time_steps.restart()
+        reset = getattr(self._policy, "reset", None)
+        if callable(reset):
+            reset()
+
+    def _checked(self, action: Any, m: int) -> Array:
+        """An action as (m,) numbers; those that are not finite end the run as diverged."""
+        try:
+            u = np.asarray(action, float)
+        except (TypeError, ValueError):
+            u = np.zeros(0)
+        if u.shape != (m,) and not (m == 1 and u.shape == ()):
+            units = ", ".join(f"{each.name} [{each.unit}]" for each in self._signals.system.inputs)
+            raise ArgumentError(
+                f"policy {self._name} returned a {type(action).__name__} of shape {np.shape(u)}, "
+                f"must return {m} number(s) in an array of shape ({m},): {units}"
+            )
+        return u.reshape(m)
+
+    def _point_at(self, error: Exception, t: float) -> NoReturn:
+        """Raise one line that says where in the user's code an error comes from.
+
+        Raises:
+            PolicyError: Always.
+        """
+        frames = traceback.extract_tb(error.__traceback__)[1:]
+        # The innermost line in the file that the policy is in, not in a library that it calls.
+        own = [frame for frame in frames if frame.filename == frames[0].filename]
+        where = f" at {own[-1].filename}:{own[-1].lineno}" if own else " when it was called"
+        said = " ".join(str(error).split())
+        raise PolicyError(
+            f"policy {self._name} raised {type(error).__name__}: {said}{where} (t = {t:g} s)"
+        ) from error
+
+
+def policy_controller(
+    policy: Any,
+    like: Controller,
+    *,
+    takes: Takes = "observation",
+    name: str = "",
+) -> Controller:
+    """A policy as a controller, for ``simulate(..., engine="python")``.
+
+    Its runs have the error coordinates and the optimum of ``like``, so that
+    ``compare_with_optimum`` and ``measure`` work as for a law. A policy with a ``reset()`` is
+    reset where a run begins. Where the index of ``like`` is undefined, so is the policy.
+
+    Args:
+        policy: Called with an observation as the environments give it (or a dm_env time step),
+            returns an action, (m,), in the units of the system's inputs. Or an object with
+            ``predict(observation) -> (action, state)``, called without further arguments.
+        like: A controller of the same system and design, such as
+            ``chapter_controller("grosmc", nominal)``.
+        takes: ``observation``, or ``time_step`` for a dm_env time step.
+        name: Of the controller; by default what the policy is called.
+
+    Raises:
+        ArgumentError: If the policy can't be called, or ``like`` has no index. A run raises it
+            for an action of the wrong shape, and PolicyError with file and line for an error
+            of the policy's own.
+    """
+    if takes not in get_args(Takes):
+        raise ArgumentError(unknown_name("form of observation", takes, get_args(Takes)))
+    if not (callable(policy) or _predicting(policy)):
+        raise ArgumentError(
+            f"a {type(policy).__name__} is no policy: give a function of an observation, or an "
+            "object with predict(observation)"
+        )
+    called = name or getattr(policy, "__name__", type(policy).__name__)
+    law = PolicyLaw(policy, like, takes, called)
+    assert like.error is not None  # as PolicyLaw has found
+    return Controller(
+        name=called,
+        law=law,
+        parameters=like.parameters,
+        memory=partial(_memory, like.error.inputs),
+        error=like.error,
+        lqr=like.lqr,
+        source="a policy",
+        linearizing=like.linearizing,
+    )
+
+
+def _memory(m: int) -> PolicyMemory:
+    """The memory of a run with m inputs."""
+    return PolicyMemory(v=np.zeros(m))
+
+
+def _given(u: Array) -> Any:
+    """What a law returns: a number for one input, else a tuple."""
+    return float(u[0]) if len(u) == 1 else tuple(u.tolist())
+
+
+def _predicting(policy: Any) -> Callable[[Observation], Any] | None:
+    """How to ask an object with ``predict``; None if it has none."""
+    predict = getattr(policy, "predict", None)
+    if not callable(predict):
+        return None
+
+    def ask(observation: Observation) -> Any:
+        answer = predict(observation)
+        return answer[0] if isinstance(answer, tuple) else answer
+
+    return ask
