@@ -29,9 +29,7 @@ class Episode:
         ended: Why there can be no next step; empty while there can.
     """
 
-    def __init__(
-        self, experiment: Experiment, model: mujoco.MjModel, data: mujoco.MjData
-    ) -> None:
+    def __init__(self, experiment: Experiment, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.experiment, self._model, self._data = experiment, model, data
         self._bodies = [model.body(name).id for name in experiment.plant.system.bodies]
         self._wrenches = experiment.problem.wrench(0)

@@ -16,7 +16,8 @@ from grosmc_mj.environments.experiment import Experiment
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.validation.cases import Case
 
-Named = dict[str, Array]
+# Named arrays; Gymnasium's own types say no more than Any.
+Named = dict[str, Any]
 
 
 class CaseEnv(gymnasium.Env[Named, Array]):
@@ -38,7 +39,9 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         ArgumentError: If there is no such case, or an argument does not fit.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+        "render_modes": []
+    }
 
     def __init__(
         self,

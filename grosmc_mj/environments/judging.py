@@ -105,7 +105,8 @@ class _PolicyLaboratory(Laboratory):
     asked = False
 
     def __init__(self, settings: Settings, policy: Any, takes: Takes) -> None:
-        self._policy, self._takes = policy, takes
+        self._policy: Any = policy
+        self._takes: Takes = takes
         self._entered: set[Any] = set()
         super().__init__(settings, Fault("policy", "a policy is the law", controller=self._put_in))
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import Any
 
 import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.environments.experiment import Experiment
 from grosmc_mj.environments.physics import CasePhysics
 from grosmc_mj.environments.signals import input_label
 
 
+# dm_control's base methods return nothing, so that only Any may override them.
 class CaseTask(control.Task):
     """What a policy is asked for in a case.
 
@@ -51,13 +52,13 @@ class CaseTask(control.Task):
         """Note why there can be no next step, if there can't."""
         self.ended = physics.running.ended
 
-    def action_spec(self, physics: CasePhysics) -> specs.BoundedArray:
+    def action_spec(self, physics: CasePhysics) -> Any:
         """The inputs with their bounds, (m,); infinite for an unlimited actuator."""
         it = self.experiment
         name = input_label(it.plant.system)
         return specs.BoundedArray((it.inputs,), np.float64, it.low, it.high, name)
 
-    def get_observation(self, physics: CasePhysics) -> OrderedDict[str, Array]:
+    def get_observation(self, physics: CasePhysics) -> Any:
         """Every state by its name, the time, the error and its reference."""
         return physics.running.observation()
 
@@ -69,11 +70,11 @@ class CaseTask(control.Task):
             for name, size in signals.sizes.items()
         )
 
-    def get_reward(self, physics: CasePhysics) -> float:
+    def get_reward(self, physics: CasePhysics) -> Any:
         """-T times the stage cost at the start of the last interval."""
         return physics.running.reward
 
-    def get_termination(self, physics: CasePhysics) -> float | None:
+    def get_termination(self, physics: CasePhysics) -> Any:
         """0 where no next step is defined, 1 at the case's duration, else None."""
         if physics.running.ended:
             return 0.0
