@@ -151,7 +151,7 @@ class Laboratory:
             control_period=self.settings.control_period,
             timestep=self.settings.timestep,
             disturbances=[case.disturbances for case in used],
-            engine=self.settings.engine,
+            engine=self.settings.engine_for(law),
         )
         return law, run
 

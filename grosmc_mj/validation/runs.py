@@ -61,6 +61,10 @@ class Settings:
             if value not in valid:
                 raise ArgumentError(unknown_name(kind, value, valid))
 
+    def engine_for(self, law: Controller) -> Engine:
+        """The engine, or ``python`` for a law that can't be compiled."""
+        return "python" if getattr(law.law, "python_only", False) else self.engine
+
     def realization(self, design: str) -> Realization:
         """How the sliding mode laws of a design are sampled."""
         period = self.control_period if self.surface == "discrete" else None
@@ -173,7 +177,7 @@ def run_on(
             control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=case.disturbances,
-            engine=settings.engine,
+            engine=settings.engine_for(law),
         )
     except DivergenceError as error:
         run, ended = error.trajectory, str(error)
