@@ -448,7 +448,7 @@ def test_without_dm_control_the_message_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "dm_control.rl.control", None)
-    with pytest.raises(SetupError, match="pip install dm_control with Python 3.12 or older"):
+    with pytest.raises(SetupError, match=r"pip install dm_control with Python 3\.12 or older"):
         load("servo")
 
 

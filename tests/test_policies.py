@@ -77,10 +77,12 @@ def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     comparison = compare_with_optimum(asked, policy)
     wanted = measure(direct, controller, compare_with_optimum(direct, controller))
     for name, found in measure(asked, policy, comparison).items():
-        if found.note == "no surface":
-            continue
-        # What is made of states and inputs is equal; the costs have v's rounding.
-        assert found.value == pytest.approx(wanted[name].value, rel=1e-11)
+        if found.value is None:
+            assert found.note == "no surface" or found == wanted[name]
+        elif name == "cost_whole":
+            assert found.value == pytest.approx(wanted[name].value, rel=1e-11)
+        else:
+            assert found == wanted[name]
 
 
 def test_each_run_of_a_batch_begins_anew() -> None:
@@ -194,8 +196,8 @@ def test_the_native_engine_refuses_a_policy_in_one_line() -> None:
     case = find_case("cart_pendulum", "nominal")
     policy = asking(lambda observation: 0.0, name="mine")
     for plant in ("physics", "corrected"):
-        with pytest.raises(ArgumentError, match="^mine runs in Python only: use engine='python'"):
-            simulate(case_plant(case, plant, Settings()), policy, case.x0, duration=0.1)  # pyright: ignore[reportArgumentType]
+        with pytest.raises(ArgumentError, match=r"^mine runs in Python only: use engine='python'"):
+            simulate(case_plant(case, plant, Settings()), policy, case.x0, duration=0.1)
 
 
 def missing(observation: Any) -> Any:
@@ -240,7 +242,7 @@ def test_a_policy_of_the_wrong_signature_is_told() -> None:
     ("action", "said"),
     [
         ([1.0, 2.0], r"a list of shape \(2,\), must return 1 number\(s\).* \(1,\): force \[N\]"),
-        (None, r"a NoneType of shape \(\)"),
+        (None, r"a NoneType of shape \(0,\)"),
         ("push", r"a str of shape \(0,\)"),
         ([[1.0]], r"a list of shape \(1, 1\)"),
     ],
@@ -257,14 +259,14 @@ def test_wrong_use_is_told_in_one_line(open_loop: Callable[[float], Controller])
         asking(missing, takes="timestep")
     with pytest.raises(ArgumentError, match="open loop has no error coordinates"):
         policy_controller(missing, open_loop(1.0))
-    with pytest.raises(ArgumentError, match="claim arm-whole-cost is about arm, not about servo"):
-        judge_policy("servo", missing, ["arm-whole-cost"])
+    with pytest.raises(ArgumentError, match="claim arm-index is about arm, not about servo"):
+        judge_policy("servo", missing, ["arm-index"])
     with pytest.raises(ArgumentError, match="unknown claim 'servo-load'"):
         judge_policy("servo", missing, ["servo-load"])
 
 
 def test_a_law_as_a_policy_gets_the_law_s_verdicts() -> None:
-    names = ["servo-inertia-grosmc", "servo-index", "servo-whole-cost"]
+    names = ["servo-index", "servo-whole-cost"]
     laboratory = Laboratory(COARSE)
     found = judge_policy("servo", law_policy(law("servo")), names, settings=COARSE, refine=False)
     for name, finding in zip(names, found, strict=True):

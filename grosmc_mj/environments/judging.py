@@ -41,7 +41,7 @@ def judge_policy(
         policy: As for ``policy_controller``; it gets the observations of each claim's case.
         claims: Claims or their ids; by default all that the policy enters.
         takes: What the policy is called with.
-        settings: How cases are run; engine and switching law play no part for the policy.
+        settings: How cases are run. The policy itself runs in the Python engine.
         refine: Whether to look at half the time steps too.
 
     Returns:
@@ -55,7 +55,7 @@ def judge_policy(
     name = find_system(system).name
     chosen = select_claims(name) if claims is None else [_claim(name, each) for each in claims]
 
-    lab = _PolicyLaboratory(replace(settings or Settings(), engine="python"), policy, takes)
+    lab = _PolicyLaboratory(settings or Settings(), policy, takes)
     findings = []
     for claim in chosen:
         lab.asked = False

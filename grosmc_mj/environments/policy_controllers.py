@@ -95,7 +95,8 @@ class PolicyLaw:
     def _checked(self, action: Any, m: int) -> Array:
         """An action as (m,) numbers; those that are not finite end the run as diverged."""
         try:
-            u = np.asarray(action, float)
+            # NumPy would take None for NaN.
+            u = np.zeros(0) if action is None else np.asarray(action, float)
         except (TypeError, ValueError):
             u = np.zeros(0)
         if u.shape != (m,) and not (m == 1 and u.shape == ()):
