@@ -294,6 +294,17 @@ def test_a_policy_that_does_nothing_gets_other_verdicts() -> None:
     assert notes[3] == ""
 
 
+def test_each_design_of_a_system_can_have_its_own_policy() -> None:
+    designs = ("two_link_arm", "two_link_arm regulation")
+    policies = {name: law_policy(law("two_link_arm", design=name)) for name in designs}
+    names = ["two-link-regulation"]
+    settings = replace(COARSE, control_period=2e-3, timestep=2e-3)
+    (found,) = judge_policy("two_link_arm", policies, names, settings=settings, refine=False)
+    assert found.verdict is Verdict.SUPPORTED
+    with pytest.raises(ArgumentError, match="unknown policy 'two_link_arm regulation': did you me"):
+        judge_policy("two_link_arm", {"two_link_arm": missing}, names, settings=COARSE)
+
+
 @pytest.mark.slow
 def test_a_policy_is_judged_by_every_claim_that_it_enters() -> None:
     found = judge_policy("servo", lambda _: 0.0, settings=COARSE, refine=False)

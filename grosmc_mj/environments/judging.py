@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from grosmc_mj.claims.ledger import find_claim, judge, select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.environments.policy_controllers import Takes, policy_controller
-from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.plants import find_system
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.runs import PlantName, RunResult, Settings
@@ -38,7 +38,9 @@ def judge_policy(
 
     Args:
         system: Name of the system.
-        policy: As for ``policy_controller``; it gets the observations of each claim's case.
+        policy: As for ``policy_controller``; it gets the observations of each claim's case. Or
+            several by the name of the design that they are for (``Case.controllers``), such as
+            ``two_link_arm`` and ``two_link_arm regulation``.
         claims: Claims or their ids; by default all that the policy enters.
         takes: What the policy is called with.
         settings: How cases are run. The policy itself runs in the Python engine.
@@ -110,11 +112,19 @@ class _PolicyLaboratory(Laboratory):
         self._entered: set[Any] = set()
         super().__init__(settings, Fault("policy", "a policy is the law", controller=self._put_in))
 
-    def _put_in(self, law: Controller, _case: Case, _plant: PlantName) -> Controller:
+    def _put_in(self, law: Controller, case: Case, _plant: PlantName) -> Controller:
         if law.name != REPLACED:
             return law
-        made = policy_controller(self._policy, law, takes=self._takes)
+        made = policy_controller(self._policy_for(case), law, takes=self._takes)
         return replace(made, law=_Noted(made.law, self), parameters=_Guarded(law.parameters))
+
+    def _policy_for(self, case: Case) -> Any:
+        """The policy for the design of a case."""
+        if not isinstance(self._policy, Mapping):
+            return self._policy
+        if case.controllers not in self._policy:
+            raise ArgumentError(unknown_name("policy", case.controllers, map(str, self._policy)))
+        return self._policy[case.controllers]
 
     def run(self, case: Case, plant: PlantName, controller: str) -> RunResult:
         """A run that is there already counts as well."""
