@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -153,26 +154,53 @@ def test_the_return_of_a_law_on_the_linear_model_has_the_index_s_v() -> None:
 
 
 def test_observations_have_names_units_and_exact_times() -> None:
-    environment = load("cart_pendulum", control_period=3e-3)
+    environment = load("cart_pendulum", control_period=1.1e-2)
     step, spec = environment.reset(), environment.observation_spec()
     names = ["cart position", "pole angle", "cart speed", "pole rate", "time", "error", "reference"]
     assert list(step.observation) == list(spec) == names
     assert spec["pole angle"].name == "pole angle [rad]"
     assert spec["error"].name == "error [rad, rad/s]"
-    for k in range(1, 9):
+    sums, timesteps = 0, 0
+    for k in range(1, 41):
         step = environment.step(np.zeros(1))
-        # A product: 7 steps of 3 ms summed are another number.
-        assert step.observation["time"][0] == k * 3e-3
+        assert step.observation["time"][0] == k * 1.1e-2
+        sums += environment.physics.data.time != k * 1.1e-2
+        timesteps += 11 * k * 1e-3 != k * 1.1e-2
+    # Which neither MuJoCo's running sum nor the number of timesteps would give.
+    assert sums > 0
+    assert timesteps > 0
     assert step.observation["error"].tolist() == [
         step.observation["pole angle"][0], step.observation["pole rate"][0]
     ]  # fmt: skip
     assert step.observation["reference"].tolist() == [0.0, 0.0]
-    assert environment.physics.time() == 8 * 3e-3
-    assert environment.control_timestep() == pytest.approx(3e-3, rel=1e-15)
+    assert environment.physics.time() == 40 * 1.1e-2
+    assert environment.control_timestep() == pytest.approx(1.1e-2, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", list(SYSTEMS))
+def test_an_episode_begins_in_the_state_of_a_run_of_simulate(name: str) -> None:
+    """All that MuJoCo integrates from, warm start and applied wrenches included."""
+
+    def everything(model: mujoco.MjModel, data: mujoco.MjData) -> list[float]:
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.zeros(mujoco.mj_stateSize(model, kind))
+        mujoco.mj_getState(model, data, state, kind)
+        return state.tolist()
+
+    environment, plant = load(name, "case1"), MujocoPlant.load(name)
+    fresh, x0 = mujoco.MjData(plant.model), find_case(name, "case1").x0
+    n = SYSTEMS[name].degrees_of_freedom
+    fresh.qpos[:], fresh.qvel[:] = x0[:n], x0[n:]
+    m = len(SYSTEMS[name].inputs)
+    for _ in range(2):
+        environment.reset()
+        physics = environment.physics
+        assert everything(physics.model.ptr, physics.data.ptr) == everything(plant.model, fresh)
+        for _ in range(20):
+            environment.step(np.ones(m))
 
 
 def test_the_arm_s_reference_moves_with_time() -> None:
-    step = load("arm", control_period=0.1).step(np.zeros(1))
     environment = load("arm", control_period=0.1)
     environment.reset()
     step = environment.step(np.zeros(1))

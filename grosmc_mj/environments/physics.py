@@ -34,12 +34,6 @@ class CasePhysics(Physics):
         assert self.episode is not None
         return self.episode
 
-    def after_reset(self) -> None:
-        """Compute what can be derived from the state, and leave no trace of that behind."""
-        super().after_reset()
-        # A run of ``simulate`` begins without a warm start.
-        self.data.qacc_warmstart[:] = 0
-
     def step(self, nstep: int = 1) -> None:
         """Carry out timesteps under the held input, up to the case's duration.
 
