@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.environments.index import Index
-from grosmc_mj.environments.signals import Signals, state_names
+from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import find_system
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -134,10 +134,9 @@ class Experiment:
         except (TypeError, ValueError):
             u = np.full(0, np.nan)
         if u.shape != (self.inputs,) or not np.all(np.isfinite(u)):
-            units = ", ".join(f"{each.name} [{each.unit}]" for each in self.plant.system.inputs)
             raise ArgumentError(
                 f"action {action!r} must be {self.inputs} finite number(s) in an array of shape "
-                f"({self.inputs},): {units}"
+                f"({self.inputs},): {input_label(self.plant.system)}"
             )
         return u
 

@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.environments.index import Index
-from grosmc_mj.environments.signals import Observation, Signals
+from grosmc_mj.environments.signals import Observation, Signals, input_label
 from grosmc_mj.environments.time_steps import TimeSteps
 from grosmc_mj.errors import (
     ArgumentError,
@@ -100,7 +100,7 @@ class PolicyLaw:
         except (TypeError, ValueError):
             u = np.zeros(0)
         if u.shape != (m,) and not (m == 1 and u.shape == ()):
-            units = ", ".join(f"{each.name} [{each.unit}]" for each in self._signals.system.inputs)
+            units = input_label(self._signals.system)
             raise ArgumentError(
                 f"policy {self._name} returned a {type(action).__name__} of shape {np.shape(u)}, "
                 f"must return {m} number(s) in an array of shape ({m},): {units}"
