@@ -269,7 +269,7 @@ def test_law_that_numba_fails_on_is_told(folder: Path, capsys: pytest.CaptureFix
         ("own:pendulum", "own:", "'own:' must be module:name"),
         ("own:pendulum", "own:wrong", "own:wrong is a int, must be a plant"),
         ("own:law", "own:wrong", "own:wrong is a int, must be a law (t, x, memory, p) -> u"),
-        ("own:law", "own:pendulum", "own:pendulum takes no argument"),
+        ("own:law", "own:pendulum", "own:pendulum cannot be called with ['a', 'b']"),
         ("own:law", "own:gust", "got an unexpected keyword argument 'a'"),
         ('parameter = "m"', 'parameter = "k"', "unknown parameter 'k': valid: m"),
         ('parameter = "m"\nscale = 1.5', 'body = "rod"\nmass_scale = 2', "edit a parameter"),

@@ -75,15 +75,14 @@ def _family(lab: Laboratory, plant: PlantName) -> Measured:
     """Worst max |e1 - e1*| over the declared payloads and links, in percent of the start."""
     start = find_case(_SYSTEM, "nominal").x0
     cases = [
-        trial(_SYSTEM, "payload", start, 6.0, (BodyEdit("link", mass, length),))
+        trial(_SYSTEM, f"m x{mass:g}, l x{length:g}", start, 6.0, (BodyEdit("link", mass, length),))
         for mass, length in itertools.product(*((low, 1.0, high) for low, high in PAYLOADS))
     ]
     law, runs = lab.batch(cases, plant, "grosmc")
     worst, where = 0.0, ""
     for index, case in enumerate(cases):
         run = runs[index]
-        edit = case.edits[0]
-        where_now = f"m x{edit.mass_scale:g}, l x{edit.length_scale:g}"
+        where_now = case.title
         if run.status is not Status.COMPLETED:
             return Measured(None, f"{where_now}: the run ended early", broken=True)
         found = from_optimum(compare_with_optimum(run, law))

@@ -16,7 +16,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.vectors import each
 from grosmc_mj.jitable import jitable
-from grosmc_mj.simulation.edits import apply_edits
+from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
@@ -106,6 +106,8 @@ def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:
         return plant
     nominal, edited = compile_spec(plant.spec), apply_edits(plant.spec, case.edits)
     for edit in case.edits:
+        if not isinstance(edit, BodyEdit):
+            continue
         body = edited.body(edit.body)
         body.inertia = nominal.body(edit.body).inertia
         body.ipos = nominal.body(edit.body).ipos

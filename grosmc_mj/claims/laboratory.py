@@ -15,7 +15,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.edits import Edit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
@@ -167,7 +167,7 @@ def trial(
     name: str,
     x0: tuple[float, ...],
     duration: float,
-    edits: tuple[BodyEdit, ...] = (),
+    edits: tuple[Edit, ...] = (),
     disturbances: tuple[Disturbance, ...] = (),
 ) -> Case:
     """An experiment of this project's own, beside the chapter's cases."""

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.error_coordinates import ErrorCoordinates
 from grosmc_mj.control.laws import Coordinates, Law
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.vectors import algebra, each
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
@@ -74,12 +74,12 @@ def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
             return u
 
         return noting_u
-    assert isinstance(error, ErrorCoordinates)
+    assert isinstance(error, OutputCoordinates)
     weigh = error.driven
 
     def noting_v(t: float, x: Any, memory: Any, p: Any) -> Any:
         u = own(t, x, memory, p)
-        store(memory.v, weigh(t, x, vector(u), p))
+        store(memory.v, weigh(t, x, vector(u), memory, p))
         return u
 
     return noting_v

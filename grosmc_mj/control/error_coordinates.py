@@ -94,8 +94,8 @@ class ErrorCoordinates(OutputCoordinates):
         return jitable(lambda x, p: negated(matrix(x, p.plant)))
 
     @cached_property
-    def driven(self) -> Callable[[float, Any, Vector, Any], Vector]:
-        """Jitable (t, x, u, p) -> alpha + E u, the v that an input comes to by eqs. (24), (45)."""
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> v = alpha + E u, eqs. (24) and (45)."""
         nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
         m = self.inputs
 
@@ -106,7 +106,7 @@ class ErrorCoordinates(OutputCoordinates):
             return total
 
         rows = each(m, entry)
-        return jitable(lambda t, x, u, p: rows(nonlinearity(t, x, p), matrix(x, p), u))
+        return jitable(lambda t, x, u, memory, p: rows(nonlinearity(t, x, p), matrix(x, p), u))
 
     @cached_property
     def feedback(self) -> Feedback:

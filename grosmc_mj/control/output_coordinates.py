@@ -75,6 +75,11 @@ class OutputCoordinates(ABC):
         Where there is none, it sets ``memory.undefined`` and returns zeros.
         """
 
+    @cached_property
+    @abstractmethod
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> the v that an input comes to: ``feedback``'s inverse."""
+
     @abstractmethod
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""

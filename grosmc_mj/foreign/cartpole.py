@@ -73,6 +73,21 @@ def designs(plant: MujocoPlant | None = None) -> Mapping[str, Controller]:
     return {name: replace(controller, name=name) for name, controller in made.items()}
 
 
+def lqr() -> Controller:
+    """LQR on all four states, for the cartpole as it is."""
+    return designs()["lqr"]
+
+
+def grosmc() -> Controller:
+    """Section 2's sliding mode within the actuator's limit, for the cartpole as it is."""
+    return designs()["grosmc"]
+
+
+def unlimited() -> Controller:
+    """Section 2's sliding mode as printed, for the cartpole as it is."""
+    return designs()["grosmc-unlimited"]
+
+
 @cache
 def _spec() -> mujoco.MjSpec:
     """The model with the files that it includes."""

@@ -93,6 +93,28 @@ class RobotCoordinates(OutputCoordinates):
 
         return jitable(feedback)
 
+    @cached_property
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> v = sign (M^-1 (u - h + passive) - y_r'').
+
+        M is read off inverse dynamics, column by column: no law of ours needs it.
+        """
+        reference, torque, n = self.reference, inverse_dynamics(self.inputs), self.inputs
+        sign, places, operations = float(self.sign), self._highest, algebra(self.inputs)
+        solve, subtract, nothing = operations.solve, operations.subtract, operations.nothing
+        unit = each(n, lambda i, j: 1.0 if i == j else 0.0)
+        rates = each(n, lambda i, a, y_r: sign * (a[i] - y_r[places[i]]))
+
+        def driven(t: float, x: Any, u: Any, memory: Any, p: Any) -> Vector:
+            h, M = torque(memory.workspace, x, nothing), np.empty(n * n)
+            for j in range(n):
+                column = torque(memory.workspace, x, unit(j))
+                for i in range(n):
+                    M[i * n + j] = column[i] - h[i]
+            return rates(solve(M, subtract(u, h)), reference(t, p.reference))
+
+        return jitable(driven)
+
     def workspace(self, p: Any) -> NominalData:
         """An mjData of the nominal model, for one run."""
         return NominalData(self.model)

@@ -32,15 +32,21 @@ from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
-from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.validation.designs import DESIGNS, switching_for
 from grosmc_mj.validation.runs import PlantName
 from grosmc_mj.validation.subject import Subject
 
-# Laws for any plant of one's own.
-GENERAL: Mapping[str, Callable[..., Controller]] = {
+Laws = Mapping[str, Callable[..., Controller]]
+
+# Laws for any plant of one's own, and for a robot, whose equations are MuJoCo's.
+GENERAL: Laws = {
     "lqr": linear_lqr,
     "fl-lqr": linearized_lqr,
+    "pd": computed_torque_pd,
+    "grosmc": tracking_grosmc,
+}
+COMPUTED_TORQUE: Laws = {
+    "lqr": partial(linearized_lqr, name="lqr"),
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
 }
@@ -66,12 +72,11 @@ def controller_of(
     Raises:
         GrosmcError: If there is no such law, a number does not fit, or the design fails.
     """
-    nominal = subject.believed(plant)
     try:
         if is_named(table.law):
-            made = _users(table, file, subject, nominal, folder)
+            made = _users(table, file, subject, plant, folder)
         else:
-            made = _ours(table, file, subject, nominal, folder)
+            made = _ours(table, file, subject, plant, folder)
         made = realized(made, _realization(table, made, file))
     except GrosmcError as error:
         raise ArgumentError(f"controller {_name(table)}: {error}") from error
@@ -100,10 +105,10 @@ def _realization(table: ControllerTable, made: Controller, file: CaseFile) -> Re
 
 
 def _ours(
-    table: ControllerTable, file: CaseFile, subject: Subject, nominal: AnalyticPlant, folder: Path
+    table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the package."""
-    task, build = _task(table, file.task, subject, nominal, folder)
+    task, build = _task(table, file.task, subject, plant, folder)
     if table.law not in build:
         raise ArgumentError(unknown_name("law", table.law, [*build, "module:name"]))
     maker, numbers = build[table.law], {k: v for k, v in table.numbers.items() if k not in "QR"}
@@ -118,25 +123,25 @@ def _ours(
 
 
 def _users(
-    table: ControllerTable, file: CaseFile, subject: Subject, nominal: AnalyticPlant, folder: Path
+    table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the user's own: a controller, a function that makes one, or a law."""
     found = load_named(table.law, folder)
     numbers = {name: _number(name, value) for name, value in table.numbers.items()}
     if isinstance(found, Controller):
         return found if not numbers else _refuse("a controller has its numbers already")
-    places = _places(found, table.law)
-    if places == 4:
-        task, build = _task(table, file.task, subject, nominal, folder)
+    if _is_law(found, table.law):
+        task, build = _task(table, file.task, subject, plant, folder)
         like = build["fl-lqr" if "fl-lqr" in build else "lqr"](task)
         own = {name: value for name, value in numbers.items() if name not in "QR"}
         return custom_controller(_name(table), found, like, own)
+    given = _wanted(found, subject, plant)
     try:
-        inspect.signature(found).bind(nominal, **numbers)
+        inspect.signature(found).bind(*given, **numbers)
     except TypeError as error:
-        _refuse(f"{table.law} cannot be called with the plant and {list(numbers)}: {error}")
+        _refuse(f"{table.law} cannot be called with {list(numbers) or 'no numbers'}: {error}")
     with blamed(folder):
-        made = found(nominal, **numbers)
+        made = found(*given, **numbers)
     if not isinstance(made, Controller):
         _refuse(f"{table.law} returned a {type(made).__name__}, must return a Controller")
     return made
@@ -146,34 +151,37 @@ def _refuse(said: str) -> NoReturn:
     raise ArgumentError(said)
 
 
-def _places(found: Any, text: str) -> int:
-    """How many arguments a function must be given."""
-    wanted = (
-        "a law (t, x, memory, p) -> u, a function (nominal plant, numbers ...) -> Controller, or "
-        "a Controller"
-    )
+def _is_law(found: Any, text: str) -> bool:
+    """Whether a function is a law (t, x, memory, p) -> u, and not one that makes a controller."""
     if not callable(found):
-        _refuse(f"{text} is a {type(found).__name__}, must be {wanted}")
-    try:
-        parameters = inspect.signature(found).parameters.values()
-    except (TypeError, ValueError):
-        _refuse(f"{text} does not say what it takes; it must be {wanted}")
-    positional = [
+        _refuse(
+            f"{text} is a {type(found).__name__}, must be a law (t, x, memory, p) -> u, a function "
+            "(nominal plant, numbers ...) -> Controller, or a Controller"
+        )
+    return [each.name for each in _needed(found)][:2] == ["t", "x"]
+
+
+def _needed(found: Any) -> list[inspect.Parameter]:
+    """What a function must be given."""
+    return [
         each
-        for each in parameters
+        for each in inspect.signature(found).parameters.values()
         if each.default is each.empty and each.kind is each.POSITIONAL_OR_KEYWORD
     ]
-    if len(positional) == 4 and [each.name for each in positional][:2] == ["t", "x"]:
-        return 4
-    if not positional:
-        _refuse(f"{text} takes no argument, it must be {wanted}")
-    return 1
+
+
+def _wanted(found: Any, subject: Subject, plant: PlantName) -> tuple[Any, ...]:
+    """The nominal plant for a function that wants it: a robot as such, others by equations."""
+    if not _needed(found):
+        return ()
+    return (subject.robot or subject.believed(plant),)
 
 
 def _numbers_of(maker: Callable[..., Controller]) -> dict[str, bool]:
     """The numbers that a law may be given, and whether it needs them."""
     found = list(inspect.signature(maker).parameters.values())[1:]
-    return {each.name: each.default is each.empty for each in found if each.name != "name"}
+    ours = {"name", "maker"}
+    return {each.name: each.default is each.empty for each in found if each.name not in ours}
 
 
 def _number(name: str, value: Any) -> Any:
@@ -208,19 +216,34 @@ def _uncertainty(value: Any) -> Uncertainty:
 
 
 def _task(
-    table: ControllerTable,
-    wanted: TaskTable,
-    subject: Subject,
-    nominal: AnalyticPlant,
-    folder: Path,
-) -> tuple[Task, Mapping[str, Callable[..., Controller]]]:
+    table: ControllerTable, wanted: TaskTable, subject: Subject, plant: PlantName, folder: Path
+) -> tuple[Task, Laws]:
     """What a law is designed for, and the laws that there are."""
     Q, R = table.numbers.get("Q", wanted.Q), table.numbers.get("R", wanted.R)
-    if not subject.shipped:
-        if wanted.design is not None:
-            raise ArgumentError("task: design: only the package's systems have designs")
-        return _own_task(nominal, wanted, Q, R, folder), GENERAL
-    design = wanted.design or subject.system.name
+    if subject.shipped:
+        return _shipped_task(wanted, subject, plant, Q, R, folder)
+    if wanted.design is not None:
+        raise ArgumentError("task: design: only the package's systems have designs")
+    if Q is None or R is None:
+        raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
+    if subject.robot is not None:
+        n = subject.robot.joints
+        moving, parameters = _reference(wanted.reference, (2,) * n, subject.robot, folder)
+        weights = _weight("Q", Q, 2 * n), _weight("R", R, n)
+        return subject.robot.task(moving, parameters, *weights), COMPUTED_TORQUE
+    nominal = subject.believed(plant)
+    degrees = feedback_linearization(nominal.system.equations).relative_degree
+    moving, parameters = _reference(wanted.reference, degrees, nominal, folder)
+    error = ErrorCoordinates(nominal.system, moving)
+    weights = _weight("Q", Q, error.size), _weight("R", R, error.inputs)
+    return Task(nominal, error, parameters, *weights), GENERAL
+
+
+def _shipped_task(
+    wanted: TaskTable, subject: Subject, plant: PlantName, Q: Any, R: Any, folder: Path
+) -> tuple[Task, Laws]:
+    """The task of a system of the package, with what the file changes of it."""
+    nominal, design = subject.believed(plant), wanted.design or subject.system.name
     valid = [name for name in DESIGNS if name.split()[0] == subject.system.name]
     if design not in valid:
         raise ArgumentError(f"task: {unknown_name('design', design, valid)}")
@@ -228,13 +251,12 @@ def _task(
     task = designs.task(nominal)
     if wanted.reference is not None:
         degrees = task.error.linearization.relative_degree
-        moving, parameters = _reference(wanted.reference, degrees, folder)
+        moving, parameters = _reference(wanted.reference, degrees, nominal, folder)
         task = replace(task, error=replace(task.error, reference=moving), reference=parameters)
-    size, m = task.error.size, task.error.inputs
     task = replace(
         task,
-        Q=task.Q if Q is None else _weight("Q", Q, size),
-        R=task.R if R is None else _weight("R", R, m),
+        Q=task.Q if Q is None else _weight("Q", Q, task.error.size),
+        R=task.R if R is None else _weight("R", R, task.error.inputs),
     )
     aliases = {alias: designs.build[same] for alias, (same, _) in designs.aliases.items()}
     further = {name: partial(_of_plant, maker=maker) for name, maker in designs.further.items()}
@@ -244,18 +266,6 @@ def _task(
 def _of_plant(task: Task, maker: Callable[..., Controller]) -> Controller:
     """A further law of a system, which is designed from the plant alone."""
     return maker(task.plant, None)
-
-
-def _own_task(nominal: AnalyticPlant, wanted: TaskTable, Q: Any, R: Any, folder: Path) -> Task:
-    """The task of a plant of the user's own."""
-    if Q is None or R is None:
-        raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
-    degrees = feedback_linearization(nominal.system.equations).relative_degree
-    formulas = wanted.reference or ["0"] * len(degrees)
-    moving, parameters = _reference(formulas, degrees, folder)
-    error = ErrorCoordinates(nominal.system, moving)
-    weights = _weight("Q", Q, error.size), _weight("R", R, error.inputs)
-    return Task(nominal, error, parameters, *weights)
 
 
 def _weight(name: str, value: Any, size: int) -> Array:
@@ -274,14 +284,22 @@ def _weight(name: str, value: Any, size: int) -> Array:
 
 
 def _reference(
-    formulas: list[str], degrees: tuple[int, ...], folder: Path
+    formulas: list[str] | None, degrees: tuple[int, ...], nominal: Any, folder: Path
 ) -> tuple[ReferenceFunction, Any]:
-    """A reference from formulas in t, or from the user's own Python."""
+    """A reference from formulas in t, or from Python; zero by default."""
+    formulas = formulas or ["0"] * len(degrees)
     if len(formulas) == 1 and is_named(formulas[0]):
         found = load_named(formulas[0], folder)
-        if not (isinstance(found, tuple) and len(found) == 2):
-            _refuse(f"task: reference: {formulas[0]} must be a pair (reference, its parameters)")
-        return found
+        if inspect.isfunction(found):
+            with blamed(folder):
+                found = found(nominal)
+        if not (isinstance(found, tuple) and len(found) >= 2 and callable(found[0])):
+            _refuse(
+                f"task: reference: {formulas[0]} must be a pair (reference, its parameters), or a "
+                "function of the nominal plant that returns it"
+            )
+        moving: Any = found[0]
+        return moving, found[1]
     if len(formulas) != len(degrees):
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"

@@ -16,7 +16,7 @@ from grosmc_mj.casefile.user_code import is_named, load_named
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.plants import System, find_system
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
-from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
 
 # Where the package's own case files are, a folder for each system.
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -44,7 +44,7 @@ class Case:
     source: str
     x0: tuple[float, ...]
     duration: float
-    edits: tuple[BodyEdit, ...] = ()
+    edits: tuple[Edit, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     design: str = ""
 
@@ -137,14 +137,18 @@ def _start(given: Mapping[str, Any], system: System) -> tuple[float, ...]:
     return tuple(x0)
 
 
-def case_edits(file: CaseFile) -> tuple[BodyEdit, ...]:
+def case_edits(file: CaseFile) -> tuple[Edit, ...]:
     """The edits of the model that a case file makes."""
     return tuple(_edit(table) for table in file.edit if table.parameter is None)
 
 
-def _edit(table: EditTable) -> BodyEdit:
+def _edit(table: EditTable) -> Edit:
     """One edit of the model."""
+    if table.joint is not None:
+        return JointEdit(table.joint, table.damping, table.friction, table.armature)
     assert table.body is not None
+    if table.added_mass is not None:
+        return AddedMass(table.body, table.added_mass, (table.at[0], table.at[1], table.at[2]))
     return BodyEdit(table.body, table.mass_scale, table.length_scale)
 
 

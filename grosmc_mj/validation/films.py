@@ -78,7 +78,7 @@ def film_of(
         ArgumentError: If the runs are not of one case on physics.
     """
     cases = {(result.case.system, result.case.name) for result in results}
-    physics = results[0].true
+    physics = results[0].true if results else None
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
     assert isinstance(physics, MujocoPlant)

@@ -14,6 +14,7 @@ from grosmc_mj.plants import SYSTEMS, AnalyticPlant, System, find_system
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.simulation.robot import Robot
 from grosmc_mj.validation.cases import case_edits
 from grosmc_mj.validation.runs import PlantName, design_variant
 
@@ -23,14 +24,16 @@ class Subject:
     """The plant of a case file.
 
     Attributes:
-        nominal: What the laws are designed for, before any edit.
-        plants: What they meet, by name.
+        nominal: The plant before any edit.
+        plants: What the laws meet, by name.
         timestep: Physics timestep [s].
+        robot: The robot that it is, if it is one: its laws are designed from MuJoCo's dynamics.
     """
 
     nominal: AnalyticPlant | MujocoPlant
     plants: Mapping[PlantName, Plant]
     timestep: float
+    robot: Robot | None = None
 
     @property
     def system(self) -> System:
@@ -43,7 +46,7 @@ class Subject:
         return SYSTEMS.get(self.system.name) is self.system
 
     def believed(self, plant: PlantName) -> AnalyticPlant:
-        """The nominal plant that a law is designed from that shall run on another one."""
+        """The nominal equations that a law is designed from that shall run on another plant."""
         if isinstance(self.nominal, AnalyticPlant):
             return self.nominal
         return self.nominal.analytic(design_variant(plant))
@@ -59,8 +62,9 @@ def subject_of(file: CaseFile, folder: Path) -> Subject:
     Raises:
         GrosmcError: If there is no such plant, or it cannot be edited or run like that.
     """
-    nominal = _nominal(file, folder)
-    edits = case_edits(file)
+    found, edits = _found(file, folder), case_edits(file)
+    robot = found if isinstance(found, Robot) else None
+    nominal = found.plant if isinstance(found, Robot) else found
     if isinstance(nominal, AnalyticPlant):
         if edits:
             raise ArgumentError(
@@ -81,23 +85,26 @@ def subject_of(file: CaseFile, folder: Path) -> Subject:
     physics = replace(nominal, edits=edits)
     plants = {variant: physics.analytic(variant) for variant in _variants(nominal)}
     plants["physics"] = physics
-    return Subject(nominal, _chosen(plants, file), float(physics.model.opt.timestep))
+    timestep = float(physics.model.opt.timestep)
+    return Subject(nominal, _chosen(plants, file), timestep, robot)
 
 
-def _nominal(file: CaseFile, folder: Path) -> AnalyticPlant | MujocoPlant:
-    """The plant before any edit."""
+def _found(file: CaseFile, folder: Path) -> AnalyticPlant | MujocoPlant | Robot:
+    """What the file names, before any edit."""
     table = file.plant
     if table.system is not None:
         return MujocoPlant.load(find_system(table.system).name)
+    if table.model is not None:
+        return Robot.from_mjcf(folder / table.model, table.joints, table.actuators)
     assert table.plant is not None
     found: Any = load_named(table.plant, folder)
     if callable(found):
         with blamed(folder):
             found = found()
-    if not isinstance(found, (AnalyticPlant, MujocoPlant)):
+    if not isinstance(found, (AnalyticPlant, MujocoPlant, Robot)):
         raise ArgumentError(
-            f"{table.plant} is a {type(found).__name__}, must be a plant: what affine_plant or "
-            "MujocoPlant makes, or a function without arguments that returns it"
+            f"{table.plant} is a {type(found).__name__}, must be a plant: what affine_plant, "
+            "MujocoPlant or Robot makes, or a function without arguments that returns it"
         )
     return found
 
