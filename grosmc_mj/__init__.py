@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from grosmc_mj import environments
     from grosmc_mj.control.controller import Controller
+    from grosmc_mj.control.custom import custom_controller
     from grosmc_mj.control.design import (
         Realization,
         Task,
@@ -27,14 +28,15 @@ if TYPE_CHECKING:
     from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
     from grosmc_mj.control.switching import find_switching
     from grosmc_mj.errors import DivergenceError, GrosmcError
-    from grosmc_mj.plants import AnalyticPlant, affine_plant
+    from grosmc_mj.plants import AnalyticPlant, Signal, System, affine_plant
     from grosmc_mj.rendering.film import Film, Format, Take
     from grosmc_mj.rendering.write import write_film
     from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
-    from grosmc_mj.simulation.edits import BodyEdit
+    from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit
     from grosmc_mj.simulation.linearization import linearize
     from grosmc_mj.simulation.models import load_model
     from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+    from grosmc_mj.simulation.robot import Robot
     from grosmc_mj.simulation.simulate import simulate
     from grosmc_mj.simulation.trajectory import Status, Trajectory
     from grosmc_mj.validation.cases import cases
@@ -43,43 +45,49 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "AddedMass": "simulation.edits",
+    "affine_plant": "plants",
     "AnalyticPlant": "plants",
     "BodyEdit": "simulation.edits",
-    "Constant": "simulation.disturbances",
-    "Controller": "control.controller",
-    "Disturbance": "simulation.disturbances",
-    "DivergenceError": "errors",
-    "ErrorCoordinates": "control.error_coordinates",
-    "Film": "rendering.film",
-    "Format": "rendering.film",
-    "GrosmcError": "errors",
-    "MujocoPlant": "simulation.mujoco_plant",
-    "Pulse": "simulation.disturbances",
-    "Realization": "control.design",
-    "Setpoint": "control.references",
-    "Setpoints": "control.references",
-    "SineFrom": "simulation.disturbances",
-    "Status": "simulation.trajectory",
-    "TIME": "control.references",
-    "Take": "rendering.film",
-    "Task": "control.design",
-    "Trajectory": "simulation.trajectory",
-    "Uncertainty": "control.gains",
-    "affine_plant": "plants",
     "cases": "validation.cases",
     "chapter_controller": "validation.designs",
     "computed_torque_pd": "control.design",
     "constant": "control.references",
+    "Constant": "simulation.disturbances",
+    "Controller": "control.controller",
+    "custom_controller": "control.custom",
+    "Disturbance": "simulation.disturbances",
+    "DivergenceError": "errors",
+    "ErrorCoordinates": "control.error_coordinates",
     "feedback_linearization": "control.feedback_linearization",
+    "Film": "rendering.film",
     "find_switching": "control.switching",
+    "Format": "rendering.film",
+    "GrosmcError": "errors",
+    "JointEdit": "simulation.edits",
     "linearize": "simulation.linearization",
     "linearized_lqr": "control.design",
     "load_model": "simulation.models",
     "lqr": "control.lqr",
+    "MujocoPlant": "simulation.mujoco_plant",
+    "Pulse": "simulation.disturbances",
+    "Realization": "control.design",
     "reference": "control.references",
     "regulating_grosmc": "control.design",
+    "Robot": "simulation.robot",
+    "Setpoint": "control.references",
+    "Setpoints": "control.references",
+    "Signal": "plants",
     "simulate": "simulation.simulate",
+    "SineFrom": "simulation.disturbances",
+    "Status": "simulation.trajectory",
+    "System": "plants",
+    "Take": "rendering.film",
+    "Task": "control.design",
+    "TIME": "control.references",
     "tracking_grosmc": "control.design",
+    "Trajectory": "simulation.trajectory",
+    "Uncertainty": "control.gains",
     "write_film": "rendering.write",
 }
 
@@ -87,6 +95,7 @@ _PACKAGES = ("environments",)
 
 __all__ = [
     "TIME",
+    "AddedMass",
     "AnalyticPlant",
     "BodyEdit",
     "Constant",
@@ -97,13 +106,17 @@ __all__ = [
     "Film",
     "Format",
     "GrosmcError",
+    "JointEdit",
     "MujocoPlant",
     "Pulse",
     "Realization",
+    "Robot",
     "Setpoint",
     "Setpoints",
+    "Signal",
     "SineFrom",
     "Status",
+    "System",
     "Take",
     "Task",
     "Trajectory",
@@ -113,6 +126,7 @@ __all__ = [
     "chapter_controller",
     "computed_torque_pd",
     "constant",
+    "custom_controller",
     "environments",
     "feedback_linearization",
     "find_switching",

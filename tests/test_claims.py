@@ -453,6 +453,7 @@ def test_mass_without_inertia_scales_the_mass_only(system: str, case: str, body:
     before = MujocoPlant.load(system).model
     wrong = faulty_plant("mass without inertia", system, case).model
     (edit,) = find_case(system, case).edits
+    assert isinstance(edit, BodyEdit)
     assert edit.mass_scale > 1
     assert wrong.body(body).mass == pytest.approx(edit.mass_scale * before.body(body).mass)
     assert np.array_equal(wrong.body(body).inertia, before.body(body).inertia)

@@ -13,7 +13,7 @@ from grosmc_mj import cli
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.experiment import find_file, prepare
 from grosmc_mj.validation.requirements import judge_all
-from grosmc_mj.validation.runs import Settings, run_case
+from grosmc_mj.validation.runs import RunResult, Settings, run_case
 
 PYTHON = """
 import math
@@ -311,3 +311,146 @@ def test_diverged_run_keeps_nothing(folder: Path, capsys: pytest.CaptureFixture[
     wild += '\n[[requirement]]\ninput_below = "1e12 N m"\n'
     assert run("run", own(folder, wild), "--no-figures") == 1
     assert re.search(r"FAILED: the run ended at \d", capsys.readouterr().out)
+
+
+ROBOT = """
+<mujoco model="leg">
+  <option timestep="0.001" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="thigh" pos="0 0 1">
+      <joint name="hip" axis="0 -1 0" damping="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
+      <body name="shank" pos="0.4 0 0">
+        <joint name="knee" axis="0 -1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="hip" joint="hip" gear="10"/>
+    <position name="knee" joint="knee" kp="50"/>
+  </actuator>
+</mujoco>
+"""
+
+ROBOT_CASE = """
+[plant]
+model = "leg.xml"
+
+[run]
+start = { hip = "10 deg" }
+duration = "1 s"
+
+[[edit]]
+body = "shank"
+added_mass = "0.5 kg"
+at = ["0.4 m", "0 m", "0 m"]
+
+[[edit]]
+joint = "hip"
+damping = 0.5
+
+[task]
+reference = ["0.3*sin(2*t)", "-1"]
+Q = [100, 1, 100, 1]
+R = 1
+
+[[controller]]
+law = "lqr"
+
+[[controller]]
+law = "grosmc"
+k = 5
+epsilon = 60
+switching = "implicit"
+
+[[controller]]
+law = "own:law"
+stiffness = 50
+
+[[requirement]]
+of = ["grosmc"]
+deviation_below = "10 mrad"
+"""
+
+ROBOT_LAW = """
+def law(t, x, memory, p):
+    return (-p.stiffness * x[0] - x[2], -p.stiffness * (x[1] + 1) - x[3])
+"""
+
+
+def deviation(result: RunResult) -> float:
+    """Largest distance from the law's own optimum."""
+    value = result.metrics["deviation"].value
+    assert value is not None
+    return value
+
+
+def robot(folder: Path, case: str = ROBOT_CASE, model: str = ROBOT) -> str:
+    """A case file beside a robot and a law for it."""
+    (folder / "leg.xml").write_text(model)
+    (folder / "own.py").write_text(ROBOT_LAW)
+    (folder / "leg.toml").write_text(case)
+    return str(folder / "leg.toml")
+
+
+def test_robot_of_ones_own(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert run("run", robot(folder)) == 0
+    said = capsys.readouterr().out
+    assert "actuator 'knee': the position servo" in said
+    results = {r.controller.name: r for r in prepare(folder / "leg.toml").run()}
+    assert deviation(results["grosmc"]) < 0.1 * deviation(results["lqr"])
+    # v of a law of one's own, against the nominal model's M and bias by MuJoCo itself.
+    law, found = results["law"].controller, results["law"].trajectory
+    row = len(found.weighed) // 2
+    alpha, E = law.coordinates.dynamics(float(found.time[row]), found.state[row], law.parameters)
+    # Both invert the same M; 1e-9 is far above the rounding of two joints' dynamics.
+    assert np.allclose(found.weighed[row], alpha + E @ found.input[row], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        ('model = "leg.xml"', 'model = "lag.xml"', "lag.xml"),
+        ('model = "leg.xml"', 'model = "leg.xml"\njoints = ["hpi"]', "did you mean 'hip'"),
+        ("Q = [100, 1, 100, 1]", "Q = [100, 1]", "must be a number, 4 numbers or a 4 x 4 matrix"),
+        ('["0.3*sin(2*t)", "-1"]', '["0"]', "1 formulas, there are 2 outputs"),
+        ('joint = "hip"', 'joint = "hpi"', "did you mean 'hip'"),
+        ('added_mass = "0.5 kg"', 'added_mass = "-1 kg"', "-1"),
+        ('law = "lqr"', 'law = "fl-lqr"', "unknown law 'fl-lqr'"),
+        ('hip = "10 deg"', 'hop = "10 deg"', "did you mean 'hip'"),
+    ],
+)
+def test_wrong_files_of_robots(
+    folder: Path, capsys: pytest.CaptureFixture[str], good: str, bad: str, said: str
+):
+    assert good in ROBOT_CASE
+    assert run("run", robot(folder, ROBOT_CASE.replace(good, bad, 1)), "--no-figures") == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_broken_robot_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
+    for bad in (
+        ROBOT.replace("<worldbody>", "<worldbod>"),
+        ROBOT.replace('<joint name="knee"', '<freejoint name="knee"').replace(
+            'axis="0 -1 0"/>', "/>"
+        ),
+    ):
+        assert run("run", robot(folder, model=bad), "--no-figures") == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["jaco/sines", "jaco/eight", "cartpole/heavier"])
+def test_plants_that_we_did_not_write_keep_what_their_files_require(case: str):
+    pytest.importorskip("dm_control")
+    experiment = prepare(find_file(case))
+    results = list(experiment.run())
+    judgements = judge_all(experiment.limits, results)
+    assert judgements
+    assert all(each.kept for each in judgements), judgements
+    if case.startswith("jaco"):
+        lqr, pd, grosmc = (deviation(result) for result in results)
+        assert grosmc < 0.01 * min(lqr, pd)

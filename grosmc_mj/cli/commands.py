@@ -306,7 +306,7 @@ class Film:
 
 @dataclass(frozen=True)
 class View:
-    """Watch a case of a SYSTEM in MuJoCo's window, and push it.
+    """Watch a case in MuJoCo's window, and push it.
 
     The closed loop runs as you watch, in real time and without end, or a recorded run is replayed.
 
@@ -320,18 +320,19 @@ class View:
     mjpython -m grosmc_mj.cli view.
 
     Attributes:
-        system: servo, cart_pendulum, arm or two_link_arm.
-        case: nominal, case1 or case2.
-        controller: One of those that grosmc-mj list shows.
+        system: servo, cart_pendulum, arm or two_link_arm; or a case file, as for run.
+        case: Of a system: nominal, case1 or case2; a file is one case.
+        controller: One of those that grosmc-mj list shows, or of the file; grosmc by default, or
+            a file's last one.
         replay: Whether to record the whole run first, and replay it.
         speed: Seconds of the run in a second.
         switching: Switching law of the sliding mode laws, as for validate.
         surface: printed or discrete, as for validate.
     """
 
-    system: System
-    case: Annotated[str, arg(metavar="NAME")] = "case1"
-    controller: Annotated[str, arg(metavar="NAME")] = "grosmc"
+    system: Annotated[Positional[str], arg(metavar="SYSTEM|FILE", name="system")]
+    case: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: case1)")] = None
+    controller: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     replay: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     speed: Annotated[float, arg(metavar="X")] = 1.0
     switching: Annotated[str, arg(metavar="NAME")] = "sign"

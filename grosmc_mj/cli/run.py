@@ -50,11 +50,13 @@ def run(command: Run) -> int:
         judgements = judge_all(experiment.limits, results)
         if results:
             _show(console, results)
+            _converted(console, experiment)
             content = experiment_document(experiment, results, judgements, complete=complete)
             write_json(target, content)
     files = [target]
     if command.figures:
         files.append(_draw(results, command.out / f"{name}.png"))
+    console.print()
     _requirements(console, experiment, judgements)
     console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
     if command.film:
@@ -73,6 +75,13 @@ def _show(console: Console, results: list[RunResult]) -> None:
         console.print(line, style="red", soft_wrap=True)
     console.print(tables.gains_table(results))
     console.print()
+
+
+def _converted(console: Console, experiment: Experiment) -> None:
+    """Say what of a robot's model was changed for torque control, and what its laws leave out."""
+    robot = experiment.subject.robot
+    for sentence in robot.converted if robot is not None else ():
+        console.print(f"{robot.plant.system.name}: {sentence}", style="dim", soft_wrap=True)  # pyright: ignore
 
 
 def _draw(results: list[RunResult], path: Path) -> Path:

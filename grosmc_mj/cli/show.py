@@ -8,8 +8,9 @@ from grosmc_mj.cli.commands import List, Readme
 
 def list_systems(_: List) -> int:
     """Systems, cases, plants, controllers."""
+    from grosmc_mj.casefile.reading import read_case_file
     from grosmc_mj.plants import SYSTEMS
-    from grosmc_mj.validation.cases import cases
+    from grosmc_mj.validation.cases import cases, shipped_files
     from grosmc_mj.validation.designs import DESIGNS, controller_names
     from grosmc_mj.validation.runs import plant_names
 
@@ -25,6 +26,9 @@ def list_systems(_: List) -> int:
         for alias, (same, why) in DESIGNS[name].aliases.items():
             console.print(f"  {alias} is {same}: {why}", style="dim")
         console.print()
+    console.print("[bold]Case files of the package[/]  for grosmc-mj run, view and new --like")
+    for name, path in shipped_files().items():
+        console.print(f"  {name:<26} {read_case_file(path).title}")
     return screen.DONE
 
 

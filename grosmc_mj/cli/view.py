@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import View
-from grosmc_mj.errors import DivergenceError, SetupError
+from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 
 if TYPE_CHECKING:
     from grosmc_mj.rendering.motions import Experiment, Motion
@@ -15,8 +15,19 @@ if TYPE_CHECKING:
 
 def view(command: View) -> int:
     """Prepare the case, open the window."""
-    from grosmc_mj.rendering.motions import Experiment
     from grosmc_mj.rendering.playback import Playback
+
+    Playback(command.speed)  # refuses a speed that cannot be before anything is compiled
+    if command.system.endswith(".toml") or "/" in command.system:
+        experiment, film = _of_file(command)
+    else:
+        experiment, film = _of_system(command)
+    return show(experiment, replay=command.replay, speed=command.speed, film=film)
+
+
+def _of_system(command: View) -> tuple[Experiment, str]:
+    """A case of a system of the package, and the command that films it."""
+    from grosmc_mj.rendering.motions import Experiment
     from grosmc_mj.simulation.mujoco_plant import MujocoPlant
     from grosmc_mj.validation.cases import find_case
     from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
@@ -25,23 +36,43 @@ def view(command: View) -> int:
         switching=command.switching,
         surface=command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
     )
-    Playback(command.speed)  # refuses a speed that cannot be before anything is compiled
-    case = find_case(command.system, command.case)
+    case, name = find_case(command.system, command.case or "case1"), command.controller or "grosmc"
     realization = settings.realization(case.controllers)
-    law = nominal_controller(
-        case.system, command.controller, "corrected", realization, case.controllers
-    )
+    law = nominal_controller(case.system, name, "corrected", realization, case.controllers)
     plant = case_plant(case, "physics", settings)
     assert isinstance(plant, MujocoPlant)
     experiment = Experiment(
         plant, law, case.x0, case.duration, case.disturbances, settings.control_period
     )
     film = (
-        f"grosmc-mj film {case.system} --case {case.name} --controllers {command.controller}"
+        f"grosmc-mj film {case.system} --case {case.name} --controllers {name}"
         + (f" --switching {command.switching}" if command.switching != "sign" else "")
         + (f" --surface {command.surface}" if command.surface != "printed" else "")
     )
-    return show(experiment, replay=command.replay, speed=command.speed, film=film)
+    return experiment, film
+
+
+def _of_file(command: View) -> tuple[Experiment, str]:
+    """A case file, and the command that films it."""
+    from grosmc_mj.rendering.motions import Experiment
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+    from grosmc_mj.validation.experiment import find_file, prepare
+
+    if command.case is not None or command.switching != "sign" or command.surface != "printed":
+        raise ArgumentError(
+            f"--case, --switching and --surface are for a system: {command.system} says its own"
+        )
+    found = prepare(find_file(command.system))
+    plant = found.subject.plants.get("physics")
+    if not isinstance(plant, MujocoPlant):
+        raise ArgumentError(f"{command.system}: it does not run in MuJoCo: there is nothing to see")
+    laws = {name: law for (on, name), law in found.laws.items() if on == "physics"}
+    name = command.controller or list(laws)[-1]
+    if name not in laws:
+        raise ArgumentError(unknown_name("controller", name, laws))
+    case, period = found.case, found.settings.control_period
+    experiment = Experiment(plant, laws[name], case.x0, case.duration, case.disturbances, period)
+    return experiment, f"grosmc-mj run {command.system} --film"
 
 
 def show(experiment: Experiment, *, replay: bool, speed: float, film: str) -> int:

@@ -127,9 +127,9 @@ def _servo(model: mujoco.MjModel, index: int) -> str:
         return ""
     constant, of_position, of_velocity = model.actuator_biasprm[index, :3]
     if of_position:
-        return f"position servo (kp {-of_position:g}, kv {-of_velocity:g})"
+        return f"position servo (kp {0.0 - of_position:g}, kv {0.0 - of_velocity:g})"
     if of_velocity:
-        return f"velocity servo (kv {-of_velocity:g})"
+        return f"velocity servo (kv {0.0 - of_velocity:g})"
     return f"constant bias {constant:g}" if constant else ""
 
 

@@ -106,6 +106,9 @@ class RobotCoordinates(OutputCoordinates):
         rates = each(n, lambda i, a, y_r: sign * (a[i] - y_r[places[i]]))
 
         def driven(t: float, x: Any, u: Any, memory: Any, p: Any) -> Vector:
+            if memory.workspace == 0.0:
+                memory.undefined = 1.0
+                return nothing
             h, M = torque(memory.workspace, x, nothing), np.empty(n * n)
             for j in range(n):
                 column = torque(memory.workspace, x, unit(j))

@@ -59,7 +59,8 @@ class Experiment:
 
     def _try(self, law: Controller) -> None:
         """Ask a law once in Python: compiled code does not say where it fails, or that it does."""
-        law.law(0.0, np.array(self.case.x0), law.memory(), law.parameters)
+        memory, _kept_alive = law.begin()
+        law.law(0.0, np.array(self.case.x0), memory, law.parameters)
 
     def document(self) -> dict[str, Any]:
         """The resolved file as plain values."""

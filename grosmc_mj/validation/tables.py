@@ -30,6 +30,8 @@ _COLUMNS = (
     ("var. of\nu per s", "total_variation"),
     ("max\n|u|", "max_input"),
 )
+# Names of its entries are as long: K11, K110.
+_MATRIX = 3
 _CART = ("cart\n[m]", "cart_travel")
 
 
@@ -135,11 +137,15 @@ def gains_table(results: Sequence[RunResult]) -> Table:
     seen = set()
     for result in results:
         equations = "printed" if result.plant == "printed" else "corrected"
+        if result.trajectory.system.read_parameters is None and result.plant == "physics":
+            equations = "MuJoCo"
         key = (result.case.system, equations, result.controller.name)
         if key in seen:
             continue
         seen.add(key)
-        gains = ", ".join(f"{n} = {v:.4g}" for n, v in result.controller.gains.items())
+        # Of a matrix for many joints most entries are zero.
+        shown = [(n, v) for n, v in result.controller.gains.items() if v or len(n) < _MATRIX]
+        gains = ", ".join(f"{n} = {v:.4g}" for n, v in shown)
         if result.controller.declared:
             gains += f"; computed for {result.controller.declared}"
         table.add_row(*key, result.controller.source, gains)
