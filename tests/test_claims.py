@@ -34,6 +34,7 @@ from grosmc_mj.claims.tables import WIDTH, caught_table, ledger_tables, story
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
 from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.designs import chapter_controller, controller_names

@@ -9,16 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-GUIDE = Path(__file__).parents[1] / "docs" / "guide.md"
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def left_behind(page: str) -> dict[str, Any]:
+    """What a page's code leaves behind."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, Any] = {"__name__": "__main__"}
+    exec(compile("\n".join(blocks), page, "exec"), names)
+    return names
 
 
 @pytest.fixture(scope="module")
 def scope() -> dict[str, Any]:
     """What the guide's code leaves behind."""
-    blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
-    names: dict[str, Any] = {"__name__": "__main__"}
-    exec(compile("\n".join(blocks), str(GUIDE), "exec"), names)
-    return names
+    return left_behind("guide.md")
 
 
 def test_the_motor_s_angle_has_relative_degree_three(scope: dict[str, Any]) -> None:
@@ -48,3 +54,27 @@ def test_the_guide_says_which_assumption_fails(
 
     with pytest.raises(gm.GrosmcError, match=r"output 1, R, has no relative degree.*first 3"):
         gm.feedback_linearization(scope["motor"].system.equations, h=[scope["R"]])
+
+
+@pytest.mark.slow
+def test_the_page_on_your_own_runs_and_says_what_comes_out() -> None:
+    pytest.importorskip("dm_control")
+    pytest.importorskip("gymnasium")
+    names = left_behind("your_own.md")
+    assert names["deviation"]["grosmc"] < 0.1 * names["deviation"]["lqr"]
+    # The same steps with the same numbers, in dm_control and in Gymnasium.
+    assert names["total"] == names["summed"]
+    assert any("position servo" in sentence for sentence in names["robot"].converted)
+
+
+def test_the_case_file_on_the_page_on_your_own_is_kept(tmp_path: Path) -> None:
+    from grosmc_mj.validation.experiment import prepare
+    from grosmc_mj.validation.requirements import judge_all
+
+    text = (DOCS / "your_own.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "mine.toml").write_text(block, encoding="utf-8")
+    experiment = prepare(tmp_path / "mine.toml")
+    judgements = judge_all(experiment.limits, list(experiment.run()))
+    assert len(judgements) == 3
+    assert all(each.kept for each in judgements), judgements
