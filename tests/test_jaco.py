@@ -84,6 +84,7 @@ def test_a_curve_out_of_reach_is_refused() -> None:
         arms.figure_of_eight(arm(), scale=8.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("switching", ["sign", "implicit-estimate"])
 def test_both_engines_run_the_same_law(switching: str) -> None:
     realization = Realization(find_switching(switching), 1e-3)

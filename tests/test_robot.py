@@ -235,6 +235,7 @@ def test_the_balance_of_the_reaching_condition_takes_a_robot() -> None:
 # --- runs ---
 
 
+@pytest.mark.slow
 def test_both_engines_run_the_same_law() -> None:
     law = realized(tracking_grosmc(tree_task(), 5.0, 20.0), Realization(find_switching("implicit")))
     true = tree().plant.edited(AddedMass("tool", 0.5, (0.1, 0.0, 0.0)))
@@ -249,6 +250,7 @@ def test_both_engines_run_the_same_law() -> None:
     assert np.abs(runs[0].sliding).max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_batch_of_perturbed_copies_is_its_single_runs() -> None:
     law, random = two_link_law(), np.random.default_rng(3)
     edits = [

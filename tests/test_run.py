@@ -105,6 +105,7 @@ def test_new_writes_what_run_runs(folder: Path, capsys: pytest.CaptureFixture[st
     assert (folder / "out" / "mine.svg").is_file()
 
 
+@pytest.mark.slow
 def test_new_with_python_writes_what_run_runs(folder: Path):
     assert run("new", "mine", "--python") == 0
     assert run("run", "mine.toml", "--no-figures") == 0
