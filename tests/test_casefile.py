@@ -92,7 +92,7 @@ def test_wrong_units_are_refused(value: object, unit: str, said: str):
 
 def test_sound_file_is_read(tmp_path: Path):
     file = read_case_file(written(tmp_path, SOUND))
-    assert (file.name, file.run.duration, file.run.control_period) == ("mine", 1.0, 1e-3)
+    assert (file.name, file.run.duration, file.run.control_period) == ("mine", 1.0, None)
     assert file.disturbance[0].torque == [0.0, 0.1, 0.0]
     assert file.controller[0].numbers == {"k": 18}
 
@@ -133,10 +133,26 @@ WRONG = [
     ("k = 18", "Q = [-1, 0]", "Q"),
     ("k = 18", 'switching = "implcit"', "did you mean 'implicit'?"),
     ("k = 18", '[[controller]]\nlaw = "grosmc"', "two controllers are called 'grosmc'"),
-    ("k = 18", '[task]\nreference = ["sin(w*t)"]', "'sin(w*t)' has w, may have t only"),
+    ("k = 18", '[task]\nreference = ["sin(w*t)"]', "'sin(w*t)' has w, may have t, pi, sin"),
     ("k = 18", '[task]\nreference = ["sin(t"]', "'sin(t' is no formula in t"),
     ("k = 18", '[task]\nreference = ["0", "0"]', "2 formulas, there are 1 outputs"),
     ("k = 18", '[task]\ndesign = "leg"', "unknown design 'leg': valid: arm"),
+    ("k = 18", "Q = {a = 1}", "Q = {'a': 1} must be a number, 2 numbers"),
+    ("k = 18", "QR = 1", "controller grosmc: unknown key 'QR'"),
+    ("k = 18", "k = [1, 2]", "k = [1, 2] must be a number"),
+    ("k = 18", "k = nan", "k = nan must be finite"),
+    ("k = 18", "G = [[1, 2, 3]]", "G has shape (1, 3), must be (1, 2)"),
+    ("k = 18", '[task]\nreference = ["__import__(0)"]', "has __import__, may have t, pi, sin"),
+    ("k = 18", '[task]\nreference = ["t.real"]', "has real, may have t, pi, sin"),
+    ("k = 18", '[task]\nreference = ["t, t"]', "'t, t' is no formula in t"),
+    ("k = 18", '[task]\nreference = ["1/t"]', "no value at t = 0"),
+    ("mass_scale = 2", 'mass_scale = 2\nadded_mass = "1 kg"', "write two [[edit]]"),
+    ("mass_scale = 2", 'mass_scale = 2\nat = ["1 m", "0 m", "0 m"]', "give it one"),
+    ('"1 s"', '"1e12 s"', "at most 1e+08 are made"),
+    ('"1 s"', '"1 s**2**9**9**9"', "is no unit"),
+    ('"10 mrad"', '"10 mrad"\nafter = "1 s"', "after is for stays_within"),
+    ('deviation_below = "10 mrad"', 'stays_within = "1 rad"\nafter = "2 s"', "has ended"),
+    ('deviation_below = "10 mrad"', 'stays_within = "1 rad"\nafter = "-1 s"', "not be negative"),
     ('"10 mrad"', '"10 mm"', 'requirement 1: deviation_below: "10 mm" cannot be converted to rad'),
     ('"10 mrad"', '"0 rad"', "must be positive"),
     ('deviation_below = "10 mrad"', "", "requirement 1: nothing is required"),

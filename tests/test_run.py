@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from grosmc_mj import cli
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.experiment import find_file, prepare
 from grosmc_mj.validation.requirements import judge_all
-from grosmc_mj.validation.runs import RunResult, Settings, run_case
+from grosmc_mj.validation.runs import RunResult, Settings, nominal_controller, run_case
 
 PYTHON = """
 import math
@@ -230,6 +233,8 @@ def line_of(python: str, part: str) -> int:
         ("import sympy as sp", "import sympi as sp", "No module named 'sympi'"),
         ("q, w = sp", "q, w == sp", "NameError"),
         ("def law(t", "def law(t,,", "SyntaxError"),
+        ("q, w = sp", "raise SystemExit\nq, w = sp", "SystemExit"),
+        ("q, w = sp", "assert False\nq, w = sp", "AssertionError"),
     ],
 )
 def test_errors_in_the_users_python_point_to_its_line(
@@ -241,6 +246,45 @@ def test_errors_in_the_users_python_point_to_its_line(
     assert f"own.py:{line_of(python, bad)}: " in error
     assert said in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("returned", ["None", "'a'", "(1.0,)", "(1.0, 2.0)", "1j", "math.nan"])
+def test_law_that_returns_something_else_is_told(
+    folder: Path, capsys: pytest.CaptureFixture[str], returned: str
+):
+    python = PYTHON.replace("return p.plant.m * math.sin(x[0])", f"return {returned}\n    return 0")
+    assert run("run", own(folder, CASE, python), "--no-figures") == 2
+    error = capsys.readouterr().err
+    assert "own.toml" in error
+    assert "law returned" in error
+    assert error.count("\n") == 1
+
+
+def test_compiled_law_that_raises_later_points_to_its_line(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+):
+    later = "if t > 0.1:\n        raise ValueError('too late')\n    return p.plant"
+    python = PYTHON.replace("return p.plant", later, 1)
+    native = CASE.replace('"python"', '"native"')
+    assert run("run", own(folder, native, python), "--no-figures") == 2
+    assert f"own.py:{line_of(python, 'raise ValueError')}: too late" in capfd.readouterr().err
+
+
+def test_law_that_numba_has_compiled_stands_for_its_source(folder: Path):
+    python = PYTHON.replace("def law", "import numba\n\n@numba.njit\ndef law")
+    native = CASE.replace('"python"', '"native"')
+    assert run("run", own(folder, native, python), "--no-figures") == 0
+
+
+@pytest.mark.slow
+def test_python_of_ones_own_may_move_to_another_module(folder: Path):
+    """What is compiled is kept on disk, and must not ask for the module that it came from."""
+    for name in ("before", "after"):
+        assert run("new", name, "--python") == 0
+        command = [sys.executable, "-m", "grosmc_mj.cli", "run", f"{name}.toml", "--no-figures"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        (folder / f"{name}.py").unlink()
 
 
 def test_law_that_numba_cannot_compile_points_to_its_line(
@@ -269,6 +313,10 @@ def test_law_that_numba_fails_on_is_told(folder: Path, capsys: pytest.CaptureFix
         ("own:pendulum", "onw:pendulum", "there is no onw.py in"),
         ("own:pendulum", "own:", "'own:' must be module:name"),
         ("own:pendulum", "own:wrong", "own:wrong is a int, must be a plant"),
+        ("own:law", "math:sin", "math is a module of Python itself"),
+        ("a = 4", "plant = 4", "'plant' cannot be the name of a law's number"),
+        ("a = 4", "class = 4", "'class' cannot be the name of a law's number"),
+        ("a = 4", "a = inf", "a = inf must be finite"),
         ("own:law", "own:wrong", "own:wrong is a int, must be a law (t, x, memory, p) -> u"),
         ("own:law", "own:pendulum", "own:pendulum cannot be called with ['a', 'b']"),
         ("own:law", "own:gust", "got an unexpected keyword argument 'a'"),
@@ -455,3 +503,36 @@ def test_plants_that_we_did_not_write_keep_what_their_files_require(case: str):
     if case.startswith("jaco"):
         lqr, pd, grosmc = (deviation(result) for result in results)
         assert grosmc < 0.01 * min(lqr, pd)
+
+
+def test_further_laws_are_the_package_s_own_and_take_no_weights(folder: Path):
+    text = (
+        find_file("cart_pendulum/case1").read_text().replace('law = "fl-lqr"', 'law = "cart-lqr"')
+    )
+    (folder / "mine.toml").write_text(text)
+    (law,) = (
+        law
+        for (plant, name), law in prepare(folder / "mine.toml").laws.items()
+        if (plant, name) == ("physics", "cart-lqr")
+    )
+    same = nominal_controller("cart_pendulum", "cart-lqr", "corrected")
+    assert np.array_equal(law.parameters.K, same.parameters.K)
+    (folder / "mine.toml").write_text(text.replace('"cart-lqr"', '"cart-lqr"\nR = 5'))
+    with pytest.raises(ArgumentError, match="unknown law 'cart-lqr'"):
+        prepare(folder / "mine.toml")
+
+
+def test_a_model_with_a_slow_timestep_is_sampled_with_it(folder: Path):
+    slow = ROBOT.replace('timestep="0.001" integrator="RK4"', 'timestep="0.002"')
+    settings = prepare(Path(robot(folder, model=slow))).settings
+    assert (settings.timestep, settings.control_period) == (0.002, 0.002)
+    assert settings.integrator == "Euler"
+
+
+def test_outputs_of_different_units_have_no_one_error(folder: Path):
+    mixed = ROBOT.replace(
+        '<joint name="hip" axis="0 -1 0"', '<joint name="hip" type="slide" axis="1 0 0"'
+    )
+    case = ROBOT_CASE.replace('hip = "10 deg"', 'hip = "1 cm"')
+    with pytest.raises(ArgumentError, match="different units"):
+        prepare(Path(robot(folder, case, mixed)))

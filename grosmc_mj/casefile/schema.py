@@ -73,7 +73,8 @@ class RunTable(Table):
     Attributes:
         start: States at t = 0 by name, with their units; the others are zero.
         duration: [s].
-        control_period: Time between two samples of the laws [s].
+        control_period: Time between two samples of the laws [s]; 1 ms, or the timestep if that is
+            longer.
         timestep: Physics timestep [s]; 1 ms, or that of a model of one's own.
         integrator: MuJoCo's integrator; RK4, or that of a model of one's own.
         engine: ``native`` compiles the laws; ``python`` runs any callable.
@@ -81,7 +82,7 @@ class RunTable(Table):
 
     start: dict[str, Any] = {}
     duration: Seconds
-    control_period: Seconds = 1e-3
+    control_period: Seconds | None = None
     timestep: Seconds | None = None
     integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] | None = None
     engine: Literal["native", "python"] = "native"
@@ -135,6 +136,10 @@ class EditTable(Table):
             raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {valid}")
         if not given - {"at"}:
             raise ValueError("the edit changes nothing")
+        if "added_mass" in given and given & {"mass_scale", "length_scale"}:
+            raise ValueError("added_mass and a scale are two edits: write two [[edit]]")
+        if "at" in given and "added_mass" not in given:
+            raise ValueError("at is where an added_mass is: give it one")
         return self
 
 
@@ -214,17 +219,19 @@ class RequirementTable(Table):
     Attributes:
         of: Controllers that must keep it; all by default.
         on: Plants on which; physics by default, or all where there is none.
-        settles_within: The error stays within 2 % of its start from then on [s].
+        settles_within: The error stays within 2 % of its start from then on [s], up to the onset
+            of a later disturbance.
         stays_within: Largest error from ``after`` on.
         after: [s].
         deviation_below: Largest distance from the law's own nominal optimum.
         input_below: Largest input.
-        no_reaching_phase: The sliding variable starts at zero.
+        no_reaching_phase: The sliding variable starts at zero, as an integral surface does by its
+            definition; of the laws that have one by default.
         cost_ratio_below: J with the whole input over J*.
     """
 
-    of: list[str] = []
-    on: list[Literal["printed", "corrected", "physics"]] = []
+    of: list[str] | None = Field(None, min_length=1)
+    on: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
     settles_within: Seconds | None = None
     stays_within: Any = None
     after: Seconds = 0.0
@@ -232,6 +239,14 @@ class RequirementTable(Table):
     input_below: Any = None
     no_reaching_phase: bool = False
     cost_ratio_below: float | None = None
+
+    @model_validator(mode="after")
+    def _after_something(self) -> RequirementTable:
+        if "after" in self.model_fields_set and self.stays_within is None:
+            raise ValueError("after is for stays_within, which is not there")
+        if self.after < 0:
+            raise ValueError(f"after {self.after:g} s must not be negative")
+        return self
 
 
 class CaseFile(Table):

@@ -12,6 +12,8 @@ import pint
 
 # What to write instead, by the unit that was asked for.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
+# Units with powers of one digit: nothing that takes long to compute.
+_UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s*(?:\*\*|\^))){1,40}")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 
 
@@ -51,6 +53,8 @@ def number_in(value: Any, unit: str) -> float:
     if found is None:
         raise ValueError(f'"{value}" is no number with a unit, such as "{example}"')
     number, written = float(found[1]), found[2]
+    if written and not _UNIT.fullmatch(written):
+        raise ValueError(f'"{value}": {written!r} is no unit; write it as in "{example}"')
     if not written:
         raise ValueError(f'"{value}" has no unit: write "{value} {unit}"')
     try:

@@ -40,6 +40,8 @@ def load_named(text: str, folder: Path) -> Any:
     if not _NAMED.fullmatch(text):
         raise ArgumentError(f"{text!r} must be module:name, such as my_module:my_law")
     name, attribute = text.split(":")
+    if name.split(".")[0] in sys.stdlib_module_names:
+        raise ArgumentError(f"{text!r}: {name} is a module of Python itself: take another name")
     with blamed(folder), _importable(name, folder):
         try:
             module = importlib.import_module(name)
@@ -62,8 +64,12 @@ def _importable(name: str, folder: Path) -> Iterator[None]:
     place = str(folder.resolve())
     known = sys.modules.get(name)
     own = folder.resolve().joinpath(*name.split(".")).with_suffix(".py")
-    if known is not None and own.is_file() and Path(known.__file__ or "").resolve() != own:
-        del sys.modules[name]
+    if known is not None and own.is_file():
+        there = Path(known.__file__ or "").resolve()
+        if "site-packages" in there.parts:
+            raise ArgumentError(f"{own.name} has the name of an installed package: take another")
+        if there != own:
+            del sys.modules[name]
     importlib.invalidate_caches()
     sys.path.insert(0, place)
     try:
@@ -81,7 +87,7 @@ def blamed(folder: Path) -> Iterator[None]:
     """
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         place = _place(error, folder.resolve())
         if place is None and _compiling(error):
             said = f"{type(error).__name__}: {error}"
@@ -90,11 +96,11 @@ def blamed(folder: Path) -> Iterator[None]:
             ) from error
         if place is None:
             raise
-        said = str(error) if isinstance(error, (ArgumentError, ValueError)) else _named(error)
-        raise ArgumentError(f"{place}: {said}") from error
+        plain = isinstance(error, (ArgumentError, ValueError)) and str(error)
+        raise ArgumentError(f"{place}: {error if plain else _named(error)}") from error
 
 
-def _named(error: Exception) -> str:
+def _named(error: BaseException) -> str:
     """What went wrong: of a compiler's page the reason before the place, of others the class."""
     if isinstance(error, NumbaError):
         page = str(error)
@@ -102,10 +108,11 @@ def _named(error: Exception) -> str:
         before = page[: places[0].start()] if places else page
         reason = (_REASON.findall(before) or page.splitlines())[-1]
         return f'numba cannot compile this: {reason}; engine = "python" runs it uncompiled'
-    return f"{type(error).__name__}: {getattr(error, 'msg', error)}"
+    said = str(getattr(error, "msg", error))
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
-def _place(error: Exception, folder: Path) -> str | None:
+def _place(error: BaseException, folder: Path) -> str | None:
     """The last place in the folder's files that an error came through: ``file.py:12``."""
     places: list[tuple[str, int | None]] = [
         (frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)
@@ -121,7 +128,7 @@ def _place(error: Exception, folder: Path) -> str | None:
     return None
 
 
-def _compiling(error: Exception) -> bool:
+def _compiling(error: BaseException) -> bool:
     """Whether it was numba that failed, without saying where."""
     frames = traceback.extract_tb(error.__traceback__)
     return "numba" in Path(frames[-1].filename).parts

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import keyword
 import os
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,7 @@ from rich.console import Console
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import New, Run
 from grosmc_mj.cli.films import FOLDER, say
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 
 if TYPE_CHECKING:
     from grosmc_mj.validation.experiment import Experiment
@@ -30,12 +32,10 @@ def run(command: Run) -> int:
 
     experiment = prepare(find_file(command.file))
     # A case of the package is called system/case, a file by its own name.
-    console, name = (
-        screen.console(),
-        Path(
-            command.file.replace("/", "_") if command.file in shipped_files() else command.file
-        ).stem,
-    )
+    shipped = command.file in shipped_files()
+    name = command.file.replace("/", "_") if shipped else Path(command.file).stem
+    console = screen.console()
+    command.out.mkdir(parents=True, exist_ok=True)
     target = command.out / f"{name}.json"
     results: list[RunResult] = []
     complete = False
@@ -61,7 +61,8 @@ def run(command: Run) -> int:
     console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
     if command.film:
         _film(console, experiment, results, command.out / FOLDER / f"{name}.mp4")
-    return screen.DIFFERS if failed(judgements) else screen.DONE
+    ended = not experiment.limits and any(result.ended for result in results)
+    return screen.DIFFERS if ended or failed(judgements) else screen.DONE
 
 
 def _show(console: Console, results: list[RunResult]) -> None:
@@ -100,7 +101,7 @@ def _requirements(console: Console, experiment: Experiment, judgements: list) ->
     from grosmc_mj.validation.requirements import failed
 
     if not experiment.limits:
-        console.print("The file requires nothing: give it a [[requirement]].")
+        console.print("The file requires nothing: give it a [[requirement]].", markup=False)
         return
     console.print(tables.requirements_table(judgements))
     console.print()
@@ -141,20 +142,28 @@ def _film(console: Console, experiment: Experiment, results: list[RunResult], pa
         console.print(f"No film: {error}", style="yellow", soft_wrap=True)
 
 
+def _like(name: str) -> str:
+    """The text of a case of the package."""
+    from grosmc_mj.validation.cases import shipped_files
+
+    if name not in shipped_files():
+        raise ArgumentError(unknown_name("case", name, shipped_files()))
+    return shipped_files()[name].read_text(encoding="utf-8")
+
+
 def new(command: New) -> int:
     """Write a case file to begin with."""
     from grosmc_mj.files import written_aside
-    from grosmc_mj.validation.experiment import find_file
     from grosmc_mj.validation.starters import own_plant, starter
 
     name = command.name.removesuffix(".toml")
-    if not _NAME.fullmatch(name):
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name) or name in sys.stdlib_module_names:
         raise ArgumentError(f"{command.name!r} must be a name of letters, digits and underscores")
     if command.like is not None and command.python:
         raise ArgumentError("--like copies a case, --python writes one: give one of them")
     files = {f"{name}.toml": starter()}
     if command.like is not None:
-        files = {f"{name}.toml": find_file(command.like).read_text(encoding="utf-8")}
+        files = {f"{name}.toml": _like(command.like)}
     elif command.python:
         files = own_plant(name)
     for file in files:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 from collections.abc import Mapping
 from dataclasses import make_dataclass
 from functools import cache
@@ -35,6 +36,9 @@ def custom_controller(
     if like.error is None or like.lqr is None:
         raise ArgumentError(f"{like.name} has no optimum that {name} could be compared with")
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
+    for key in numbers or {}:
+        if not key.isidentifier() or keyword.iskeyword(key) or key in given:
+            raise ArgumentError(f"{key!r} cannot be the name of a law's number: take another")
     fields = {**given, **(numbers or {})}
     parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
     return Controller(

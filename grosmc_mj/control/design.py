@@ -144,6 +144,8 @@ class Task:
         degrees = self.error.linearization.relative_degree
         try:
             values = self.error.reference(0.0, self.reference)
+        except (ArithmeticError, ValueError) as error:
+            raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
         except AttributeError as error:
             raise ArgumentError(
                 f"{type(self.reference).__name__} does not fit the reference: {error}"

@@ -58,7 +58,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
             found += [scope.get(name) for name in names(block)]
             used = [opened(each, block) for each in found]
             reached = describe([used, value.__defaults__, value.__kwdefaults__])
-            return f"{value.__qualname__}({code(block)}|{reached})"
+            return f"{value.__module__}.{value.__qualname__}({code(block)}|{reached})"
         if isinstance(value, (list, tuple)):
             return f"[{','.join(describe(item) for item in value)}]"
         if isinstance(value, dict):
@@ -125,7 +125,8 @@ def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
         compiled._cache = _FingerprintCache(function)
     try:
         compiled.compile()
-    except OSError:
+    # Besides a full disk: what is cached may name a module that has gone since.
+    except (OSError, ImportError, AttributeError):
         compiled._cache = cache
         compiled.compile()
     return compiled

@@ -22,6 +22,8 @@ Item = TypeVar("Item")
 Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
 
 ANALYTIC_TIMESTEP = 1e-3
+# Of a run, every one of which may be kept: some GB.
+_MOST_STEPS = 10**8
 
 
 def prepare(
@@ -88,6 +90,11 @@ def prepare(
         raise ArgumentError(f"duration {duration:g} s must be finite and positive")
     if threads < 0:
         raise ArgumentError(f"threads = {threads} must be 0 (all cores) or more")
+    if duration / h > _MOST_STEPS:
+        raise ArgumentError(
+            f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "
+            f"{_MOST_STEPS:.0e} are made"
+        )
     steps = math.ceil(duration / h * (1 - 1e-12))
     instants = np.arange(steps) * h
     tables = [wrench_table(items, system.bodies, instants) for items in lists]

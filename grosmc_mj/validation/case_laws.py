@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -10,6 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+import sympy as sp
 from sympy.parsing.sympy_parser import parse_expr
 
 from grosmc_mj.arrays import Array
@@ -32,6 +35,9 @@ from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.simulation.linearization import linearize
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.validation.designs import DESIGNS, switching_for
 from grosmc_mj.validation.runs import PlantName
 from grosmc_mj.validation.subject import Subject
@@ -50,6 +56,25 @@ COMPUTED_TORQUE: Laws = {
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
 }
+
+
+_WEIGHTS = ("Q", "R")
+# What a formula of a reference may have besides numbers.
+_FUNCTIONS = (
+    "sin",
+    "cos",
+    "tan",
+    "exp",
+    "log",
+    "sqrt",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asin",
+    "acos",
+    "atan",
+)
+_WORD = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass(frozen=True)
@@ -77,7 +102,7 @@ def controller_of(
             made = _users(table, file, subject, plant, folder)
         else:
             made = _ours(table, file, subject, plant, folder)
-        made = realized(made, _realization(table, made, file))
+        made = realized(made, _realization(table, made, file, subject))
     except GrosmcError as error:
         raise ArgumentError(f"controller {_name(table)}: {error}") from error
     return replace(made, name=_name(table))
@@ -88,7 +113,14 @@ def _name(table: ControllerTable) -> str:
     return table.name or table.law.split(":")[-1]
 
 
-def _realization(table: ControllerTable, made: Controller, file: CaseFile) -> Realization:
+def control_period_of(file: CaseFile, subject: Subject) -> float:
+    """Time between two samples of a file's laws [s]."""
+    return file.run.control_period or max(ANALYTIC_TIMESTEP, subject.timestep)
+
+
+def _realization(
+    table: ControllerTable, made: Controller, file: CaseFile, subject: Subject
+) -> Realization:
     """How a law is sampled."""
     given = {"switching", "surface"} & table.model_fields_set
     if made.with_reach is None:
@@ -101,7 +133,9 @@ def _realization(table: ControllerTable, made: Controller, file: CaseFile) -> Re
         if design in DESIGNS
         else find_switching(table.switching)
     )
-    return Realization(law, file.run.control_period if table.surface == "discrete" else None)
+    return Realization(
+        law, control_period_of(file, subject) if table.surface == "discrete" else None
+    )
 
 
 def _ours(
@@ -111,7 +145,7 @@ def _ours(
     task, build = _task(table, file.task, subject, plant, folder)
     if table.law not in build:
         raise ArgumentError(unknown_name("law", table.law, [*build, "module:name"]))
-    maker, numbers = build[table.law], {k: v for k, v in table.numbers.items() if k not in "QR"}
+    maker, numbers = build[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
     valid = _numbers_of(maker)
     for name in numbers:
         if name not in valid:
@@ -119,6 +153,9 @@ def _ours(
             raise ArgumentError(unknown_name("key", name, keys))
     if missing := [name for name, needed in valid.items() if needed and name not in numbers]:
         raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
+    for name, value in numbers.items():
+        if name not in {"G", "uncertainty"} and np.ndim(value):
+            _refuse(f"{name} = {value!r} must be a number")
     return maker(task, **{name: _number(name, value) for name, value in numbers.items()})
 
 
@@ -126,14 +163,16 @@ def _users(
     table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the user's own: a controller, a function that makes one, or a law."""
+    # One that numba has compiled stands for its source.
     found = load_named(table.law, folder)
+    found = getattr(found, "py_func", found)
     numbers = {name: _number(name, value) for name, value in table.numbers.items()}
     if isinstance(found, Controller):
         return found if not numbers else _refuse("a controller has its numbers already")
     if _is_law(found, table.law):
         task, build = _task(table, file.task, subject, plant, folder)
         like = build["fl-lqr" if "fl-lqr" in build else "lqr"](task)
-        own = {name: value for name, value in numbers.items() if name not in "QR"}
+        own = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
         return custom_controller(_name(table), found, like, own)
     given = _wanted(found, subject, plant)
     try:
@@ -158,7 +197,10 @@ def _is_law(found: Any, text: str) -> bool:
             f"{text} is a {type(found).__name__}, must be a law (t, x, memory, p) -> u, a function "
             "(nominal plant, numbers ...) -> Controller, or a Controller"
         )
-    return [each.name for each in _needed(found)][:2] == ["t", "x"]
+    names = [each.name for each in _needed(found)]
+    if len(names) == 4 and names[:2] != ["t", "x"]:
+        _refuse(f"{text} has the arguments {', '.join(names)}: a law has t, x, memory and p")
+    return names[:2] == ["t", "x"] and not inspect.isclass(found)
 
 
 def _needed(found: Any) -> list[inspect.Parameter]:
@@ -180,7 +222,7 @@ def _wanted(found: Any, subject: Subject, plant: PlantName) -> tuple[Any, ...]:
 def _numbers_of(maker: Callable[..., Controller]) -> dict[str, bool]:
     """The numbers that a law may be given, and whether it needs them."""
     found = list(inspect.signature(maker).parameters.values())[1:]
-    ours = {"name", "maker"}
+    ours = {"name", "maker", "physics"}
     return {each.name: each.default is each.empty for each in found if each.name not in ours}
 
 
@@ -191,6 +233,8 @@ def _number(name: str, value: Any) -> Any:
     entries = np.ravel(np.asarray(value, object)).tolist()
     if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
         raise ArgumentError(f"{name} = {value!r} must be a number or the rows of a matrix")
+    if not all(map(math.isfinite, entries)):
+        raise ArgumentError(f"{name} = {value!r} must be finite")
     return float(value) if np.ndim(value) == 0 else np.array(value, float)
 
 
@@ -204,6 +248,14 @@ def _uncertainty(value: Any) -> Uncertainty:
             raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
     if missing := [key for key in keys if key not in value]:
         raise ArgumentError(f"uncertainty: {', '.join(missing)} is missing")
+    kinds = {"scales": dict, "wrench": list, "region": list, "reaching_rate": (int, float)}
+    for key, kind in kinds.items():
+        if not isinstance(value[key], kind):
+            what = {dict: "a table", list: "a list of numbers"}.get(kind, "a number")
+            raise ArgumentError(f"uncertainty: {key} = {value[key]!r} must be {what}")
+    for name, pair in value["scales"].items():
+        if not (isinstance(pair, list) and len(pair) == 2):
+            raise ArgumentError(f"uncertainty: {name} = {pair!r} must be [least, largest]")
     try:
         return Uncertainty(
             {name: (float(low), float(high)) for name, (low, high) in value["scales"].items()},
@@ -259,26 +311,33 @@ def _shipped_task(
         R=task.R if R is None else _weight("R", R, task.error.inputs),
     )
     aliases = {alias: designs.build[same] for alias, (same, _) in designs.aliases.items()}
-    further = {name: partial(_of_plant, maker=maker) for name, maker in designs.further.items()}
+    # As the package designs them: from MuJoCo's own linear model, with weights of their own.
+    assert isinstance(subject.nominal, MujocoPlant)
+    further = {
+        name: partial(_of_plant, maker=maker, physics=subject.nominal)
+        for name, maker in designs.further.items()
+        if Q is None and R is None and wanted.reference is None
+    }
     return task, {**designs.build, **aliases, **further}
 
 
-def _of_plant(task: Task, maker: Callable[..., Controller]) -> Controller:
-    """A further law of a system, which is designed from the plant alone."""
-    return maker(task.plant, None)
+def _of_plant(task: Task, maker: Callable[..., Controller], physics: MujocoPlant) -> Controller:
+    """A further law of a system, which is designed from the plant and MuJoCo's linear model."""
+    corrected = task.plant.variant == "corrected"
+    return maker(task.plant, linearize(physics) if corrected else None)
 
 
 def _weight(name: str, value: Any, size: int) -> Array:
     """A weight as a matrix."""
     try:
         found = np.asarray(value, float)
-    except ValueError:
+    except (ValueError, TypeError):
         found = np.zeros((0, 0))
     found = found * np.eye(size) if found.ndim == 0 else found
     found = np.diag(found) if found.ndim == 1 else found
     if found.shape != (size, size):
         raise ArgumentError(
-            f"task: {name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
+            f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
         )
     return found
 
@@ -304,15 +363,22 @@ def _reference(
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
-    outputs = []
-    for formula in formulas:
-        try:
-            output: Any = parse_expr(formula, local_dict={"t": TIME})
-        except Exception:  # sympy's parser has no class of errors of its own
-            raise ArgumentError(f"task: reference: {formula!r} is no formula in t") from None
-        if unknown := sorted(str(each) for each in output.free_symbols - {TIME}):
+    return reference([_formula(each) for each in formulas], degrees), Formulas()
+
+
+def _formula(text: str) -> sp.Expr:
+    """A formula in t, of known functions only: sympy's parser would run anything."""
+    valid = ("t", "pi", *_FUNCTIONS)
+    for word in _WORD.findall(text):
+        if word not in valid and not re.fullmatch(r"[eE]\d*", word):
             raise ArgumentError(
-                f"task: reference: {formula!r} has {', '.join(unknown)}, may have t only"
+                f"task: reference: {text!r} has {word}, may have {', '.join(valid)} and numbers"
             )
-        outputs.append(output)
-    return reference(outputs, degrees), Formulas()
+    names = {name: getattr(sp, name) for name in valid[1:]}
+    try:
+        output = sp.sympify(parse_expr(text, local_dict={"t": TIME, **names}))
+    except Exception:  # sympy's parser has no class of errors of its own
+        output = None
+    if not isinstance(output, sp.Expr) or not output.free_symbols <= {TIME}:
+        raise ArgumentError(f"task: reference: {text!r} is no formula in t")
+    return output

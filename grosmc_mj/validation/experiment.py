@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,11 @@ from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.casefile.user_code import blamed
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
-from grosmc_mj.validation.case_laws import controller_of
+from grosmc_mj.validation.case_laws import control_period_of, controller_of
 from grosmc_mj.validation.cases import Case, case_of, shipped_files
 from grosmc_mj.validation.requirements import Limit, limits
 from grosmc_mj.validation.runs import PlantName, RunResult, Settings, run_on
 from grosmc_mj.validation.subject import Subject, subject_of
-
-_RK4 = "RK4"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +27,7 @@ class Experiment:
 
     Attributes:
         file: What the file says.
-        folder: Where it lies.
+        path: The file.
         subject: The plant.
         case: Start, duration, edits, disturbances.
         settings: How it is run.
@@ -38,12 +36,17 @@ class Experiment:
     """
 
     file: CaseFile
-    folder: Path
+    path: Path
     subject: Subject
     case: Case
     settings: Settings
     laws: Mapping[tuple[PlantName, str], Controller]
     limits: Sequence[Limit]
+
+    @property
+    def folder(self) -> Path:
+        """Where the file lies, and the user's own Python."""
+        return self.path.parent
 
     def run(self) -> Iterator[RunResult]:
         """Run every controller on every plant, one by one.
@@ -52,15 +55,35 @@ class Experiment:
             GrosmcError: If a law or a profile of the user's own fails, with its file and line.
         """
         for (plant, _), law in self.laws.items():
-            with blamed(self.folder):
-                self._try(law)
-                result = run_on(self.case, plant, law, self.subject.plants[plant], self.settings)
-            yield result
+            try:
+                with blamed(self.folder):
+                    yield self._run(plant, law)
+            except GrosmcError as error:
+                raise ArgumentError(f"{self.path}: {error}") from error
+
+    def _run(self, plant: PlantName, law: Controller) -> RunResult:
+        """One controller on one plant."""
+        self._try(law)
+        meant = (self.case, plant, law, self.subject.plants[plant])
+        try:
+            return run_on(*meant, self.settings)
+        except ArgumentError:
+            if self.settings.engine == "python":
+                raise
+        # A law that raises an error says where in Python only.
+        return run_on(*meant, replace(self.settings, engine="python"))
 
     def _try(self, law: Controller) -> None:
         """Ask a law once in Python: compiled code does not say where it fails, or that it does."""
         memory, _kept_alive = law.begin()
-        law.law(0.0, np.array(self.case.x0), memory, law.parameters)
+        given = law.law(0.0, np.array(self.case.x0), memory, law.parameters)
+        m, u = len(self.subject.system.inputs), np.ravel(np.asarray(given, object)).tolist()
+        wanted = "a number" if m == 1 else f"a tuple of {m} numbers"
+        numbers = all(isinstance(each, (int, float, np.floating)) for each in u)
+        if not numbers or len(u) != m or (m == 1) != (np.ndim(given) == 0):
+            raise ArgumentError(f"{law.name} returned {given!r} at t = 0, must return {wanted}")
+        if not np.all(np.isfinite(np.array(u, float))) and not memory.undefined:
+            raise ArgumentError(f"{law.name} returned {given!r} at t = 0, which is not finite")
 
     def document(self) -> dict[str, Any]:
         """The resolved file as plain values."""
@@ -79,6 +102,8 @@ def find_file(name: str) -> Path:
     path = Path(name)
     if path.is_file():
         return path
+    if path.is_dir():
+        raise ArgumentError(f"{name} is a folder, must be a case file")
     if path.suffix == ".toml":
         raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
     raise ArgumentError(unknown_name("case", name, [*shipped, "or a path that ends in .toml"]))
@@ -90,22 +115,23 @@ def prepare(path: Path) -> Experiment:
     Raises:
         ArgumentError: If the file or what it names is wrong, in one line that begins with its path.
     """
-    file, folder = read_case_file(path), path.parent
+    file = read_case_file(path)
     try:
-        return _prepared(file, folder)
+        return _prepared(file, path)
     except GrosmcError as error:
         raise ArgumentError(f"{path}: {error}") from error
 
 
-def _prepared(file: CaseFile, folder: Path) -> Experiment:
+def _prepared(file: CaseFile, path: Path) -> Experiment:
     """The experiment of a file."""
+    folder = path.parent
     subject = subject_of(file, folder)
     case = case_of(file, subject.system, folder)
     settings = Settings(
         engine=file.run.engine,
-        control_period=file.run.control_period,
+        control_period=control_period_of(file, subject),
         timestep=subject.timestep,
-        integrator=file.run.integrator or _RK4,
+        integrator=subject.integrator,
     )
     laws = {}
     for plant in subject.plants:
@@ -122,12 +148,17 @@ def _prepared(file: CaseFile, folder: Path) -> Experiment:
     for index, table in enumerate(file.requirement):
         where = f"requirement {index + 1}"
         names = [law.name for law in designed]
-        for kind, named, valid in (("controller", table.of, names), ("plant", table.on, plants)):
+        for kind, named, valid in (
+            ("controller", table.of or (), names),
+            ("plant", table.on or (), plants),
+        ):
             for name in named:
                 if name not in valid:
                     raise ArgumentError(f"{where}: {unknown_name(kind, name, valid)}")
+        if 0 < file.run.duration <= table.after:
+            raise ArgumentError(f"{where}: after {table.after:g} s the run has ended")
         try:
             found += limits(table, designed, plants)
         except ArgumentError as error:
             raise ArgumentError(f"{where}: {error}") from None
-    return Experiment(file, folder, subject, case, settings, laws, found)
+    return Experiment(file, path, subject, case, settings, laws, found)

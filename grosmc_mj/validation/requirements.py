@@ -78,12 +78,13 @@ def limits(
     Raises:
         ArgumentError: If it requires nothing, names what is not there, or a unit does not fit.
     """
-    names = [controller.name for controller in controllers]
-    of, on = tuple(table.of or names), tuple(table.on or _judged(plants))
+    names = tuple(controller.name for controller in controllers)
+    named, on = tuple(table.of or ()), tuple(table.on or _judged(plants))
+    surfaced = tuple(law.name for law in controllers if law.sliding_unit)
     error = controllers[0].error
     assert error is not None
     output = error.units[error.output_rows[0]]
-    u = controllers[0].error.system.inputs[0].unit  # pyright: ignore[reportOptionalMemberAccess]
+    u = error.system.inputs[0].unit
     units = {
         "settles_within": "s",
         "stays_within": output,
@@ -97,6 +98,11 @@ def limits(
         value: Any = getattr(table, kind)
         if value is None or value is False:
             continue
+        of: tuple[str, ...] = named or (surfaced if kind == "no_reaching_phase" else names)
+        if unit == output and len({error.units[row] for row in error.output_rows}) > 1:
+            raise ArgumentError(f"{kind}: the outputs have different units: there is no one error")
+        if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
+            raise ArgumentError(f"{kind}: the inputs have different units")
         try:
             number = _number(kind, value, unit)
         except ValueError as wrong:
@@ -159,6 +165,8 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
         "deviation_below": "deviation",
         "input_below": "max_input",
     }
+    if limit.kind == "settles_within" and comparison.error[0] == 0:
+        return None, "there is no error at the start"
     metric = metrics[names[limit.kind]]
     return metric.value, metric.note
 

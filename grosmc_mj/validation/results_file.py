@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import platform
 import subprocess
@@ -162,10 +163,17 @@ def case_document(case: Case) -> dict[str, Any]:
         "duration": case.duration,
         "edits": [asdict(edit) for edit in case.edits],
         "disturbances": [
-            {"body": d.body, "wrench": list(d.wrench), "profile": repr(d.profile)}
+            {"body": d.body, "wrench": list(d.wrench), "profile": _named(d.profile)}
             for d in case.disturbances
         ],
     }
+
+
+def _named(profile: Any) -> str:
+    """A profile as its numbers, or as the function that it is."""
+    if inspect.isfunction(profile):
+        return f"{profile.__module__}:{profile.__qualname__}"
+    return repr(profile)
 
 
 def _run(result: RunResult) -> dict[str, Any]:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
+
+import mujoco
 
 from grosmc_mj.casefile.schema import CaseFile, EditTable
 from grosmc_mj.casefile.user_code import blamed, load_named
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.plants import SYSTEMS, AnalyticPlant, System, find_system
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.robot import Robot
 from grosmc_mj.validation.cases import case_edits
 from grosmc_mj.validation.runs import PlantName, design_variant
+
+_INTEGRATORS: tuple[Integrator, ...] = get_args(Integrator)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +44,18 @@ class Subject:
     def system(self) -> System:
         """Names and equations."""
         return self.nominal.system
+
+    @property
+    def integrator(self) -> Integrator:
+        """What steps the plants; the equations are stepped by RK4."""
+        if isinstance(self.nominal, AnalyticPlant):
+            return "RK4"
+        code = int(self.nominal.model.opt.integrator)
+        return next(
+            name
+            for name in _INTEGRATORS
+            if int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")) == code
+        )
 
     @property
     def shipped(self) -> bool:
@@ -99,6 +116,12 @@ def _found(file: CaseFile, folder: Path) -> AnalyticPlant | MujocoPlant | Robot:
     assert table.plant is not None
     found: Any = load_named(table.plant, folder)
     if callable(found):
+        try:
+            inspect.signature(found).bind()
+        except TypeError as error:
+            raise ArgumentError(
+                f"{table.plant} must be called without arguments: {error}"
+            ) from None
         with blamed(folder):
             found = found()
     if not isinstance(found, (AnalyticPlant, MujocoPlant, Robot)):
