@@ -109,18 +109,23 @@ def jaco(timestep: float = 1e-3) -> Robot:
 
 
 def _stage(model: Any) -> None:
-    """A sky, a floor, lights and a camera: the entity has none. Nothing touches the floor."""
+    """A sky, a floor, lights and a camera: the entity has none. Nothing touches the floor.
+
+    The site ``tip`` is where the fingers meet, whose path films draw.
+    """
+    site, hand = model.find("site", TIP), model.find("body", HAND)
+    hand.add("site", name="tip", pos=site.pos, group=4)
     sky = {"rgb1": (0.93, 0.95, 0.98), "rgb2": (0.8, 0.85, 0.92), "width": 256, "height": 256}
     model.asset.add("texture", name="sky", type="skybox", builtin="gradient", **sky)
     model.visual.headlight.set_attributes(ambient=(0.35,) * 3, diffuse=(0.5,) * 3)
     floor = {"type": "plane", "size": (1, 1, 0.1), "rgba": (0.85, 0.87, 0.9, 1)}
     model.worldbody.add("geom", name="floor", contype=0, conaffinity=0, **floor)
-    model.worldbody.add("light", name="lamp", pos=(0.6, -0.8, 2.2), dir=(-0.25, 0.35, -1))
+    model.worldbody.add("light", name="lamp", pos=(-0.9, -0.7, 2.2), dir=(0.35, 0.3, -1))
     model.worldbody.add(
         "camera",
         name="fixed",
-        pos=(0.6, -1.1, 0.75),
-        xyaxes=(0.832, 0.555, 0, -0.131, 0.196, 0.972),
+        pos=(-1.3, -0.3, 0.68),
+        xyaxes=(0.403, -0.915, 0.0, 0.227, 0.1, 0.969),
     )
 
 

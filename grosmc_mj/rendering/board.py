@@ -44,6 +44,20 @@ class Chart(NamedTuple):
         return area.left + round(part * (area.width - 1))
 
 
+class Trace(NamedTuple):
+    """The path of a site.
+
+    Attributes:
+        been: Where it is at each frame, (frames, 3).
+        wanted: Where the ghost has it at each frame, (frames, 3), or None.
+        colour: Of the path that it has been, #RRGGBB.
+    """
+
+    been: Array
+    wanted: Array | None
+    colour: str
+
+
 class Scene(NamedTuple):
     """What one picture shows at each frame.
 
@@ -53,6 +67,7 @@ class Scene(NamedTuple):
         wrench: ``xfrc_applied`` of the bodies, (frames, bodies, 6), or None.
         over: Frame from which on the run has ended, for the reason ``ended``.
         ended: Empty if it ran to its end.
+        trace: The path of the traced site, or None.
     """
 
     physics: Array
@@ -60,6 +75,7 @@ class Scene(NamedTuple):
     wrench: Array | None
     over: int
     ended: str
+    trace: Trace | None = None
 
 
 @dataclass(frozen=True, eq=False)

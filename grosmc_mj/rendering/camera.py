@@ -87,16 +87,21 @@ def place(
 
     Nothing is moved if all is in view from the model's own place, whose picture is the one that
     the model's author meant. Otherwise the camera goes back along its line of sight and, in its
-    own plane, to the middle of what there is to see.
+    own plane, to the middle of what there is to see. The free camera, which no author has
+    placed, goes there in any case, and nearer too.
 
     Args:
         model: The model.
-        camera: Id of the camera.
+        camera: Id of the camera; -1 for the free one.
         poses: The poses of the film, or some of them; kinematics computed.
         aspect: Width of the picture over its height.
     """
     scene, eye, option = mujoco.MjvScene(model, 1000), mujoco.MjvCamera(), mujoco.MjvOption()
-    eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
+    free = camera < 0
+    if free:
+        mujoco.mjv_defaultFreeCamera(model, eye)
+    else:
+        eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
     seen, slope = [], 1.0
     for data in poses:
         mujoco.mjv_updateScene(
@@ -109,9 +114,9 @@ def place(
     slopes = {"right": _MARGIN * slope * aspect, "up": _MARGIN * slope}
     extents = {"right": right, "up": up}
     # In view at a distance -back: |right| <= slope * -back, and so for up.
-    if all(np.all(np.abs(extents[side]) <= slopes[side] * -back) for side in slopes):
+    if not free and all(np.all(np.abs(extents[side]) <= slopes[side] * -back) for side in slopes):
         return Placement()
-    needed, moves = 0.0, {}
+    needed, moves = -np.inf if free else 0.0, {}
     for side, tangent in slopes.items():
         most = float((extents[side] + tangent * back).max())
         least = float((extents[side] - tangent * back).min())

@@ -17,6 +17,7 @@ from grosmc_mj.rendering.board import Chart
 from grosmc_mj.rendering.film import Film, Take
 from grosmc_mj.rendering.layout import Box, Layout
 from grosmc_mj.rendering.palette import DISTURBANCE, GRID, OPTIMUM, red_green_blue
+from grosmc_mj.rendering.sizes import FEW, Size, distances, loads
 
 _DPI = 100
 # Room that numbers and titles of a plot need, in sizes of the font.
@@ -25,6 +26,7 @@ _SPREAD = 0.06
 _SIDES = ("xtick", "ytick")
 # A sliding variable below this is shown in thousandths of its unit.
 _SMALL = 0.1
+_ROOM = 1.2
 # How several coordinates or inputs of one run are told apart.
 _STYLES, _SHARES = ("dark", "pale"), (1.0, 0.5)
 
@@ -98,7 +100,8 @@ def _write_labels(figure: Figure, film: Film, layout: Layout) -> None:
         box = layout.label(index)
         words = []
         if take.ghost is not None:
-            words.append((f"ghost: {film.ghost_label} {film.ghost_symbol}", "#555555"))
+            drawn = "ghost" if film.trace < 0 else "ghost, dots"
+            words.append((f"{drawn}: {film.ghost_label} {film.ghost_symbol}", "#555555"))
         if take.run.wrench is not None:
             words.append(("disturbance", DISTURBANCE))
         x = _right_of(write(box, box.left + pad, take.label, 1.1 * points, take.colour, "bold"))
@@ -163,7 +166,9 @@ def _limits(axes: Axes, curves: Sequence[Array]) -> None:
 
 
 def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
-    """The controlled coordinate, and where it should have been."""
+    """The controlled coordinate, and where it should have been; of many, how far that is."""
+    if (size := distances(film)) is not None:
+        return _sized(axes, film, times, size)
     run = film.takes[0].run
     controlled = list(run.system.controlled)
     ghosts = _distinct_ghosts(film)
@@ -216,8 +221,11 @@ def _slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     peak = max((float(np.abs(s).max(initial=0.0)) for _, s in signals), default=0.0)
     scale, prefix = (1e3, "m") if peak < _SMALL else (1.0, "")
     units = sorted({prefix + take.sliding_unit for take, _ in signals})
-    several = any(s.ndim > 1 for _, s in signals)
-    name = "s₁ dark, s₂ pale" if several else "sliding variable s"
+    most = max((s.shape[1] for _, s in signals if s.ndim > 1), default=1)
+    name = "s₁ dark, s₂ pale" if most > 1 else "sliding variable s"
+    if most > FEW:
+        name = "largest sliding variable |s|"
+        signals = [(take, np.abs(s).max(axis=1)) for take, s in signals]
     axes.set_title(f"{name} [{', '.join(units)}]" if units else name)
     lines, seen = [], []
     for take, s in signals:
@@ -230,6 +238,9 @@ def _slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
             ha="right", va="top", color="#555555", zorder=5,
             bbox={"facecolor": "white", "alpha": 0.8, "lw": 0, "pad": 1.5},
         )  # fmt: skip
+        if most > FEW:
+            # Sizes fill their axes from zero up: room for the words.
+            seen += [_ROOM * values for values in seen]
     _limits(axes, seen)
     return lines
 
@@ -248,13 +259,25 @@ def _state(axes: Axes, film: Film, times: tuple[float, float], index: int) -> li
 
 
 def _inputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
-    """The input that the actuator applied."""
+    """The input that the actuator applied; of many, the largest."""
+    if (size := loads(film)) is not None:
+        return _sized(axes, film, times, size)
     axes.set_title(_names(film.takes[0].run.system.inputs))
     lines, seen = [], []
     # A law that switches fills its band: it is drawn first, and the others on it.
     signals = [(take, *each) for take in film.takes for each in _columns(take.run.input)]
     for take, values, index in sorted(signals, key=lambda each: -np.abs(np.diff(each[1])).sum()):
         lines += _held(axes, take, values, times, seen, index)
+    _limits(axes, seen)
+    return lines
+
+
+def _sized(axes: Axes, film: Film, times: tuple[float, float], size: Size) -> list[Any]:
+    """One curve for each take, of what stands for many signals; from zero up."""
+    axes.set_title(size.title)
+    lines, seen = [], []
+    for take, values in zip(film.takes, size.curves, strict=True):
+        lines += _held(axes, take, values, times, seen, 0)
     _limits(axes, seen)
     return lines
 

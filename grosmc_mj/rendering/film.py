@@ -17,6 +17,8 @@ from grosmc_mj.simulation.trajectory import Trajectory
 SMALLEST, LARGEST = (320, 240), (3840, 2160)
 FASTEST = 240
 MOST_TAKES = 4
+# As MuJoCo counts.
+FREE_CAMERA = -1
 # An hour of film at 30 frames per second is as long as one wants to wait for.
 MOST_FRAMES = 100_000
 
@@ -72,7 +74,7 @@ class Format:
         fps: Frames per second of the film.
         speed: Seconds of data in one second of film.
         camera: A camera of the model; None for ``follow`` where it moves along with a body, else
-            ``fixed``.
+            ``fixed``, else any that stands still, else one from above that the film places.
         start: First instant shown [s].
         stop: End of what is shown [s]; None for the end of the longest run.
     """
@@ -146,6 +148,7 @@ class Film:
         ghost_label: What the ghost is, in words.
         ghost_symbol: And its symbol.
         beside: Index of a state that is shown in place of s; None to show s.
+        trace: Id of a site whose path is drawn, and dotted where it should be; -1 for none.
     """
 
     title: str
@@ -155,6 +158,7 @@ class Film:
     ghost_label: str = "reference"
     ghost_symbol: str = "yᵣ"
     beside: int | None = None
+    trace: int = -1
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.takes) <= MOST_TAKES:
@@ -197,14 +201,26 @@ class Film:
 
     @cached_property
     def camera(self) -> int:
-        """Id of the camera: the chosen one or, if it moves along, ``follow``, else ``fixed``."""
+        """Id of the camera: the chosen one or, if it moves along, ``follow``, else ``fixed``.
+
+        Without these, the first that stands still, since one on a hand would not show the hand;
+        -1, MuJoCo's free camera, if there is none.
+        """
         if self.format.camera is not None:
             return self.model.camera(self.format.camera).id
         if "follow" in self.cameras:
             follow = self.model.camera("follow")
             if follow.mode[0] == mujoco.mjtCamLight.mjCAMLIGHT_TRACK:
                 return follow.id
-        return self.model.camera("fixed").id if "fixed" in self.cameras else 0
+        if "fixed" in self.cameras:
+            return self.model.camera("fixed").id
+        still = self.model.body_weldid[self.model.cam_bodyid] == 0
+        return int(np.argmax(still)) if np.any(still) else FREE_CAMERA
+
+    @cached_property
+    def camera_name(self) -> str:
+        """Name of the camera; ``free`` for MuJoCo's own."""
+        return "free" if self.camera == FREE_CAMERA else self.cameras[self.camera]
 
     @cached_property
     def end(self) -> float:

@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from grosmc_mj.rendering.board import OVERSAMPLING, Scene, Storyboard, pose
 from grosmc_mj.rendering.marks import add_ghost, add_wrenches
+from grosmc_mj.rendering.traces import add_trace
 
 _CURSOR = (120, 120, 120)
 _WHITE, _INK, _WARNING = (255, 255, 255), (17, 17, 17), (176, 0, 32)
@@ -66,6 +67,8 @@ class FrameMaker:
             self._ghost.qpos[list(board.controlled)] = scene.ghost[index]
             mujoco.mj_kinematics(board.model, self._ghost)
             add_ghost(renderer.scene, board.model, self._ghost, self._ghost_option)
+        if scene.trace is not None:
+            add_trace(renderer.scene, scene.trace, index)
         add_wrenches(renderer.scene, board.model, data, board.largest)
         return np.asarray(Image.fromarray(renderer.render()).reduce(OVERSAMPLING))
 

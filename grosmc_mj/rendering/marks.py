@@ -80,14 +80,14 @@ def add_wrenches(
         unit = visible_height(scene.camera[0], centre)
         if (part := _part(force, largest[0])) > _FAINT:
             tip = centre + force / np.linalg.norm(force) * part * _ARROW * unit
-            _connect(scene, _GEOM.mjGEOM_ARROW, _THICK * unit, centre, tip)
+            add_connector(scene, _GEOM.mjGEOM_ARROW, _THICK * unit, centre, tip, _MARK)
         if (part := _part(torque, largest[1])) > _FAINT:
             points = list(_arc(centre, torque, _RADIUS * unit, part * _SWEEP))
             for start, end in itertools.pairwise(points):
-                _connect(scene, _GEOM.mjGEOM_CAPSULE, 0.75 * _THICK * unit, start, end)
+                add_connector(scene, _GEOM.mjGEOM_CAPSULE, 0.75 * _THICK * unit, start, end, _MARK)
             ahead = points[-1] - points[-2]
             head = points[-1] + ahead / np.linalg.norm(ahead) * 0.055 * unit
-            _connect(scene, _GEOM.mjGEOM_ARROW, 1.35 * _THICK * unit, points[-1], head)
+            add_connector(scene, _GEOM.mjGEOM_ARROW, 1.35 * _THICK * unit, points[-1], head, _MARK)
 
 
 def _part(vector: Array, largest: float) -> float:
@@ -106,7 +106,27 @@ def _arc(centre: Array, torque: Array, radius: float, sweep: float) -> Iterator[
         yield centre + radius * (math.cos(angle) * first + math.sin(angle) * second)
 
 
-def _connect(scene: mujoco.MjvScene, kind: Any, width: float, start: Array, end: Array) -> None:
+def add_dot(
+    scene: mujoco.MjvScene, radius: float, centre: Array, rgba: tuple[float, float, float, float]
+) -> None:
+    """Add a small sphere; a full scene has no room for more."""
+    if scene.ngeom >= scene.maxgeom:
+        return
+    geom = scene.geoms[scene.ngeom]
+    size, paint = np.full(3, radius), np.array(rgba, np.float32)
+    mujoco.mjv_initGeom(geom, _GEOM.mjGEOM_SPHERE, size, centre, _UPRIGHT, paint)
+    geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+    scene.ngeom += 1
+
+
+def add_connector(
+    scene: mujoco.MjvScene,
+    kind: Any,
+    width: float,
+    start: Array,
+    end: Array,
+    rgba: tuple[float, float, float, float],
+) -> None:
     """Add one geom from a point to another; a full scene has no room for more."""
     if scene.ngeom >= scene.maxgeom:
         return
@@ -114,7 +134,7 @@ def _connect(scene: mujoco.MjvScene, kind: Any, width: float, start: Array, end:
         # MuJoCo draws an arrow half as long as a connector of any other kind.
         end = 2 * end - start
     geom = scene.geoms[scene.ngeom]
-    mujoco.mjv_initGeom(geom, kind, np.ones(3), _ORIGIN, _UPRIGHT, np.array(_MARK, np.float32))
+    mujoco.mjv_initGeom(geom, kind, np.ones(3), _ORIGIN, _UPRIGHT, np.array(rgba, np.float32))
     mujoco.mjv_connector(geom, kind, width, start, end)
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
     scene.ngeom += 1

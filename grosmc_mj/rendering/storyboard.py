@@ -11,16 +11,20 @@ import matplotlib as mpl
 import mujoco
 import numpy as np
 
-from grosmc_mj.rendering.board import OVERSAMPLING, Scene, Storyboard, pose
+from grosmc_mj.arrays import Array
+from grosmc_mj.rendering.board import OVERSAMPLING, Scene, Storyboard, Trace, pose
 from grosmc_mj.rendering.camera import place
 from grosmc_mj.rendering.chart import draw_chart
-from grosmc_mj.rendering.film import Film
+from grosmc_mj.rendering.film import Film, Take
 from grosmc_mj.rendering.layout import Layout
+from grosmc_mj.rendering.traces import site_path
 
 # Poses at which the camera's place is decided.
 _LOOKS = 60
 # A film's pictures are small: this is all the detail that can be seen in them.
 _QUALITY = {"offsamples": 0, "shadowsize": 2048, "numslices": 48, "numstacks": 16, "numquads": 1}
+
+_AMBIENT, _DIFFUSE = 0.4, 0.6
 
 
 @lru_cache(maxsize=1)
@@ -60,6 +64,9 @@ def film_model(model: mujoco.MjModel, width: int, height: int) -> mujoco.MjModel
     own = copy.copy(model)
     for name, value in _QUALITY.items():
         setattr(own.vis.quality, name, value)
+    if own.nlight == 0:
+        # MuJoCo's own lamp at the camera is too dim to be the only one.
+        own.vis.headlight.ambient[:], own.vis.headlight.diffuse[:] = _AMBIENT, _DIFFUSE
     # MuJoCo's cameras are pairs of eyes; a picture of one would show the mean of two.
     own.cam_ipd[:] = 0
     own.vis.global_.offwidth = OVERSAMPLING * width
@@ -83,7 +90,21 @@ def _scene(film: Film, index: int) -> Scene:
     if take.ended:
         over = min(int(np.searchsorted(film.times, last)), len(film.times) - 1)
     ghost = None if take.ghost is None else take.ghosts[rows]
-    return Scene(run.physics[rows], ghost, wrench, over, take.ended)
+    physics = run.physics[rows]
+    trace = None if film.trace < 0 else _traced(film, take, physics, ghost)
+    return Scene(physics, ghost, wrench, over, take.ended, trace)
+
+
+def _traced(film: Film, take: Take, physics: Array, ghost: Array | None) -> Trace:
+    """Where the traced site is in each frame, and where the ghost has it."""
+    model, system = film.model, take.run.system
+    positions = physics[:, 1 : 1 + model.nq]
+    wanted = None
+    if ghost is not None:
+        posed = positions.copy()
+        posed[:, list(system.controlled)] = ghost
+        wanted = site_path(model, film.trace, posed)
+    return Trace(site_path(model, film.trace, positions), wanted, take.colour)
 
 
 def _telling(film: Film) -> int:

@@ -21,8 +21,10 @@ from grosmc_mj.rendering.board import Storyboard
 from grosmc_mj.rendering.film import MOST_TAKES, Film, Format, Take, camera_names
 from grosmc_mj.rendering.palette import LABELS, colour_of
 from grosmc_mj.rendering.storyboard import storyboard
+from grosmc_mj.rendering.traces import trace_site
 from grosmc_mj.rendering.write import Written, write_film
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.robot_coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.designs import controller_names
@@ -108,7 +110,16 @@ def film_of(
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
         beside=_held_beside(results),
+        trace=_trace(results),
     )
+
+
+def _trace(results: Sequence[RunResult]) -> int:
+    """The site whose path is drawn: the tip of a robot, if its model names one."""
+    physics = results[0].true
+    assert isinstance(physics, MujocoPlant)
+    robots = all(isinstance(result.controller.error, RobotCoordinates) for result in results)
+    return trace_site(physics.model) if robots else -1
 
 
 def _held_beside(results: Sequence[RunResult]) -> int | None:
@@ -182,7 +193,7 @@ def write_case_film(
                 "controllers": [take.label for take in film.takes],
                 "film": {
                     **asdict(film.format),
-                    "camera": film.cameras[film.camera],
+                    "camera": film.camera_name,
                     "stop": film.end if film.format.stop is None else film.format.stop,
                 },
                 "backend": written.backend,
@@ -216,7 +227,7 @@ def film_digest(board: Storyboard) -> str:
     mujoco.mj_saveModel(board.model, None, model)
     parts: list[Any] = [model, board.times, board.chart.empty, board.chart.drawn]
     for scene in board.scenes:
-        parts += [scene.physics, scene.ghost, scene.wrench, scene.over, scene.ended]
+        parts += [*scene[:5], *(scene.trace or ())]
     parts += [board.camera, board.placement, board.speed, board.largest, mujoco.__version__]
     home = Path(grosmc_mj.rendering.__file__).parent
     parts += [path.read_bytes() for path in sorted(home.glob("*.py"))]
