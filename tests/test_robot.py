@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -225,8 +224,7 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
 
 def test_the_balance_of_the_reaching_condition_takes_a_robot() -> None:
     law, x = two_link_law(), states(2)[0]
-    true: Any = SimpleNamespace(parameters=two_link().plant)
-    nominal = balance(law, true, 0.0, x, np.zeros(18))
+    nominal = balance(law, two_link().plant, 0.0, x, np.zeros(18))
     assert nominal.gain_ratio == pytest.approx(1.0)
     assert nominal.push < 1e-10
     assert nominal.configured == 30.0

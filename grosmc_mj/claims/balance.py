@@ -10,6 +10,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.gains import authority, authority_together, surface_rate
 from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.robot_coordinates import RobotCoordinates
 
 
 class Balance(NamedTuple):
@@ -23,7 +25,8 @@ class Balance(NamedTuple):
     Attributes:
         R: As above, (m, m).
         gain_ratio: What is left of rho: r = E*/E for one input, else as ``authority``.
-        push: The largest entry of the first part of s', in the unit of s per second.
+        pushes: The first part of s', (m,), in the unit of s per second.
+        push: Its largest entry.
         required: push / r, the least rho that keeps |s| from growing.
         configured: rho of the law; 0 for a law that does not switch.
         determinant: det E of the law's model.
@@ -33,6 +36,7 @@ class Balance(NamedTuple):
 
     R: Array
     gain_ratio: float
+    pushes: Array
     push: float
     required: float
     configured: float
@@ -41,15 +45,24 @@ class Balance(NamedTuple):
     u_c: Array
 
 
-def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) -> Balance:
+def balance(
+    law: Controller,
+    true: AnalyticPlant | MujocoPlant,
+    t: float,
+    x: Array,
+    w: Array,
+    u: Array | None = None,
+) -> Balance:
     """The balance at a state of the true plant.
 
     Args:
         law: A controller with error coordinates.
-        true: The plant that it meets.
+        true: The plant that it meets; for a robot's law the one in MuJoCo.
         t: Time [s]; the reference depends on it.
         x: State, (n,).
         w: Wrenches, (6 * bodies,).
+        u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
+            Equations have no use for it.
     """
     error, p = law.coordinates, law.parameters
     assert law.lqr is not None
@@ -61,7 +74,11 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
         u_c, believed = np.linalg.solve(E, -(p.K @ z) - alpha), G[:, rows] @ E
     else:
         E, u_c, believed = optimum.B[rows], -(p.K @ z), G @ optimum.B
-    drift, gain = error.moved(t, x, p, true.parameters, w)
+    if isinstance(error, RobotCoordinates) and isinstance(true, MujocoPlant):
+        drift, gain = error.moved(t, x, p, true, w, u)
+    else:
+        assert not isinstance(true, MujocoPlant)
+        drift, gain = error.moved(t, x, p, true.parameters, w)
     push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
     together = "unit-vector" in law.switching
     r = (authority_together if together else authority)(steered, believed)
@@ -69,6 +86,7 @@ def balance(law: Controller, true: AnalyticPlant, t: float, x: Array, w: Array) 
     return Balance(
         R=steered @ np.linalg.inv(believed),
         gain_ratio=r,
+        pushes=push,
         push=pushing,
         required=pushing / r if r > 0 else np.inf,
         configured=switching_rate(law, z, E),

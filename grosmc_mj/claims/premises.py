@@ -38,7 +38,7 @@ _GRID, _EVERY = 169, 5
 # Phases of a moving reference, by the number of axes.
 _PHASES = {2: 16, 4: 8}
 # s(0), the rank of numbers and the like hold to rounding.
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 
 
 class Point(NamedTuple):
@@ -141,7 +141,7 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
         _sign(here, there),
     ]
     if name == "grosmc":
-        premises += [_gain(law, here, there), _start(run.sliding)]
+        premises += [_gain(law, here, there), initial_surface(run.sliding)]
     premises.append(_met(run, law))
     signals = {
         "time": np.array([t for t, _, _ in there]),
@@ -151,7 +151,7 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
     return Audit(case, name, tuple(premises), signals)
 
 
-_Points = list[tuple[float, Array, Balance]]
+Points = list[tuple[float, Array, Balance]]
 
 
 def _region(
@@ -192,7 +192,7 @@ def _largest_wrench(lab: Laboratory, case: Case) -> Array:
     return run.wrench[rows, range(run.wrench.shape[1])]
 
 
-def _reading(points: _Points, margins: Iterable[float]) -> Reading:
+def reading_of(points: Points, margins: Iterable[float]) -> Reading:
     """The least margin of many points."""
     values = np.array(list(margins))
     worst = int(values.argmin())
@@ -204,7 +204,7 @@ def _reading(points: _Points, margins: Iterable[float]) -> Reading:
     )
 
 
-def _single(margin: float) -> Reading:
+def single_reading(margin: float) -> Reading:
     """A margin that has no place and no time."""
     return Reading(Point(math.nan, (), margin), margin, float(margin < 0))
 
@@ -221,7 +221,7 @@ def _linear(law: Controller) -> list[Premise]:
             "Assumption 1",
             "rank [B, AB ...] = n: smallest over largest singular value above rounding",
             "1",
-            _single(float(values[-1] / values[0]) - _ROUNDING),
+            single_reading(float(values[-1] / values[0]) - ROUNDING),
             None,
             note=f"rank {np.linalg.matrix_rank(reach)} of {len(A)}",
         )
@@ -236,7 +236,7 @@ def _linear(law: Controller) -> list[Premise]:
                 "eqs. (8), (31), (51)",
                 "least singular value of GB, over |G| |B|, above rounding",
                 "1",
-                _single(share - _ROUNDING),
+                single_reading(share - ROUNDING),
                 None,
                 note=f"G B = {_matrix(p.GB)}",
             )
@@ -244,7 +244,7 @@ def _linear(law: Controller) -> list[Premise]:
     return found
 
 
-def _decoupling(law: Controller, here: _Points, there: _Points) -> Premise:
+def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
     """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
     assert law.error is not None
     x0 = law.coordinates.place(0.0, np.zeros(law.error.size), law.parameters)
@@ -255,12 +255,12 @@ def _decoupling(law: Controller, here: _Points, there: _Points) -> Premise:
         "eqs. (21)-(23), Assumption 7",
         "decoupling matrix: |det E(x)| over the one at zero error, above rounding",
         "1",
-        _reading(here, (abs(each.determinant) / scale - _ROUNDING for _, _, each in here)),
-        _reading(there, (abs(each.determinant) / scale - _ROUNDING for _, _, each in there)),
+        reading_of(here, (abs(each.determinant) / scale - ROUNDING for _, _, each in here)),
+        reading_of(there, (abs(each.determinant) / scale - ROUNDING for _, _, each in there)),
     )
 
 
-def _matched(here: _Points, there: _Points) -> Premise:
+def _matched(here: Points, there: Points) -> Premise:
     """The uncertainty enters where the input does."""
     matched = max(abs(each.push) for _, _, each in [*here, *there])
     return Premise(
@@ -268,15 +268,15 @@ def _matched(here: _Points, there: _Points) -> Premise:
         "Assumptions 3, 5 and 9",
         "no uncertainty in the rows of z' without an input",
         "1/s",
-        _reading(here, (_ROUNDING - each.unmatched for _, _, each in here)),
-        _reading(there, (_ROUNDING - each.unmatched for _, _, each in there)),
+        reading_of(here, (ROUNDING - each.unmatched for _, _, each in here)),
+        reading_of(there, (ROUNDING - each.unmatched for _, _, each in there)),
         note=f"the matched part moves s by up to {matched:.3g} a second; in mechanics this holds "
         "by kinematics for the output, not for coordinates that the law does not see, such as a "
         "cart",
     )
 
 
-def _sign(here: _Points, there: _Points) -> Premise:
+def _sign(here: Points, there: Points) -> Premise:
     """The input pushes the way that the law believes."""
     ratios = [each.gain_ratio for _, _, each in [*here, *there]]
     return Premise(
@@ -284,13 +284,13 @@ def _sign(here: _Points, there: _Points) -> Premise:
         "implied by Assumptions 3 and 5",
         "r = E_true/E_nominal positive (several inputs: what dominance leaves of it)",
         "1",
-        _reading(here, (each.gain_ratio - _ROUNDING for _, _, each in here)),
-        _reading(there, (each.gain_ratio - _ROUNDING for _, _, each in there)),
+        reading_of(here, (each.gain_ratio - ROUNDING for _, _, each in here)),
+        reading_of(there, (each.gain_ratio - ROUNDING for _, _, each in there)),
         note=f"r from {min(ratios):.3g} to {max(ratios):.3g}",
     )
 
 
-def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
+def _gain(law: Controller, here: Points, there: Points) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
     everywhere = [*here, *there]
     p: Any = law.parameters
@@ -314,8 +314,8 @@ def _gain(law: Controller, here: _Points, there: _Points) -> Premise:
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
-        _reading(here, (each.configured - each.required for _, _, each in here)),
-        _reading(there, (each.configured - each.required for _, _, each in there)),
+        reading_of(here, (each.configured - each.required for _, _, each in here)),
+        reading_of(there, (each.configured - each.required for _, _, each in there)),
         note=f"required at most {max(each.required for _, _, each in everywhere):.3g} {unit}",
     )
     if found.holds:
@@ -341,12 +341,12 @@ def _times(found: Balance) -> float:
     return found.required / found.configured
 
 
-def _start(sliding: Array | None) -> Premise:
+def initial_surface(sliding: Array | None) -> Premise:
     """There is no reaching phase: s(0) = 0."""
     start = math.nan if sliding is None or not len(sliding) else float(np.abs(sliding[0]).max())
     return Premise(
         "s(0) = 0", "eqs. (8), (31), (51)", "|s(0)| zero to rounding", "1", None,
-        _single(_ROUNDING - start),
+        single_reading(ROUNDING - start),
     )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def distances(film: Film) -> Size | None:
 
 
 def loads(film: Film) -> Size | None:
-    """The largest torque of all joints: as a share of its limit, if all of them have one.
+    """The largest input of all joints: as a share of its limit, if all of them have one.
 
     Without limits those with the first one's unit count.
 
@@ -58,14 +58,15 @@ def loads(film: Film) -> Size | None:
     inputs, model = film.takes[0].run.system.inputs, film.model
     if len(inputs) <= FEW:
         return None
-    limits = np.abs(model.actuator_ctrlrange).max(axis=1)
-    if np.all(model.actuator_ctrllimited) and np.all(limits > 0):
-        title, counted, scale = "largest torque, of its limit [%]", slice(None), 100 / limits
-    else:
-        unit, counted, which = _alike([signal.unit for signal in inputs])
-        title, scale = f"largest input of {which} |τ| [{unit}]", np.ones(len(inputs))
-    curves = [np.abs(take.run.input * scale)[:, counted].max(axis=1) for take in film.takes]
-    return Size(title, tuple(curves))
+    applied = [take.run.input for take in film.takes]
+    low, high = model.actuator_ctrlrange.T
+    if np.all(model.actuator_ctrllimited) and np.all((low < 0) & (high > 0)):
+        title = "largest input, of its limit [%]"
+        shares = (100 * np.maximum(tau / low, tau / high) for tau in applied)
+        return Size(title, tuple(share.max(axis=1) for share in shares))
+    unit, counted, which = _alike([signal.unit for signal in inputs])
+    title = f"largest input of {which} |τ| [{unit}]"
+    return Size(title, tuple(np.abs(tau[:, counted]).max(axis=1) for tau in applied))
 
 
 def _alike(units: list[str]) -> tuple[str, list[int], str]:

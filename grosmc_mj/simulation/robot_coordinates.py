@@ -130,12 +130,19 @@ class RobotCoordinates(OutputCoordinates):
         return self.sign * alpha, self.sign * E
 
     def moved(
-        self, t: float, x: Array, p: Any, plant: MujocoPlant, w: ArrayLike | None = None
+        self,
+        t: float,
+        x: Array,
+        p: Any,
+        plant: MujocoPlant,
+        w: ArrayLike | None = None,
+        u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """As for every coordinates; ``plant`` is the true one.
 
-        The drift is MuJoCo's own forward dynamics without input: joint friction, limits and
-        contacts are in it. Their answer to the input is not in the gain, which is M*^-1.
+        The drift is MuJoCo's own forward dynamics less what the input does to the free bodies:
+        joint friction, limits and contacts are in it as they answer to the input u, (m,), none by
+        default. How their answer changes with u is not in the gain, which is M*^-1.
         """
         model, n = plant.model, self.inputs
         data, M = mujoco.MjData(model), np.zeros((n, n))
@@ -143,11 +150,14 @@ class RobotCoordinates(OutputCoordinates):
         if w is not None:
             rows = [model.body(name).id for name in self.system.bodies]
             data.xfrc_applied[rows] = np.reshape(np.asarray(w, float), (-1, 6))
+        if u is not None:
+            data.ctrl[:] = u
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, M)
         drift, gain = np.zeros(self.size), np.zeros((self.size, n))
-        drift[0::2], drift[1::2] = x[n:], data.qacc
         gain[1::2] = np.linalg.inv(M)
+        # The torques of the motors, which are the inputs within their limits.
+        drift[0::2], drift[1::2] = x[n:], data.qacc - gain[1::2] @ data.qfrc_actuator
         return self.sign * (drift - self._raised(t, p)), self.sign * gain
 
     def _raised(self, t: float, p: Any) -> Array:
