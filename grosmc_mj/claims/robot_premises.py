@@ -6,6 +6,7 @@ by MuJoCo's dynamics of the true plant and of the nominal one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -41,6 +42,17 @@ def is_robots(result: RunResult) -> bool:
     return isinstance(result.controller.error, RobotCoordinates) and isinstance(
         result.true, MujocoPlant
     )
+
+
+def audits(results: Sequence[RunResult]) -> list[Audit]:
+    """The premises of every sliding mode law among the runs of robots in MuJoCo."""
+    return [
+        robot_audit(result)
+        for result in results
+        if is_robots(result)
+        and result.trajectory.sliding is not None
+        and len(result.trajectory.input)
+    ]
 
 
 def robot_premises(result: RunResult) -> tuple[Premise, ...]:
@@ -100,6 +112,7 @@ def _rate(result: RunResult, points: Points) -> Premise:
     p: Any = law.parameters
     t, _, most = max(points, key=lambda point: point[2].required)
     joint = joints[int(np.abs(most.pushes).argmax())]
+    alone = "" if "unit-vector" in law.switching else _joint_by_joint(points)
     unit = per_second(law.sliding_unit)
     printed = hasattr(p, "epsilon")
     found = Premise(
@@ -110,14 +123,26 @@ def _rate(result: RunResult, points: Points) -> Premise:
         None,
         reading_of(points, (each.configured - each.required for _, _, each in points)),
         note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
-        f"(at t = {t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g}); in the "
-        "push are the edits, the wrenches, and friction, joint limits and contacts as MuJoCo has "
-        "them under the applied torque; not in it: that the law is sampled, and torque that was "
-        "cut off",
+        f"(at t = {t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
+        f"{alone}; in the push are the edits, the wrenches, and friction, joint limits and "
+        "contacts as MuJoCo has them under the applied torque; not in it: that the law is "
+        "sampled, and torque that was cut off",
     )
     if found.holds:
         return found
     return replace(found, restores=f"ρ = {most.required:.3g} {unit} instead of what is configured")
+
+
+def _joint_by_joint(points: Points) -> str:
+    """What is required if each joint's push is set against its own row of R."""
+    required = 0.0
+    for _, _, found in points:
+        diagonal = np.diag(found.R)
+        left = 2 * diagonal - np.abs(found.R).sum(axis=1)
+        if np.any(left <= 0):
+            return ""
+        required = max(required, float((np.abs(found.pushes) / left).max()))
+    return f", or {required:.3g} with each joint's push against its own row of R"
 
 
 def _authority(points: Points) -> Premise:

@@ -17,6 +17,9 @@ from grosmc_mj.cli.films import FOLDER, say
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from grosmc_mj.claims.premises import Audit
     from grosmc_mj.validation.experiment import Experiment
     from grosmc_mj.validation.runs import RunResult
 
@@ -25,6 +28,8 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 def run(command: Run) -> int:
     """Run a case file, print, write, judge."""
+    from grosmc_mj.claims.document import audit_document
+    from grosmc_mj.claims.robot_premises import audits
     from grosmc_mj.validation.cases import shipped_files
     from grosmc_mj.validation.experiment import find_file, prepare
     from grosmc_mj.validation.requirements import failed, judge_all
@@ -38,26 +43,34 @@ def run(command: Run) -> int:
     command.out.mkdir(parents=True, exist_ok=True)
     target = command.out / f"{name}.json"
     results: list[RunResult] = []
-    complete = False
+    complete, found = False, []
     try:
         with screen.progress(len(experiment.laws)) as advance:
             for result in experiment.run():
                 results.append(result)
                 advance(result.key)
         complete = True
+        found = audits(results)
     finally:
         # What was computed is shown and kept, whatever happened since.
         judgements = judge_all(experiment.limits, results)
         if results:
             _show(console, results)
             _converted(console, experiment)
-            content = experiment_document(experiment, results, judgements, complete=complete)
+            content = experiment_document(
+                experiment,
+                results,
+                judgements,
+                complete=complete,
+                premises=[audit_document(audit) for audit in found],
+            )
             write_json(target, content)
     files = [target]
     if command.figures:
         files.append(_draw(results, command.out / f"{name}.png"))
     console.print()
     _requirements(console, experiment, judgements)
+    _premises(console, found)
     console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
     if command.film:
         _film(console, experiment, results, command.out / FOLDER / f"{name}.mp4")
@@ -111,6 +124,16 @@ def _requirements(console: Console, experiment: Experiment, judgements: list) ->
         console.print(said, style="bold red")
     else:
         console.print(f"All {len(judgements)} requirements are kept.", style="bold green")
+
+
+def _premises(console: Console, found: Sequence[Audit]) -> None:
+    """Say what the theory of each law presumes of a robot, and whether it was so."""
+    from grosmc_mj.claims.tables import audit_table, worst_points
+
+    for audit in found:
+        console.print(audit_table(audit))
+        for line in worst_points(audit):
+            console.print(line, soft_wrap=True)
 
 
 def _film(console: Console, experiment: Experiment, results: list[RunResult], path: Path) -> None:

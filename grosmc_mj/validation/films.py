@@ -80,9 +80,9 @@ def film_of(
         ArgumentError: If the runs are not of one case on physics.
     """
     cases = {(result.case.system, result.case.name) for result in results}
-    physics = results[0].true if results else None
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
+    physics = results[0].true
     assert isinstance(physics, MujocoPlant)
     case = results[0].case
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]

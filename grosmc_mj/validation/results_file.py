@@ -6,7 +6,7 @@ import inspect
 import json
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -65,6 +65,7 @@ def experiment_document(
     judgements: Sequence[Judgement],
     *,
     complete: bool,
+    premises: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """What a case file led to.
 
@@ -73,6 +74,7 @@ def experiment_document(
         results: Its runs, in order.
         judgements: What it requires, and whether that was kept.
         complete: Whether all its runs are there.
+        premises: Those of its laws, as plain values; left out if there are none.
     """
     return {
         **origin(None),
@@ -97,6 +99,7 @@ def experiment_document(
             }
             for each in judgements
         ],
+        **({"premises": list(premises)} if premises else {}),
         "runs": [_run(result) for result in results],
     }
 
