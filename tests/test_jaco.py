@@ -14,6 +14,7 @@ from grosmc_mj.control.design import AS_PRINTED, Realization
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.foreign import jaco as arms
+from grosmc_mj.rendering.traces import trace_site
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
@@ -128,3 +129,10 @@ def test_without_dm_control_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "dm_control.entities.manipulators", None)
     with pytest.raises(SetupError, match="pip install dm_control"):
         arms.jaco()
+
+
+def test_a_film_finds_its_tip_where_the_fingers_meet() -> None:
+    model, tip = arm().plant.model, trace_site(arm().plant.model)
+    assert model.site(tip).name == "jaco_hand/tip"
+    assert model.site_bodyid[tip] == model.site(arms.TIP).bodyid
+    np.testing.assert_array_equal(model.site_pos[tip], model.site(arms.TIP).pos)
