@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 
+from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.claims.balance import balance
 from grosmc_mj.claims.document import audit_document
@@ -25,6 +28,7 @@ from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.simulation.models import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robot import Robot
+from grosmc_mj.validation import experiment
 from grosmc_mj.validation.cases import Case, find_case
 from grosmc_mj.validation.designs import (
     TWO_LINK_G,
@@ -264,3 +268,29 @@ def test_other_runs_have_no_such_premises() -> None:
         assert not is_robots(other)
         with pytest.raises(ArgumentError, match="no run of a robot"):
             robot_premises(other)
+
+
+def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = [run(law("lqr"), LOAD), run(law(epsilon=0.5), LOAD)]
+    prepared = SimpleNamespace(
+        laws=results,
+        limits=[],
+        case=results[0].case,
+        settings=PYTHON,
+        run=lambda: iter(results),
+        document=dict,
+    )
+    monkeypatch.setattr(experiment, "find_file", Path)
+    monkeypatch.setattr(experiment, "prepare", lambda _path: prepared)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(("run", "robot.toml", "--out", str(tmp_path)))
+    assert stop.value.code == cli.DONE
+    said = capsys.readouterr().out
+    assert said.count("torque headroom") == 1
+    assert "epsilon: worst in the run at t =" in said
+    written = json.loads((tmp_path / "robot.json").read_text(encoding="utf-8"))
+    (document,) = written["premises"]
+    assert document["controller"] == "grosmc"
+    assert [each["name"] for each in document["premises"] if not each["holds"]] == ["epsilon"]

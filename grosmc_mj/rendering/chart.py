@@ -264,9 +264,8 @@ def _inputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
         return _sized(axes, film, times, size)
     axes.set_title(_names(film.takes[0].run.system.inputs))
     lines, seen = [], []
-    # A law that switches fills its band: it is drawn first, and the others on it.
     signals = [(take, *each) for take in film.takes for each in _columns(take.run.input)]
-    for take, values, index in sorted(signals, key=lambda each: -np.abs(np.diff(each[1])).sum()):
+    for take, values, index in sorted(signals, key=_restless):
         lines += _held(axes, take, values, times, seen, index)
     _limits(axes, seen)
     return lines
@@ -276,10 +275,15 @@ def _sized(axes: Axes, film: Film, times: tuple[float, float], size: Size) -> li
     """One curve for each take, of what stands for many signals; from zero up."""
     axes.set_title(size.title)
     lines, seen = [], []
-    for take, values in zip(film.takes, size.curves, strict=True):
+    for take, values in sorted(zip(film.takes, size.curves, strict=True), key=_restless):
         lines += _held(axes, take, values, times, seen, 0)
     _limits(axes, seen)
     return lines
+
+
+def _restless(drawn: tuple[Any, ...]) -> float:
+    """Order of drawing: a law that switches fills its band, and the others are drawn on it."""
+    return -float(np.abs(np.diff(drawn[1])).sum())
 
 
 def _tint(colour: str, index: int) -> tuple[float, ...]:
