@@ -81,7 +81,7 @@ def law(name: str = "grosmc", epsilon: float = 2.0, amplitude: float = 0.2) -> C
 
 @cache
 def run(controller: Controller, *edits: Edit, q0: tuple[float, float] = (0.35, -0.35)) -> RunResult:
-    case = Case("arm", "sines", "sines", "this test", (*q0, 0.0, 0.0), 0.1, edits)  # pyright: ignore
+    case = Case("arm", "sines", "sines", "this test", (*q0, 0.0, 0.0), 0.1, edits)
     plant = arm().plant.edited(*edits)
     return run_on(case, "physics", controller, plant, PYTHON)
 
@@ -279,6 +279,7 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
         limits=[],
         case=results[0].case,
         settings=PYTHON,
+        subject=SimpleNamespace(robot=None),
         run=lambda: iter(results),
         document=dict,
     )

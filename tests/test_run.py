@@ -260,6 +260,7 @@ def test_law_that_returns_something_else_is_told(
     assert error.count("\n") == 1
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_compiled_law_that_raises_later_points_to_its_line(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ):

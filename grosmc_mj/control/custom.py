@@ -66,7 +66,10 @@ class _Fresh:
 
 @cache
 def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
-    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45)."""
+    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45).
+
+    What it returns has the law itself as ``own``.
+    """
     own, m = jitable(law), error.inputs
     store = algebra(m).store
     vector = _as_vector(m)
@@ -77,7 +80,7 @@ def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
             store(memory.v, vector(u))
             return u
 
-        return noting_u
+        return _of(noting_u, law)
     assert isinstance(error, OutputCoordinates)
     weigh = error.driven
 
@@ -86,7 +89,13 @@ def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
         store(memory.v, weigh(t, x, vector(u), memory, p))
         return u
 
-    return noting_v
+    return _of(noting_v, law)
+
+
+def _of(noting: Any, law: Law) -> Law:
+    """The law that notes, with the one that it asks."""
+    noting.own = law
+    return noting
 
 
 @cache
