@@ -493,7 +493,7 @@ def test_broken_robot_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["jaco/sines", "jaco/eight", "cartpole/heavier"])
+@pytest.mark.parametrize("case", ["jaco/eight", "cartpole/heavier"])
 def test_plants_that_we_did_not_write_keep_what_their_files_require(case: str):
     pytest.importorskip("dm_control")
     experiment = prepare(find_file(case))

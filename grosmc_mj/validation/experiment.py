@@ -17,7 +17,7 @@ from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.validation.case_laws import control_period_of, controller_of
 from grosmc_mj.validation.cases import Case, case_of, shipped_files
 from grosmc_mj.validation.requirements import Limit, limits
-from grosmc_mj.validation.runs import PlantName, RunResult, Settings, run_on
+from grosmc_mj.validation.runs import PlantName, RunResult, Settings, design_variant, run_on
 from grosmc_mj.validation.subject import Subject, subject_of
 
 
@@ -135,10 +135,14 @@ def _prepared(file: CaseFile, path: Path) -> Experiment:
         timestep=subject.timestep,
         integrator=subject.integrator,
     )
-    laws = {}
+    laws, made = {}, {}
     for plant in subject.plants:
-        for table in file.controller:
-            law = controller_of(table, file, subject, plant, folder)
+        for index, table in enumerate(file.controller):
+            # Physics and the corrected equations get one and the same controller.
+            key = (design_variant(plant), index)
+            if key not in made:
+                made[key] = controller_of(table, file, subject, plant, folder)
+            law = made[key]
             if (plant, law.name) in laws:
                 raise ArgumentError(
                     f"two controllers are called {law.name!r}: give one of them another name"
