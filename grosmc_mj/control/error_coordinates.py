@@ -45,12 +45,7 @@ class ErrorCoordinates(OutputCoordinates):
             PremiseError: If they have no vector relative degree, or the reference another one.
         """
         chains = feedback_linearization(self.system.equations, self.outputs)
-        degrees = getattr(self.reference, "degrees", chains.relative_degree)
-        if degrees != chains.relative_degree:
-            raise PremiseError(
-                f"{self.system.name}: the outputs have relative degrees {chains.relative_degree}, "
-                f"the reference has derivatives for {degrees}"
-            )
+        self.require_derivatives(chains.relative_degree, "the outputs")
         return chains
 
     @property

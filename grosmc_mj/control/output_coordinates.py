@@ -15,6 +15,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.chains import Chains
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.vectors import Vector
+from grosmc_mj.errors import PremiseError
 from grosmc_mj.plants import System
 
 _PER_SECOND = ("", "/s", "/s²", "/s³")
@@ -56,6 +57,23 @@ class OutputCoordinates(ABC):
     @abstractmethod
     def linearization(self) -> Chains:
         """The chains that the feedback makes of the plant."""
+
+    def require_derivatives(self, degrees: tuple[int, ...], whose: str) -> None:
+        """Refuse a reference that has not as many derivatives as the outputs need.
+
+        Args:
+            degrees: Relative degrees of the outputs.
+            whose: The outputs in words.
+
+        Raises:
+            PremiseError: If it has others.
+        """
+        given = getattr(self.reference, "degrees", degrees)
+        if given != degrees:
+            raise PremiseError(
+                f"{self.system.name}: {whose} have relative degrees {degrees}, the reference has "
+                f"derivatives for {given}"
+            )
 
     @property
     @abstractmethod

@@ -11,7 +11,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.inputs import written_inputs
+from grosmc_mj.simulation.inputs import ask
 
 
 class LawPolicy:
@@ -25,12 +25,12 @@ class LawPolicy:
     def __init__(self, controller: Controller, system: System) -> None:
         self._controller, self._names = controller, state_names(system)
         self._u = np.zeros(len(system.inputs))
-        self._write = written_inputs(len(self._u))
         self.reset()
 
     def reset(self) -> None:
         """Forget the run so far."""
-        self._memory, self._last = self._controller.memory(), math.nan
+        self._memory, self._kept_alive = self._controller.begin()
+        self._last = math.nan
 
     def __call__(self, observation: Observation) -> Array:
         """The law's inputs, (m,).
@@ -47,17 +47,10 @@ class LawPolicy:
         if t == 0:
             self.reset()
         self._check_period(t)
-        law = self._controller
-        try:
-            self._write(self._u, law.law(t, x, self._memory, law.parameters))
-        except ArithmeticError:  # where compiled code goes on with infinities and NaN
-            self._u[:] = np.nan
-        except ValueError as error:
-            if "math domain" not in str(error):
-                raise
-            self._u[:] = np.nan
+        ask(self._controller, t, x, self._memory, self._u)
         if self._memory.undefined:
-            raise UndefinedLawError(f"t = {t:g} s: {law.name} is undefined at this state", t)
+            name = self._controller.name
+            raise UndefinedLawError(f"t = {t:g} s: {name} is undefined at this state", t)
         return self._u.copy()
 
     def _check_period(self, t: float) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.inputs import written_inputs
+from grosmc_mj.simulation.inputs import ask
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.runge_kutta import runge_kutta_step
@@ -62,7 +62,6 @@ class ClosedLoop:
         self.steps, self.u = 0, np.zeros(len(plant.system.inputs))
         self.x, self._step, self.physics = _stepper(plant, x0, timestep)
         self._system, self._stride, self._period = plant.system, stride, control_period
-        self._inputs = written_inputs(len(self.u))
 
     def advance(self, wrench: Array) -> Status:
         """One timestep, with a new sample of the law where one is due.
@@ -87,15 +86,7 @@ class ClosedLoop:
         if self._system.singular(self.x):
             return Status.SINGULAR_PLANT
         t = self.steps // self._stride * self._period
-        law, p = self.controller.law, self.controller.parameters
-        try:
-            self._inputs(self.u, law(t, self.x, self.memory, p))
-        except ArithmeticError:  # where C goes on with infinities and NaN
-            self.u[:] = np.nan
-        except ValueError as error:
-            if "math domain" not in str(error):
-                raise
-            self.u[:] = np.nan
+        ask(self.controller, t, self.x, self.memory, self.u)
         return Status.UNDEFINED_LAW if self.memory.undefined else Status.COMPLETED
 
 

@@ -15,7 +15,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.chains import Chains
 from grosmc_mj.control.output_coordinates import Feedback, OutputCoordinates
 from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
-from grosmc_mj.errors import PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.nominal_dynamics import NominalData, bias, inertia, inverse_dynamics
@@ -43,12 +42,7 @@ class RobotCoordinates(OutputCoordinates):
             PremiseError: If the reference has derivatives for others.
         """
         chains = Chains((2,) * self.inputs)
-        degrees = getattr(self.reference, "degrees", chains.relative_degree)
-        if degrees != chains.relative_degree:
-            raise PremiseError(
-                f"{self.system.name}: {self.inputs} joints have relative degrees "
-                f"{chains.relative_degree}, the reference has derivatives for {degrees}"
-            )
+        self.require_derivatives(chains.relative_degree, f"{self.inputs} joints")
         return chains
 
     @property
