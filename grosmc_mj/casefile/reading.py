@@ -30,11 +30,30 @@ def read_case_file(path: Path) -> CaseFile:
     Raises:
         ArgumentError: If it cannot be read, is no TOML, or says what a case file may not say.
     """
+    return parse_case_file(read_text(path), path)
+
+
+def read_text(path: Path) -> str:
+    """The text of a case file.
+
+    Raises:
+        ArgumentError: If it cannot be read.
+    """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         said = getattr(error, "strerror", None) or "it is no text in UTF-8"
         raise ArgumentError(f"{path}: cannot be read: {said}") from error
+
+
+def parse_case_file(text: str, path: Path) -> CaseFile:
+    """The content of a text that is, or was, a case file's.
+
+    Raises:
+        ArgumentError: If it is no TOML, or says what a case file may not say.
+    """
+    try:
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ArgumentError(f"{path}: no valid TOML: {error}") from error
     try:

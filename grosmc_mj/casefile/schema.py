@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from grosmc_mj.casefile.units import number_in
-
-Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
-Kilograms = Annotated[float, BeforeValidator(partial(number_in, unit="kg"))]
-Metres = Annotated[float, BeforeValidator(partial(number_in, unit="m"))]
-Newtons = Annotated[float, BeforeValidator(partial(number_in, unit="N"))]
-NewtonMetres = Annotated[float, BeforeValidator(partial(number_in, unit="N m"))]
-Radians = Annotated[float, BeforeValidator(partial(number_in, unit="rad"))]
-RadiansPerSecond = Annotated[float, BeforeValidator(partial(number_in, unit="rad/s"))]
-Three = Field(min_length=3, max_length=3)
+from grosmc_mj.casefile.table import (
+    Kilograms,
+    Metres,
+    NewtonMetres,
+    Newtons,
+    Radians,
+    RadiansPerSecond,
+    Seconds,
+    Table,
+    Three,
+)
+from grosmc_mj.casefile.uncertain import CorrelationTable, UncertainTable
 
 
 def _weight(value: Any) -> Any:
@@ -29,12 +30,6 @@ def _weight(value: Any) -> Any:
 
 
 Weight = Annotated[Any, BeforeValidator(_weight)]
-
-
-class Table(BaseModel):
-    """A table of a case file: no other keys, no conversions between types."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class PlantTable(Table):
@@ -225,6 +220,8 @@ class RequirementTable(Table):
         after: [s].
         deviation_below: Largest distance from the law's own nominal optimum.
         input_below: Largest input.
+        sliding_below: Largest |s|; of the laws that have a surface by default.
+        cart_travel_below: How far the cart goes from its start [m].
         no_reaching_phase: The sliding variable starts at zero, as an integral surface does by its
             definition; of the laws that have one by default.
         cost_ratio_below: J with the whole input over J*.
@@ -237,6 +234,8 @@ class RequirementTable(Table):
     after: Seconds = 0.0
     deviation_below: Any = None
     input_below: Any = None
+    sliding_below: Any = None
+    cart_travel_below: Metres | None = None
     no_reaching_phase: bool = False
     cost_ratio_below: float | None = None
 
@@ -263,6 +262,8 @@ class CaseFile(Table):
         task: What the laws are designed for.
         controller: The laws.
         requirement: What they must keep.
+        uncertain: Numbers that a campaign varies; a single run has the others' values.
+        correlation: Which of them vary together.
     """
 
     name: str = ""
@@ -275,3 +276,5 @@ class CaseFile(Table):
     task: TaskTable = TaskTable()
     controller: Annotated[list[ControllerTable], Field(min_length=1)]
     requirement: list[RequirementTable] = []
+    uncertain: list[UncertainTable] = []
+    correlation: list[CorrelationTable] = []

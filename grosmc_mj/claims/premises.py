@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -127,7 +127,7 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
     run = lab.run(case, "physics", name).trajectory
     true = lab.equations(case, "physics")
     amplitude = _largest_wrench(lab, case)
-    here = list(_region(law, true, case, amplitude))
+    here = list(_region(law, true, REGIONS[case.controllers], amplitude))
     rows = range(0, len(run.time) - 1, _EVERY)
     there = []
     for row in rows:
@@ -154,12 +154,26 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
 Points = list[tuple[float, Array, Balance]]
 
 
+def least_margin(
+    law: Controller, true: AnalyticPlant, bound: Sequence[float], amplitude: Array
+) -> float:
+    """Configured less required switching rate on a true plant, the least of an operating region.
+
+    Args:
+        law: A law with a switching rate.
+        true: The plant that it meets.
+        bound: Of the region, |z1|, |z2| ...
+        amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
+    """
+    points = _region(law, true, bound, amplitude)
+    return min(each.configured - each.required for _, _, each in points)
+
+
 def _region(
-    law: Controller, true: AnalyticPlant, case: Case, amplitude: Array
+    law: Controller, true: AnalyticPlant, bound: Sequence[float], amplitude: Array
 ) -> Iterator[tuple[float, Array, Balance]]:
     """The balance over the operating region, with the case's wrench at either bound."""
     error, system = law.coordinates, true.system
-    bound = REGIONS[case.controllers]
     points = int((_GRID ** (1 / len(bound)) - 1) / 2) * 2 + 1
     axes = [np.linspace(-size, size, points) for size in bound]
     moving = isinstance(law.parameters.reference, (Sine, Circle))

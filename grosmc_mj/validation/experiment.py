@@ -117,7 +117,19 @@ def prepare(path: Path) -> Experiment:
     Raises:
         ArgumentError: If the file or what it names is wrong, in one line that begins with its path.
     """
-    file = read_case_file(path)
+    return experiment_of(read_case_file(path), path)
+
+
+def experiment_of(file: CaseFile, path: Path) -> Experiment:
+    """Design what a case file asks for.
+
+    Args:
+        file: Its content.
+        path: Where it lies: what it names is looked for beside it.
+
+    Raises:
+        ArgumentError: If it names what is not there, in one line that begins with its path.
+    """
     try:
         return _prepared(file, path)
     except GrosmcError as error:

@@ -32,7 +32,7 @@ METRICS = (
 # The usual 2 % band, of the initial error.
 SETTLING_BAND = 0.02
 # The part of the time that an error must stay in it.
-_DWELL = 0.1
+DWELL = 0.1
 
 
 class Metric(NamedTuple):
@@ -156,7 +156,7 @@ def settled(time: Array, error: Array, band: float) -> Metric:
     """
     outside = np.flatnonzero(np.abs(error) > band)
     last = int(outside[-1]) if len(outside) else -1
-    if last + 1 >= len(time) or time[last + 1] > (1 - _DWELL) * time[-1]:
+    if last + 1 >= len(time) or time[last + 1] > (1 - DWELL) * time[-1]:
         return Metric(None, "s", "not reached")
     return Metric(float(time[last + 1]), "s")
 

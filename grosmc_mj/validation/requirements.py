@@ -16,6 +16,10 @@ from grosmc_mj.validation.runs import RunResult
 
 # s(0) is zero to rounding of z and of its reference.
 _ROUNDING = 1e-9
+# Required of laws with a surface only.
+_OF_SURFACE = ("sliding_below", "no_reaching_phase")
+# What reading the file has turned into numbers already.
+_READ = ("settles_within", "cart_travel_below")
 
 
 class Limit(NamedTuple):
@@ -90,6 +94,8 @@ def limits(
         "stays_within": output,
         "deviation_below": output,
         "input_below": u,
+        "sliding_below": _sliding_unit(controllers, named),
+        "cart_travel_below": "m",
         "no_reaching_phase": "",
         "cost_ratio_below": "1",
     }
@@ -98,7 +104,11 @@ def limits(
         value: Any = getattr(table, kind)
         if value is None or value is False:
             continue
-        of: tuple[str, ...] = named or (surfaced if kind == "no_reaching_phase" else names)
+        of: tuple[str, ...] = named or (surfaced if kind in _OF_SURFACE else names)
+        if kind in _OF_SURFACE and not of:
+            raise ArgumentError(f"{kind}: no law has a surface")
+        if kind == "cart_travel_below" and error.system.name != "cart_pendulum":
+            raise ArgumentError(f"{kind}: {error.system.name} has no cart")
         if unit == output and len({error.units[row] for row in error.output_rows}) > 1:
             raise ArgumentError(f"{kind}: the outputs have different units: there is no one error")
         if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
@@ -108,11 +118,17 @@ def limits(
         except ValueError as wrong:
             raise ArgumentError(f"{kind}: {wrong}") from None
         after = table.after if kind == "stays_within" else 0.0
-        written = f"{value:g} s" if unit == "s" else str(value)
+        written = f"{value:g} {unit}" if kind in _READ else str(value)
         found.append(Limit(kind, written, number, unit, after, of, on))
     if not found:
         raise ArgumentError(f"nothing is required: give one of {', '.join(units)}")
     return found
+
+
+def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
+    """Unit of s of the laws that are meant."""
+    units = [law.sliding_unit for law in controllers if law.name in named or not named]
+    return next((unit for unit in units if unit), "")
 
 
 def _judged(plants: Sequence[str]) -> Sequence[str]:
@@ -124,8 +140,7 @@ def _number(kind: str, value: Any, unit: str) -> float:
     """The number of a limit."""
     if kind == "no_reaching_phase":
         return _ROUNDING
-    # Seconds were read with the file.
-    number = float(value) if unit == "s" else number_in(value, unit)
+    number = float(value) if kind in _READ else number_in(value, unit)
     if not number > 0:
         raise ValueError(f"{value!r} must be positive")
     return number
@@ -164,6 +179,8 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
         "settles_within": "settling_time",
         "deviation_below": "deviation",
         "input_below": "max_input",
+        "sliding_below": "max_sliding",
+        "cart_travel_below": "cart_travel",
     }
     if limit.kind == "settles_within" and comparison.error[0] == 0:
         return None, "there is no error at the start"

@@ -1,0 +1,111 @@
+"""A campaign, ready to run: its family, its controllers and what they must keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family import Family, family_of
+from grosmc_mj.campaign.member import Member, member_of
+from grosmc_mj.campaign.question import Question
+from grosmc_mj.campaign.requirements import Requirement, required
+from grosmc_mj.campaign.sampling import unit_points
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.validation.experiment import Experiment, experiment_of
+from grosmc_mj.validation.runs import PlantName
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What a question asks for.
+
+    Attributes:
+        question: The question.
+        experiment: The case file, with its laws designed.
+        family: The uncertain numbers.
+        laws: The controllers, by name.
+        requirements: What they must keep.
+    """
+
+    question: Question
+    experiment: Experiment
+    family: Family
+    laws: Mapping[str, Controller]
+    requirements: tuple[Requirement, ...]
+
+    @classmethod
+    def of(cls, question: Question) -> Campaign:
+        """Design and check what is asked for.
+
+        Raises:
+            ArgumentError: If the file or the question is wrong, in one line.
+        """
+        experiment = experiment_of(question.file, question.path)
+        try:
+            return cls._checked(question, experiment)
+        except GrosmcError as error:
+            raise ArgumentError(f"{question.path}: {error}") from error
+
+    @classmethod
+    def _checked(cls, question: Question, experiment: Experiment) -> Campaign:
+        """The campaign of an experiment."""
+        plants = experiment.subject.plants
+        name: PlantName = "physics" if "physics" in plants else "corrected"
+        designed = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
+        wanted = question.controllers or tuple(designed)
+        for each in wanted:
+            if each not in designed:
+                raise ArgumentError(unknown_name("controller", each, designed))
+        laws = {each: law for each, law in designed.items() if each in wanted}
+        family = family_of(experiment.file, experiment.case, plants[name])
+        if question.sampler == "corners":
+            _refuse_corners(question, family)
+        requirements = required(experiment.limits, laws, experiment.case.duration)
+        found = cls(question, experiment, family, laws, requirements)
+        found.member(found.family.nominal).plant(found.plant)
+        return found
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The plant with the file's edits."""
+        plants = self.experiment.subject.plants
+        return plants.get("physics") or plants["corrected"]
+
+    @property
+    def control_period(self) -> float:
+        """Time between two samples of the laws [s]."""
+        return self.experiment.settings.control_period
+
+    @property
+    def duration(self) -> float:
+        """Of each run [s]."""
+        return self.experiment.case.duration
+
+    def values(self, ids: range) -> Array:
+        """The uncertain numbers of runs, (n, d)."""
+        question, dimensions = self.question, len(self.family.quantities)
+        points = unit_points(question.sampler, dimensions, question.seed, ids.start, len(ids))
+        return self.family.values(points)
+
+    def member(self, values: Sequence[float] | Array) -> Member:
+        """The plant, disturbances and start that these values make."""
+        row = np.asarray(values, float).tolist()
+        return member_of(self.experiment.case, self.family.quantities, row)
+
+
+def _refuse_corners(question: Question, family: Family) -> None:
+    """Refuse corners that are not there."""
+    for each in family.quantities:
+        if not np.all(np.isfinite(each.distribution.support)):
+            raise ArgumentError(f"corners: {each.name} has no end: give it least and most")
+    if not family.independent:
+        raise ArgumentError("corners: correlated numbers have none: take another sampler")
+    corners = 2 ** len(family.quantities)
+    if question.runs > corners:
+        raise ArgumentError(f"--runs {question.runs}: there are {corners} corners")

@@ -1,0 +1,123 @@
+"""Distributions of one number, by their quantile functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.casefile.uncertain import DistributionTable
+from grosmc_mj.casefile.units import number_in
+from grosmc_mj.errors import ArgumentError
+
+# The numbers of each distribution, and those that it may have besides.
+_NUMBERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "uniform": (("least", "most"), ()),
+    "loguniform": (("least", "most"), ()),
+    "triangular": (("least", "mode", "most"), ()),
+    "normal": (("mean", "deviation"), ("least", "most")),
+    "lognormal": (("median", "spread"), ("least", "most")),
+}
+# Pure numbers, whatever the unit of the quantity.
+_PURE = ("spread",)
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution of scipy, cut off where its quantile function begins and ends.
+
+    Attributes:
+        frozen: scipy's frozen distribution, not cut off.
+        low: Its distribution function at the smallest value.
+        high: The same at the largest.
+        words: For people.
+    """
+
+    frozen: Any
+    low: float
+    high: float
+    words: str
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Smallest and largest value; infinite where it has none."""
+        return float(self.frozen.ppf(self.low)), float(self.frozen.ppf(self.high))
+
+    def quantiles(self, u: Array) -> Array:
+        """The values of which a share u (n,) lies below; (n,)."""
+        values = self.frozen.ppf(self.low + (self.high - self.low) * u)
+        return np.clip(values, *self.support)
+
+
+def distribution(
+    spread: list[Any] | DistributionTable, read: Callable[[Any], float]
+) -> Distribution:
+    """The distribution that a file's range or table describes.
+
+    Args:
+        spread: ``[least, most]``, or a table of numbers.
+        read: Turns a value of the file into a number in the quantity's unit; raises ValueError.
+
+    Raises:
+        ArgumentError: If a number is missing or wrong, or the range is empty.
+    """
+    if not isinstance(spread, DistributionTable):
+        least, most = spread
+        spread = DistributionTable(distribution="uniform", least=least, most=most)
+    return _checked(spread.distribution, _read(spread, read))
+
+
+def _read(table: DistributionTable, read: Callable[[Any], float]) -> dict[str, float]:
+    """The numbers of a table, in the quantity's unit."""
+    needed, allowed = _NUMBERS[table.distribution]
+    given = {
+        name: getattr(table, name)
+        for name in DistributionTable.model_fields
+        if name != "distribution" and getattr(table, name) is not None
+    }
+    if missing := [name for name in needed if name not in given]:
+        raise ArgumentError(f"{table.distribution} needs {' and '.join(missing)}")
+    if idle := [name for name in given if name not in (*needed, *allowed)]:
+        valid = ", ".join((*needed, *allowed))
+        raise ArgumentError(f"{table.distribution} has no {', '.join(idle)}; valid: {valid}")
+    found = {}
+    for name, value in given.items():
+        try:
+            found[name] = number_in(value, "") if name in _PURE else read(value)
+        except ValueError as error:
+            raise ArgumentError(f"{name}: {error}") from None
+    return found
+
+
+def _checked(kind: str, numbers: dict[str, float]) -> Distribution:
+    """The distribution of numbers that make one."""
+    least, most = numbers.get("least", -np.inf), numbers.get("most", np.inf)
+    if not least < most:
+        raise ArgumentError(f"from {least:g} to {most:g} is no range: least must be below most")
+    for name in ("deviation", "spread", "median"):
+        if name in numbers and not numbers[name] > 0:
+            raise ArgumentError(f"{name} = {numbers[name]:g} must be positive")
+    if kind == "uniform":
+        frozen = stats.uniform(least, most - least)
+    elif kind == "loguniform":
+        if not least > 0:
+            raise ArgumentError(f"loguniform needs least above 0, not {least:g}")
+        frozen = stats.loguniform(least, most)
+    elif kind == "triangular":
+        mode = numbers["mode"]
+        if not least <= mode <= most:
+            raise ArgumentError(f"mode = {mode:g} must lie between {least:g} and {most:g}")
+        frozen = stats.triang((mode - least) / (most - least), least, most - least)
+    elif kind == "normal":
+        frozen = stats.norm(numbers["mean"], numbers["deviation"])
+    else:
+        frozen = stats.lognorm(numbers["spread"], scale=numbers["median"])
+    low, high = float(frozen.cdf(least)), float(frozen.cdf(most))
+    if not low < high:
+        raise ArgumentError(f"{kind} has nothing between {least:g} and {most:g}")
+    words = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
+    return Distribution(frozen, low, high, f"{kind}: {words}")

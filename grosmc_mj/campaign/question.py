@@ -1,0 +1,138 @@
+"""What a campaign is asked for, as plain values that travel and are kept."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from grosmc_mj.campaign.sampling import SAMPLERS
+from grosmc_mj.casefile.reading import parse_case_file, read_text
+from grosmc_mj.casefile.schema import CaseFile
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.validation.cases import shipped_files
+from grosmc_mj.validation.experiment import find_file
+
+# The package's own campaigns, one for each system.
+CAMPAIGNS = Path(__file__).resolve().parents[1] / "campaigns"
+# Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
+SHARD = 512
+_MOST_RUNS = 10**12
+
+
+@dataclass(frozen=True)
+class Question:
+    """A family of plants and how much of it is run.
+
+    Attributes:
+        name: Of the campaign.
+        text: The case file, as written.
+        folder: Where it lies, and what it names.
+        runs: Plants; each meets every controller.
+        seed: Of the sampler.
+        sampler: ``sobol``, ``lhs``, ``random`` or ``corners``.
+        controllers: Names of those to run; empty for all of the file.
+        control_period: Instead of the file's [s].
+        duration: Instead of the file's [s].
+        shard: Plants of one part.
+    """
+
+    name: str
+    text: str
+    folder: str
+    runs: int = 1024
+    seed: int = 0
+    sampler: str = "sobol"
+    controllers: tuple[str, ...] = ()
+    control_period: float | None = None
+    duration: float | None = None
+    shard: int = SHARD
+
+    def __post_init__(self) -> None:
+        for name, value, most in (("runs", self.runs, _MOST_RUNS), ("shard", self.shard, 10**6)):
+            if not 1 <= value <= most:
+                raise ArgumentError(f"--{name} {value} must be from 1 to {most}")
+        if not 0 <= self.seed < 2**63:
+            raise ArgumentError(f"--seed {self.seed} must be 0 or more, below 2^63")
+        if self.sampler not in SAMPLERS:
+            raise ArgumentError(unknown_name("sampler", self.sampler, SAMPLERS))
+        for name in ("control_period", "duration"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ArgumentError(f"--{name.replace('_', '-')} {value:g} s must be positive")
+
+    @property
+    def path(self) -> Path:
+        """Where the file lay."""
+        return Path(self.folder) / f"{self.name}.toml"
+
+    @property
+    def file(self) -> CaseFile:
+        """The case file with what is asked for instead."""
+        file = parse_case_file(self.text, self.path)
+        file = file if file.name else file.model_copy(update={"name": self.name})
+        instead: dict[str, Any] = {
+            name: getattr(self, name)
+            for name in ("control_period", "duration")
+            if getattr(self, name) is not None
+        }
+        # Campaigns run in MuJoCo, where there is a model: no laws are designed for other plants.
+        modelled = file.plant.system is not None or file.plant.model is not None
+        compared = {"compare": ["physics"]} if modelled else {}
+        return file.model_copy(
+            update={
+                "run": file.run.model_copy(update=instead),
+                "plant": file.plant.model_copy(update=compared),
+            }
+        )
+
+    @property
+    def shards(self) -> int:
+        """Number of parts."""
+        return -(-self.runs // self.shard)
+
+    def ids(self, index: int) -> range:
+        """Numbers of the runs in one part."""
+        return range(index * self.shard, min((index + 1) * self.shard, self.runs))
+
+    def document(self) -> dict[str, Any]:
+        """As plain values."""
+        return {**asdict(self), "controllers": list(self.controllers)}
+
+    @classmethod
+    def of_document(cls, content: dict[str, Any]) -> Question:
+        """From plain values."""
+        return cls(**{**content, "controllers": tuple(content["controllers"])})
+
+
+def question_of(target: str, **asked: Any) -> Question:
+    """The question about a system of the package or a file.
+
+    Args:
+        target: Name of a system, of a case of the package, or path of a case file.
+        asked: What else ``Question`` has; None for its default.
+
+    Raises:
+        ArgumentError: If there is no such thing, or a number does not fit.
+    """
+    path = _found(target)
+    given = {name: value for name, value in asked.items() if value is not None}
+    question = Question(path.stem, read_text(path), str(path.parent.resolve()), **given)
+    return replace(question, name=question.file.name or path.stem)
+
+
+def campaign_files() -> dict[str, Path]:
+    """The package's own campaigns, by the name of their system."""
+    return {path.stem: path for path in sorted(CAMPAIGNS.glob("*.toml"))}
+
+
+def _found(target: str) -> Path:
+    """The file that is meant."""
+    known = {**shipped_files(), **campaign_files()}
+    if target in known:
+        return known[target]
+    if Path(target).exists() or Path(target).suffix == ".toml":
+        return find_file(target)
+    valid = [*campaign_files(), "or a path that ends in .toml"]
+    raise ArgumentError(unknown_name("system", target, valid))

@@ -1,0 +1,146 @@
+"""One part of a campaign: its plants, each under every controller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.member import Member
+from grosmc_mj.campaign.meter import metered
+from grosmc_mj.campaign.requirements import METRICS, Meaning, afters, relative
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.undrawn import undrawn
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What became of n plants under one controller.
+
+    Attributes:
+        controller: Its name.
+        values: The uncertain numbers, (n, d).
+        metrics: By name, (n,) each.
+        margins: By the requirement's key, (n,) each; NaN where it is not this controller's.
+        status: How each run ended, in lower case, (n,).
+        ended: Up to when it is valid [s], (n,).
+        relative: See ``requirements.relative``, (n,).
+    """
+
+    controller: str
+    values: Array
+    metrics: dict[str, Array]
+    margins: dict[str, Array]
+    status: Sequence[str]
+    ended: Array
+    relative: Array
+
+    @property
+    def kept(self) -> Array:
+        """Which runs keep everything, (n,)."""
+        return self.relative >= 0
+
+
+def evaluate(campaign: Campaign, controller: str, values: Array, threads: int = 0) -> Outcomes:
+    """Run plants under one controller, as one batch, with nothing recorded.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        values: The uncertain numbers, (n, d).
+        threads: 0 for all cores.
+    """
+    members = [campaign.member(row) for row in values]
+    law = campaign.laws[controller]
+    run = simulate(
+        plants_of(campaign, members),
+        [with_meters(campaign, law, member) for member in members],
+        np.array([member.case.x0 for member in members]),
+        duration=campaign.duration,
+        control_period=campaign.control_period,
+        timestep=campaign.experiment.settings.timestep,
+        disturbances=[list(member.case.disturbances) for member in members],
+        engine=campaign.experiment.settings.engine_for(law),
+        record=False,
+        threads=threads,
+    )
+    return outcomes(campaign, controller, values, members, run.memory[:, -1], run)
+
+
+def outcomes(
+    campaign: Campaign,
+    controller: str,
+    values: Array,
+    members: Sequence[Member],
+    memory: Any,
+    run: Any,
+) -> Outcomes:
+    """What the meters of n runs say.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        values: (n, d).
+        members: n of them.
+        memory: The law's memory at the last sample of each, (n,).
+        run: A batch, with how each run ended.
+    """
+    meters = memory["meters"]
+    meaning = Meaning(
+        campaign.control_period,
+        campaign.duration,
+        np.array([member.case.onset for member in members]),
+    )
+    status = [each.name.lower() for each in run.status]
+    completed = np.array([each == "completed" for each in status])
+    ended = np.where(completed, campaign.duration, np.asarray(run.valid_until, float))
+    nothing = np.full(len(values), np.nan)
+    margins = {
+        each.key: each.margins(meters, completed, meaning) if controller in each.of else nothing
+        for each in campaign.requirements
+    }
+    return Outcomes(
+        controller=controller,
+        values=values,
+        metrics={name: measured(meters, meaning) for name, (_, measured) in METRICS.items()},
+        margins=margins,
+        status=status,
+        ended=ended,
+        relative=relative(
+            np.stack([nothing, *margins.values()], axis=1),
+            np.array([1.0, *(each.limit for each in campaign.requirements)]),
+            ended,
+            campaign.duration,
+        ),
+    )
+
+
+def plants_of(campaign: Campaign, members: Sequence[Member], *, drawn: bool = False) -> list[Plant]:
+    """The members' plants; those with the same edits are one, compiled once."""
+    like, made = campaign.plant, {}
+    if isinstance(like, MujocoPlant) and not drawn:
+        like = undrawn(like)
+    for member in members:
+        key = (member.case.edits, member.scales)
+        if key not in made:
+            made[key] = member.plant(like)
+    return [made[member.case.edits, member.scales] for member in members]
+
+
+def with_meters(campaign: Campaign, law: Controller, member: Member) -> Controller:
+    """A law with the meters that the requirements need."""
+    onset = member.case.onset
+    return metered(
+        law,
+        campaign.control_period,
+        afters(campaign.experiment.limits),
+        onset if 0 < onset < campaign.duration else math.inf,
+    )
