@@ -40,6 +40,7 @@ def servo_run(theta: np.ndarray, rate: np.ndarray, u: np.ndarray) -> Trajectory:
         input=u,
         sliding=None,
         weighed=u,
+        memory=np.zeros(len(u), [("v", np.float64)]),
         wrench=None,
         physics=None,
         status=np.array(Status.COMPLETED, object),

@@ -25,6 +25,7 @@ from grosmc_mj.plants import System
 from grosmc_mj.simulation.compilation import compile_c, pointer
 from grosmc_mj.simulation.inputs import written_inputs
 from grosmc_mj.simulation.mjdata import mjdata_dtype
+from grosmc_mj.simulation.native_pushes import write_wrenches
 from grosmc_mj.simulation.problem import FAILED, Problem
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
@@ -38,10 +39,12 @@ _lock = threading.RLock()
 def userdata_dtype(problem: Problem) -> np.dtype[Any]:
     """Layout of mjData.userdata: the callback's header, the law's memory, the law's numbers.
 
-    The header has: countdown, the calls until the next sample; samples, taken so far;
-    calls_per_sample; control_period [s]; stop, a ``Status`` value; x, the state for the law.
+    The header has: calls until the next timestep, and in each; steps begun, and until the next
+    sample; stride, the steps in a control period; samples taken; timestep and control_period
+    [s]; stop, a ``Status`` value; pushes, how many follow the numbers; x, the state for the law.
     """
-    names = ("magic", "countdown", "samples", "calls_per_sample", "control_period", "stop")
+    names = ("magic", "calls", "calls_per_step", "steps", "steps_left", "stride", "samples")
+    names = (*names, "timestep", "control_period", "stop", "pushes")
     header = [*((name, np.float64) for name in names), ("x", np.float64, problem.x0.shape[1:])]
     return np.dtype(
         [
@@ -56,7 +59,8 @@ def userdata_dtype(problem: Problem) -> np.dtype[Any]:
 def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) -> Any:
     """Compile the control callback of one law, as a ctypes function."""
     law, singular = jitable(law), system.singular
-    data_dtype = mjdata_dtype("qpos", "qvel", "ctrl", "userdata")
+    data_dtype = mjdata_dtype("qpos", "qvel", "ctrl", "userdata", "xfrc_applied")
+    size = userdata_dtype.itemsize
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
@@ -68,10 +72,18 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         header = userdata.header
         if header.magic != MAGIC:
             return
-        header.countdown -= 1.0
-        if header.countdown > 0.0 or header.stop != 0.0:
+        header.calls -= 1.0
+        if header.calls > 0.0:
             return
-        header.countdown = header.calls_per_sample
+        # A new timestep: wrench and input are held from here on.
+        header.calls = header.calls_per_step
+        t = header.steps * header.timestep
+        write_wrenches(int(header.pushes), data.userdata + size, data.xfrc_applied, t)
+        header.steps += 1.0
+        header.steps_left -= 1.0
+        if header.steps_left > 0.0 or header.stop != 0.0:
+            return
+        header.steps_left = header.stride
         qpos = numba.carray(pointer(data.qpos), (n,), np.float64)
         qvel = numba.carray(pointer(data.qvel), (n,), np.float64)
         ctrl = numba.carray(pointer(data.ctrl), (m,), np.float64)

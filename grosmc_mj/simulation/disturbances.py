@@ -10,11 +10,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.simulation.profiles import pulse, sine_from
 
 Profile = Callable[[float], float]
-
-# An instant counts as reached when it is this close [s]: k times h is not exact in binary.
-_INSTANT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class Pulse:
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
-        return float(self.start - _INSTANT <= t < self.stop - _INSTANT)
+        return pulse(t, self.start, self.stop)
 
 
 @dataclass(frozen=True)
@@ -62,9 +60,7 @@ class SineFrom:
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
-        if t < self.onset - _INSTANT:
-            return 0.0
-        return math.sin(self.frequency * t + self.phase)
+        return sine_from(t, self.frequency, self.onset, self.phase)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from grosmc_mj.simulation.control_callback import (
     userdata_dtype,
 )
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.native_pushes import PUSH, most_pushes, packed
 from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
 from grosmc_mj.simulation.records import pack
 from grosmc_mj.simulation.trajectory import Status
@@ -43,7 +44,8 @@ class NativeBatch:
         self._kept_alive: list[Workspace | None] = []
         self._dtype = userdata_dtype(problem)
         self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
-        size, nsim = self._dtype.itemsize // 8, len(problem.x0)
+        pushes = most_pushes(problem.disturbances) if problem.pushed_by_callback else 0
+        size, nsim = self._dtype.itemsize // 8 + PUSH * pushes, len(problem.x0)
         compiled = {
             plant: plant.model_with_userdata(size)
             for plant in dict.fromkeys(problem.plants)
@@ -53,7 +55,7 @@ class NativeBatch:
         self._batch = Batch(models[0], nsim, problem.threads)
         if len(compiled) > 1:
             self._batch.set_models(models)
-        self._bodies = [models[0].body(name).id for name in problem.system.bodies]
+        self._bodies = {name: models[0].body(name).id for name in problem.system.bodies}
         n = problem.system.degrees_of_freedom
         self._batch.bind("qpos")[:] = problem.x0[:, :n]
         self._batch.bind("qvel")[:] = problem.x0[:, n:]
@@ -61,20 +63,26 @@ class NativeBatch:
         self._userdata[:] = self._initial_userdata(models)
 
     def _initial_userdata(self, models: list[mujoco.MjModel]) -> Array:
-        """Headers, fresh memories and numbers of all simulations, (nsim, size)."""
+        """Headers, fresh memories, numbers and pushes of all simulations, flat, (nsim, size)."""
         problem = self._problem
         userdata = np.zeros(len(problem.x0), self._dtype)
         header = userdata["header"]
         header["magic"], header["control_period"] = MAGIC, problem.control_period
-        # RK4 calls back in each of its four stages; the law samples in the first.
+        header["timestep"], header["stride"] = problem.timestep, problem.stride
+        # RK4 calls back in each of its four stages; the first begins a timestep.
         rk4 = np.array([m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 for m in models])
-        header["calls_per_sample"] = np.where(rk4, 4, 1) * problem.stride
+        header["calls_per_step"] = np.where(rk4, 4, 1)
         flat = userdata.view(np.float64).reshape(len(userdata), -1)
         for row, controller in zip(flat, problem.controllers, strict=True):
             memory, workspace = controller.begin()
             self._kept_alive.append(workspace)
             row[self._memory :] = np.concatenate([pack(memory), pack(controller.parameters)])
-        return flat
+        if not problem.pushed_by_callback:
+            return flat
+        pushes = packed(problem.disturbances, self._bodies)
+        header["pushes"] = pushes.shape[1]
+        pushes = np.broadcast_to(pushes, (len(flat), *pushes.shape[1:]))
+        return np.concatenate([flat, pushes.reshape(len(flat), -1)], axis=1)
 
     @property
     def _memory(self) -> int:
@@ -82,7 +90,7 @@ class NativeBatch:
         return self._dtype["header"].itemsize // 8
 
     def advance(self, steps: int) -> None:
-        """Step every simulation, undisturbed and unrecorded."""
+        """Step every simulation, unrecorded and without the disturbances that need a table."""
         with installed(self._callback):
             self._batch.step(nstep=steps)
 
@@ -93,7 +101,7 @@ class NativeBatch:
         size = mujoco.mj_stateSize(self._batch.model, _PHYSICS)
         record.physics = np.zeros((*record.u.shape[:2], size))
         record.start = self._physics()
-        rolled = problem.record or problem.wrenches is not None
+        rolled = problem.record or self._tabled
         chunk = max(1, (_RECORDED_ROWS if rolled else _UNRECORDED_ROWS) // nsim)
         for first in range(0, problem.steps, chunk):
             steps = min(chunk, problem.steps - first)
@@ -103,12 +111,17 @@ class NativeBatch:
                 self._run_unrecorded(record, first, steps)
         return record
 
+    @property
+    def _tabled(self) -> bool:
+        """Whether wrenches come from a table, step by step."""
+        return self._problem.disturbed and not self._problem.pushed_by_callback
+
     def _run_recorded(self, record: Record, first: int, steps: int) -> None:
         """Run the steps of one chunk and write all their rows."""
         out = self._roll(first, steps, [_PHYSICS, "ctrl", "userdata"])
         rows = slice(first, first + steps)
         self._write(record, rows, out[_PHYSICS], out["ctrl"], out["userdata"])
-        stop = self._stop(out["userdata"])
+        stop = self._header("stop", out["userdata"])
         for run in self._newly_ended(record, stop[:, -1]):
             if record.status[run] == Status.DIVERGED.value:
                 record.valid[run] = self._diverged_at(out[_PHYSICS][run, -1, 0])
@@ -117,17 +130,17 @@ class NativeBatch:
 
     def _run_unrecorded(self, record: Record, first: int, steps: int) -> None:
         """Run the steps of one chunk and write where they ended."""
-        if self._problem.wrenches is None:
-            self._advance_to_first_warning(first, steps)
-        else:
+        if self._tabled:
             self._roll(first, steps, ["qpos"])
+        else:
+            self._advance_to_first_warning(first, steps)
         ctrl, userdata = self._batch.bind("ctrl")[:, None], self._userdata[:, None]
         self._write(record, slice(0, 1), self._physics()[:, None], ctrl, userdata)
-        for run in self._newly_ended(record, self._stop(self._userdata)):
+        for run in self._newly_ended(record, self._header("stop", self._userdata)):
             if record.status[run] == Status.DIVERGED.value:
                 record.valid[run] = self._diverged_at(self._batch.bind("time")[run])
             else:
-                samples = self._userdata.view(self._dtype)["header"]["samples"][run, 0]
+                samples = self._header("samples", self._userdata)[run]
                 record.valid[run] = int(samples - 1) * self._problem.stride
 
     def _advance_to_first_warning(self, first: int, steps: int) -> None:
@@ -173,20 +186,20 @@ class NativeBatch:
         return np.concatenate([time[:, None], qpos, qvel], axis=1)
 
     def _wrenches(self, first: int, steps: int) -> Array | None:
-        """xfrc_applied of every simulation in a chunk, (nsim, steps, 6 * nbody)."""
+        """xfrc_applied of every simulation in a chunk, (nsim, steps, 6 * nbody), if tabled."""
         problem = self._problem
-        if problem.wrenches is None:
+        if not self._tabled or problem.wrenches is None:
             return None
         part = problem.wrenches[:, first : first + steps]
         table = np.zeros((len(part), steps, self._batch.model.nbody, 6))
-        table[:, :, self._bodies] = part.reshape(*part.shape[:2], -1, 6)
+        table[:, :, list(self._bodies.values())] = part.reshape(*part.shape[:2], -1, 6)
         flat = table.reshape(len(part), steps, -1)
         return np.broadcast_to(flat, (len(problem.x0), *flat.shape[1:]))
 
-    def _stop(self, userdata: Array) -> Array:
-        """The header's stop in rows of userdata."""
+    def _header(self, name: str, userdata: Array) -> Array:
+        """A number of the header in rows of userdata."""
         names = self._dtype["header"].names or ()
-        return userdata[..., names.index("stop")]
+        return userdata[..., names.index(name)]
 
     def _warned(self) -> NDArray[np.bool_]:
         """Whether each simulation has raised a warning, (nsim,)."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant, Problem
 from grosmc_mj.simulation.records import record_dtype
@@ -96,10 +96,6 @@ def prepare(
             f"{_MOST_STEPS:.0e} are made"
         )
     steps = math.ceil(duration / h * (1 - 1e-12))
-    instants = np.arange(steps) * h
-    tables = [wrench_table(items, system.bodies, instants) for items in lists]
-    nothing = np.zeros((steps, 6 * len(system.bodies)))
-    wrenches = [nothing if table is None else table for table in tables]
     problem = Problem(
         plants=_repeat(plants, nsim),
         controllers=_repeat(controllers, nsim),
@@ -108,11 +104,22 @@ def prepare(
         stride=stride,
         timestep=h,
         control_period=period,
-        wrenches=np.stack(wrenches) if any(table is not None for table in tables) else None,
+        disturbances=tuple(map(tuple, lists)),
         record=record,
         threads=threads,
     )
+    _check_disturbances(problem)
     return problem, single
+
+
+def _check_disturbances(problem: Problem) -> None:
+    """Refuse unknown bodies and profiles without finite values, before anything runs."""
+    if problem.profiles_known:
+        # A known profile that is finite at both ends is so between them.
+        problem.wrenches_at(np.array([0, problem.steps - 1]))
+    else:
+        # Asks a user's own profile once for each timestep, as it may not answer twice alike.
+        problem.wrenches  # noqa: B018
 
 
 def _sequence(items: Item | Sequence[Item]) -> tuple[Item, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import AnalyticPlant, System
+from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.native_pushes import is_known
 from grosmc_mj.simulation.records import record_dtype
 
 Plant = AnalyticPlant | MujocoPlant
@@ -29,7 +32,7 @@ class Problem:
         stride: Timesteps in a control period.
         timestep: [s].
         control_period: [s].
-        wrenches: Disturbances at each timestep, (1 or nsim, steps, 6 * bodies), or None.
+        disturbances: One list for all simulations, or one for each.
         record: Whether every timestep is kept, or the last only.
         threads: For the native engine; 0 for all cores.
     """
@@ -41,7 +44,7 @@ class Problem:
     stride: int
     timestep: float
     control_period: float
-    wrenches: Array | None
+    disturbances: tuple[tuple[Disturbance, ...], ...]
     record: bool
     threads: int
 
@@ -59,6 +62,49 @@ class Problem:
     def memory_dtype(self) -> np.dtype[np.void]:
         """Layout of the law's memory."""
         return record_dtype(self.controller.memory())
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether anything acts on any of the simulations."""
+        return any(self.disturbances)
+
+    @cached_property
+    def profiles_known(self) -> bool:
+        """Whether compiled code knows the profiles of all disturbances."""
+        return all(is_known(each.profile) for items in self.disturbances for each in items)
+
+    @cached_property
+    def pushed_by_callback(self) -> bool:
+        """Whether the native engine's control callback makes the wrenches, without a table.
+
+        A recorded run needs the table all the same.
+        """
+        physics = isinstance(self.plants[0], MujocoPlant)
+        return physics and self.disturbed and self.profiles_known and not self.record
+
+    @cached_property
+    def wrenches(self) -> Array | None:
+        """Disturbances at each timestep, (1 or nsim, steps, 6 * bodies), or None.
+
+        Asks every profile once for each timestep, when first needed.
+
+        Raises:
+            ArgumentError: If a body is unknown, or a profile gives no finite number.
+        """
+        return self.wrenches_at(np.arange(self.steps))
+
+    def wrenches_at(self, steps: NDArray[np.int64]) -> Array | None:
+        """Disturbances in some of the timesteps, (1 or nsim, len(steps), 6 * bodies), or None.
+
+        Raises:
+            ArgumentError: As ``wrenches``.
+        """
+        if not self.disturbed:
+            return None
+        bodies, instants = self.system.bodies, steps * self.timestep
+        nothing = np.zeros((len(instants), 6 * len(bodies)))
+        tables = [wrench_table(items, bodies, instants) for items in self.disturbances]
+        return np.stack([nothing if table is None else table for table in tables])
 
     def wrench(self, run: int) -> Array | None:
         """Disturbances of one simulation, (steps, 6 * bodies)."""

@@ -93,15 +93,13 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         _repeat_last(problem, record, run)
     memory = record.memory.view(problem.memory_dtype)[..., 0]
     names = memory.dtype.names or ()
+    if "workspace" in names:
+        memory["workspace"] = 0.0  # an address, which means nothing after the run
     state = np.empty((len(problem.x0), rows + 1, n))
     state[:, 0], state[:, 1:] = problem.x0, record.x
     physics = None
     if record.physics is not None and record.start is not None:
         physics = np.concatenate([record.start[:, None], record.physics], axis=1)
-    wrench = problem.wrenches
-    if wrench is not None:
-        wrench = np.broadcast_to(wrench, (len(state), *wrench.shape[1:]))
-        wrench = wrench if problem.record else wrench[:, -1:]
     return Trajectory(
         system=problem.system,
         time=time if problem.record else time[[0, -1]],
@@ -110,11 +108,24 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         input=_squeezed(_applied(problem, record.u)),
         sliding=_squeezed(memory["s"]) if "s" in names else None,
         weighed=_squeezed(memory["v"]),
-        wrench=wrench,
+        memory=memory,
+        wrench=_kept_wrenches(problem),
         physics=physics,
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
     )
+
+
+def _kept_wrenches(problem: Problem) -> Array | None:
+    """Disturbances of each simulation in the kept timesteps, (nsim, rows, 6 * bodies), or None."""
+    if problem.pushed_by_callback:
+        wrenches = problem.wrenches_at(np.array([problem.steps - 1]))
+    else:
+        wrenches = problem.wrenches
+    if wrenches is None:
+        return None
+    wrenches = wrenches if problem.record else wrenches[:, -1:]
+    return np.broadcast_to(wrenches, (len(problem.x0), *wrenches.shape[1:]))
 
 
 def _squeezed(rows: Array) -> Array:

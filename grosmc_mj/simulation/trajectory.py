@@ -38,6 +38,8 @@ class Trajectory:
         input: What the actuator applied, (..., N).
         sliding: s at the samples, held between them, (..., N); None if the law has no surface.
         weighed: The input v that the law's index weighs, (..., N).
+        memory: The law's memory after its last sample by the fields of its dataclass, a
+            structured array, (..., N); zeros where an unrecorded run ended early.
         wrench: [force, torque] of each of ``system.bodies``, (..., N, 6 * bodies); None if no
             disturbance was given.
         physics: mjSTATE_FULLPHYSICS at each instant, (..., N + 1, size), to replay the run
@@ -53,6 +55,7 @@ class Trajectory:
     input: Array
     sliding: Array | None
     weighed: Array
+    memory: NDArray[np.void]
     wrench: Array | None
     physics: Array | None
     status: NDArray[np.object_]
@@ -79,6 +82,7 @@ class Trajectory:
             input=self.input[run, : end - 1],
             sliding=None if self.sliding is None else self.sliding[run, : end - 1],
             weighed=self.weighed[run, : end - 1],
+            memory=self.memory[run, : end - 1],
             wrench=None if self.wrench is None else self.wrench[run, : end - 1],
             physics=None if self.physics is None else self.physics[run, :end],
             status=self.status[run],
