@@ -101,9 +101,8 @@ class Campaign:
 
 def _refuse_corners(question: Question, family: Family) -> None:
     """Refuse corners that are not there."""
-    for each in family.quantities:
-        if not np.all(np.isfinite(each.distribution.support)):
-            raise ArgumentError(f"corners: {each.name} has no end: give it least and most")
+    if not family.bounded:
+        raise ArgumentError("corners: a distribution has no end: give it least and most")
     if not family.independent:
         raise ArgumentError("corners: correlated numbers have none: take another sampler")
     corners = 2 ** len(family.quantities)

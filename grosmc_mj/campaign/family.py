@@ -10,7 +10,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import stats
 
 from grosmc_mj.arrays import Array
@@ -69,6 +68,12 @@ class Quantity:
             return value > 0
         return value >= 0 or self.quantity not in _NOT_NEGATIVE
 
+    def ends(self, scale: float) -> tuple[float, float]:
+        """Smallest and largest value at a scale of the uncertainty; infinite where it has none."""
+        low, high = self.distribution.support
+        nominal = self.nominal
+        return nominal + scale * (low - nominal), nominal + scale * (high - nominal)
+
     @property
     def largest_scale(self) -> float:
         """The factor on distances from the nominal value up to which all values are physical."""
@@ -106,6 +111,11 @@ class Family:
         return min(each.largest_scale for each in self.quantities)
 
     @property
+    def bounded(self) -> bool:
+        """Whether every number has a smallest and a largest value."""
+        return bool(np.all(np.isfinite([each.distribution.support for each in self.quantities])))
+
+    @property
     def independent(self) -> bool:
         """Whether nothing is correlated."""
         return np.array_equal(self.correlation, np.eye(len(self.quantities)))
@@ -123,9 +133,9 @@ class Family:
         ]
         return np.stack(columns, axis=1)
 
-    def scaled(self, values: ArrayLike, scale: float) -> Array:
-        """Values moved from the nominal ones by ``scale`` times as much."""
-        return self.nominal + scale * (np.asarray(values, float) - self.nominal)
+    def scaled(self, values: Array, scale: float) -> Array:
+        """Values (..., d) moved to ``scale`` times their distance from the nominal ones."""
+        return self.nominal + scale * (values - self.nominal)
 
 
 def family_of(file: CaseFile, case: Case, plant: AnalyticPlant | MujocoPlant) -> Family:
