@@ -19,10 +19,11 @@ from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
 from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.simulation.undrawn import undrawn
 from grosmc_mj.validation.cases import find_case
 from grosmc_mj.validation.region import Region, RegionMap, RegionQuestion, outcomes
 from grosmc_mj.validation.region_axes import choose_axes, starts_on
-from grosmc_mj.validation.region_loop import Loop, state_names, undrawn
+from grosmc_mj.validation.region_loop import Loop, state_names
 from grosmc_mj.validation.region_outcome import Outcome, judge
 from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
 

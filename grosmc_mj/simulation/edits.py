@@ -107,10 +107,17 @@ def _require(owner: str, name: str, value: float, *, positive: bool = False) -> 
         raise ModelError(f"{owner}: {name} = {value:g} must be {wanted}")
 
 
-def apply_edits(spec: mujoco.MjSpec, edits: Iterable[Edit]) -> mujoco.MjSpec:
+def apply_edits(
+    spec: mujoco.MjSpec, edits: Iterable[Edit], nominal: mujoco.MjModel | None = None
+) -> mujoco.MjSpec:
     """A fresh copy of ``spec`` with the edits applied; ``spec`` itself is not touched.
 
     Scales come first; a load sits where its position says in the scaled body.
+
+    Args:
+        spec: The nominal model.
+        edits: What to change.
+        nominal: The same compiled, if it is at hand.
 
     Raises:
         ModelError: If a body or joint is unknown or edited twice, a body is massless under a
@@ -119,18 +126,18 @@ def apply_edits(spec: mujoco.MjSpec, edits: Iterable[Edit]) -> mujoco.MjSpec:
     edits = tuple(edits)
     if not edits:
         return spec.copy()
-    nominal, edited = compile_spec(spec), spec.copy()
+    like, edited = compile_spec(spec) if nominal is None else nominal, spec.copy()
     scaled = [edit for edit in edits if isinstance(edit, BodyEdit)]
     loads = [edit for edit in edits if isinstance(edit, AddedMass)]
     joints = [edit for edit in edits if isinstance(edit, JointEdit)]
-    bodies = [nominal.body(i).name for i in range(1, nominal.nbody)]
+    bodies = [like.body(i).name for i in range(1, like.nbody)]
     for edit in (*scaled, *loads):
         if edit.body not in bodies:
             raise ModelError(unknown_name("body", edit.body, bodies))
     _refuse_twice("body", [edit.body for edit in scaled], "give one edit with both scales")
     _refuse_twice("joint", [edit.joint for edit in joints], "give one edit with all its numbers")
     for edit in scaled:
-        _scale_inertia(edited.body(edit.body), nominal, edit)
+        _scale_inertia(edited.body(edit.body), like, edit)
         _scale_geometry(edited, edited.body(edit.body), edit.length_scale)
     for edit in loads:
         # With what was added before: a body may bear several loads.

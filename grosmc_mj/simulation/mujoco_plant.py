@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Literal, get_args
+from weakref import WeakKeyDictionary
 
 import mujoco
 
@@ -15,6 +16,17 @@ from grosmc_mj.simulation.edits import Edit, apply_edits
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+
+
+# Compiled nominal models by their spec, for as long as a plant has it.
+_nominal_models: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjModel] = WeakKeyDictionary()
+
+
+def _nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The compiled nominal model, for thousands of edits of one spec compiled once."""
+    if spec not in _nominal_models:
+        _nominal_models[spec] = compile_spec(spec)
+    return _nominal_models[spec]
 
 
 @cache
@@ -76,10 +88,20 @@ class MujocoPlant:
         """The nominal model with these edits; earlier edits are replaced, never compounded."""
         return replace(self, edits=edits)
 
+    @property
+    def step_length(self) -> float:
+        """Physics timestep [s], without compiling anything."""
+        return float(self.spec.option.timestep if self.timestep is None else self.timestep)
+
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
         return self.model_with_userdata(0)
+
+    @property
+    def any_model(self) -> mujoco.MjModel:
+        """The compiled model with whatever room in userdata it has been compiled with."""
+        return next(iter(self._models.values()), None) or self.model
 
     def model_with_userdata(self, size: int) -> mujoco.MjModel:
         """The compiled model with room for ``size`` numbers in mjData.userdata, compiled once.
@@ -98,7 +120,8 @@ class MujocoPlant:
 
     def _compile(self, size: int) -> mujoco.MjModel:
         """Compile the edited model."""
-        spec = apply_edits(self.spec, self.edits)
+        nominal = _nominal_model(self.spec) if self.edits else None
+        spec = apply_edits(self.spec, self.edits, nominal)
         spec.nuserdata = size
         if self.timestep is not None:
             spec.option.timestep = self.timestep

@@ -155,7 +155,7 @@ def _timestep(plants: tuple[Plant, ...], timestep: float | None) -> float:
         if not (math.isfinite(h) and h > 0):
             raise ArgumentError(f"timestep {h:g} s must be finite and positive")
         return h
-    steps = {float(p.model.opt.timestep) for p in plants if isinstance(p, MujocoPlant)}
+    steps = {p.step_length for p in plants if isinstance(p, MujocoPlant)}
     if len(steps) > 1:
         raise ArgumentError(f"the plants have different timesteps: {sorted(steps)} s")
     h = steps.pop()

@@ -150,8 +150,8 @@ def _applied(problem: Problem, u: Array) -> Array:
     low, high = np.full((2, len(plants), u.shape[-1]), [[[-np.inf]], [[np.inf]]])
     for i, plant in enumerate(plants):
         if isinstance(plant, MujocoPlant):
-            limited = plant.model.actuator_ctrllimited.astype(bool)
-            low[i, limited], high[i, limited] = plant.model.actuator_ctrlrange[limited].T
+            limited = plant.any_model.actuator_ctrllimited.astype(bool)
+            low[i, limited], high[i, limited] = plant.any_model.actuator_ctrlrange[limited].T
     return np.clip(u, low[:, None], high[:, None])
 
 

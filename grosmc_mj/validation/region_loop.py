@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,10 +20,9 @@ from grosmc_mj.plants import System
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.simulation.undrawn import undrawn
 from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
-
-_DRAWN = ("geoms", "cameras", "lights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,18 +132,6 @@ def _guarded_law(law: Law, system: System) -> Law:
         return u
 
     return guarded_law
-
-
-def undrawn(plant: MujocoPlant) -> MujocoPlant:
-    """The same plant without geoms, cameras and lights: the same motion in less time.
-
-    Every body of the models states its inertia, so that nothing of it comes from a geom.
-    """
-    spec: mujoco.MjSpec = plant.spec.copy()
-    for kind in _DRAWN:
-        for part in list(getattr(spec, kind)):
-            spec.delete(part)
-    return replace(plant, spec=spec)
 
 
 def outside(system: System, starts: Array) -> NDArray[np.bool_]:
