@@ -1,0 +1,208 @@
+"""Which runs kept their requirements, over two parameters, beside what the premises promise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.checks import checked_margins, checked_values, same_length
+from grosmc_mj.campaign.drawing import law_styles, panelled, write
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.rendering.figure import STYLE
+
+_SIZE = (4.4, 4.1)
+_EDGE, _HATCH = "#117733", "//"
+BOUNDARY = "premise's boundary (other parameters at their worst)"
+
+
+class Outcome(Enum):
+    """What became of a run."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    DIVERGED = "did not complete"
+
+
+# Okabe and Ito's colours and a marker each; the later lie above.
+_MARKS: Mapping[Outcome, tuple[str, str]] = {
+    Outcome.PASSED: ("#56B4E9", "o"),
+    Outcome.FAILED: ("#D55E00", "X"),
+    Outcome.DIVERGED: ("#222222", "^"),
+}
+
+
+class AxisOf(NamedTuple):
+    """A parameter as an axis: its name and unit (empty for a number without)."""
+
+    name: str
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+class Points(NamedTuple):
+    """The runs of one law: both parameters, (n,), and the signed margin, (n,)."""
+
+    x: Array
+    y: Array
+    margins: Array
+
+
+class Boundary(NamedTuple):
+    """The signed margin of the premises over a grid.
+
+    Attributes:
+      x: First parameter, (nx,), rising.
+      y: Second, (ny,), rising.
+      margin: (ny, nx); below zero a premise does not hold.
+    """
+
+    x: Array
+    y: Array
+    margin: Array
+
+
+class PassMap(NamedTuple):
+    """What is drawn.
+
+    Attributes:
+      x: The first parameter.
+      y: The second.
+      laws: The runs of each law.
+      boundary: Of the laws whose premises were asked.
+    """
+
+    x: AxisOf
+    y: AxisOf
+    laws: Mapping[str, Points]
+    boundary: Mapping[str, Boundary]
+
+
+def outcomes(margins: Any) -> dict[Outcome, NDArray[np.bool_]]:
+    """Which runs came out how, a mask each: kept at 0 or more, -inf is a run not completed.
+
+    Raises:
+      ArgumentError: If there are no margins, or one is NaN or +inf.
+    """
+    found = checked_margins("margins", margins)
+    diverged = found == -np.inf
+    return {
+        Outcome.PASSED: found >= 0,
+        Outcome.FAILED: (found < 0) & ~diverged,
+        Outcome.DIVERGED: diverged,
+    }
+
+
+def save_pass_map(shown: PassMap, title: str, footnote: str, files: Sequence[Path]) -> None:
+    """Draw the map and write it to each file, by its ending.
+
+    Args:
+      shown: What to draw.
+      title: Of the figure: of what, and what was sampled.
+      footnote: What it does not prove.
+      files: PNG or SVG.
+
+    Raises:
+      ArgumentError: If there is nothing to draw, arrays do not fit each other, or an ending is
+        unknown.
+      SetupError: If a file cannot be written.
+    """
+    write(draw_pass_map(shown, title, footnote), files)
+
+
+def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
+    """The figure of :func:`save_pass_map`: a panel a law, a mark a run."""
+    if not shown.laws:
+        raise ArgumentError("no runs to draw: give at least one law")
+    styles = law_styles(shown.laws)
+    seen: set[Outcome] = set()
+    with mpl.rc_context(STYLE):
+        columns = 2 if len(shown.laws) in (2, 4) else 3
+        figure, panels = panelled(len(shown.laws), _SIZE, title, footnote, columns=columns)
+        for axes, (law, points) in zip(panels, shown.laws.items(), strict=True):
+            seen |= _draw(axes, law, points)
+            if law in shown.boundary:
+                _draw_boundary(axes, law, shown.boundary[law])
+            rate = f"{np.count_nonzero(points.margins >= 0)} of {len(points.x)} passed"
+            axes.set_title(f"{styles[law].label}: {rate}")
+            axes.set_xlabel(shown.x.label)
+            axes.set_ylabel(shown.y.label)
+            axes.margins(0.02)
+        figure.legend(
+            handles=_entries(seen, bounded=bool(shown.boundary)),
+            loc="outside lower center",
+            ncols=3,
+            frameon=False,
+        )
+    return figure
+
+
+def _draw(axes: Axes, law: str, points: Points) -> set[Outcome]:
+    """The runs of one law, and which outcomes there are."""
+    masks = outcomes(points.margins)
+    runs = len(points.margins)
+    x = checked_values(f"first parameter of {law}", points.x, runs)
+    y = checked_values(f"second parameter of {law}", points.y, runs)
+    area = float(np.clip(16000 / runs, 3, 40))
+    for layer, (outcome, mask) in enumerate(masks.items()):
+        colour, marker = _MARKS[outcome]
+        if not mask.any():
+            continue
+        axes.scatter(
+            x[mask], y[mask], s=area * (1 if outcome is Outcome.PASSED else 1.4), c=colour,
+            marker=marker, linewidths=0, zorder=2 + 0.1 * layer, rasterized=True,
+            label=outcome.value,
+        )  # fmt: skip
+    return {outcome for outcome, mask in masks.items() if mask.any()}
+
+
+def _draw_boundary(axes: Axes, law: str, boundary: Boundary) -> None:
+    """The line on which the premises begin to fail, and hatching where they do."""
+    x, y, margin = (np.asarray(each, dtype=float) for each in boundary)
+    same_length(f"rows of {law}'s premise", len(margin), "its second parameter", len(y))
+    if margin.ndim != 2 or margin.shape[1] != len(x) or min(margin.shape) < 2:
+        raise ArgumentError(
+            f"{law}'s premise has shape {margin.shape}: give (ny, nx) = ({len(y)}, {len(x)}), "
+            "two or more each"
+        )
+    if np.isnan(margin).any():
+        raise ArgumentError(f"{law}'s premise is NaN somewhere: give signed margins, -inf allowed")
+    # A contour needs finite numbers; beyond the largest, only the sign matters.
+    finite = np.abs(margin[np.isfinite(margin)])
+    cap = float(finite.max(initial=0.0)) or 1.0
+    capped = np.clip(margin, -cap, cap)
+    if (capped < 0).any():
+        axes.contourf(
+            x, y, capped, levels=[-2 * cap, 0.0], colors="none", hatches=[_HATCH], zorder=3,
+        ).set(edgecolor=_EDGE, linewidth=0)  # fmt: skip
+    if (capped < 0).any() and (capped >= 0).any():
+        axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)
+
+
+def _entries(seen: set[Outcome], *, bounded: bool) -> list[Artist]:
+    """The legend's entries: the outcomes that occur, and the premises'."""
+    entries: list[Artist] = [
+        Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome.value)
+        for outcome, (colour, marker) in _MARKS.items()
+        if outcome in seen
+    ]
+    if bounded:
+        entries.append(Line2D([], [], color=_EDGE, lw=2, label=BOUNDARY))
+        label = "a premise does not hold"
+        entries.append(Patch(facecolor="none", edgecolor=_EDGE, hatch=_HATCH, lw=0, label=label))
+    return entries
