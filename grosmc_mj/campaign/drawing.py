@@ -6,22 +6,29 @@ import math
 import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 from grosmc_mj.rendering.figure import STYLE, save
 from grosmc_mj.rendering.palette import COLOURS, LABELS, colour_of
 
+# More room between the panels than a page of one curve needs.
+WIDE_STYLE: dict[Any, Any] = {
+    **STYLE,
+    "figure.constrained_layout.w_pad": 0.1,
+    "figure.constrained_layout.h_pad": 0.07,
+}
 FAILED_SHADE = "#f3e3d7"
 _ENDINGS = (".png", ".svg")
 # For those who see no colour.
 _LINES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
 _TITLE_SIZE, _NOTE_SIZE = 13, 8.5
+_NOTE = "#444444"
 # Width of a letter over its size, and height of a line over it, on the safe side.
 _LETTER, _LINE_HEIGHT = 0.54, 1.45
 
@@ -51,9 +58,23 @@ def law_styles(laws: Iterable[str]) -> dict[str, LawStyle]:
     return styles
 
 
-def panelled(
-    panels: int, size: tuple[float, float], title: str, footnote: str, *, columns: int = 3
-) -> tuple[Figure, list[Axes]]:
+class Board(NamedTuple):
+    """A figure to draw in.
+
+    Attributes:
+      figure: The whole, with title and footnote.
+      area: The part between them, which has the panels and a legend outside of them.
+      panels: Row by row.
+    """
+
+    figure: Figure
+    area: SubFigure
+    panels: list[Axes]
+
+
+def board(
+    panels: int, size: tuple[float, float], title: str, footnote: str, *, columns: int = 2
+) -> Board:
     """A figure of panels with a title above and a footnote below them.
 
     Args:
@@ -62,9 +83,6 @@ def panelled(
       title: Above all.
       footnote: Below all.
       columns: The most side by side.
-
-    Returns:
-      The figure and its axes, row by row.
     """
     across = min(panels, columns)
     rows = math.ceil(panels / across)
@@ -72,32 +90,24 @@ def panelled(
     top = _broken(title, width, _TITLE_SIZE)
     note = _broken(footnote, width, _NOTE_SIZE)
     bottom = _height(note, _NOTE_SIZE)
-    height = rows * size[1] + _height(top, _TITLE_SIZE) + bottom
+    above = rows * size[1] + _height(top, _TITLE_SIZE)
+    height = above + bottom
     figure = Figure(figsize=(width, height))
-    figure.suptitle(top, fontsize=_TITLE_SIZE)
-    figure.text(0.1 / width, 0.06 / height, note, fontsize=_NOTE_SIZE, va="bottom", color="#444444")
-    engine = figure.get_layout_engine()
-    assert engine is not None
-    engine.set(rect=(0, bottom / height, 1, 1 - bottom / height))  # pyright: ignore
-    axes = [figure.add_subplot(rows, across, number + 1) for number in range(panels)]
-    return figure, axes
+    # A legend outside of the panels would cover the footnote if both were in one part.
+    parts = figure.add_gridspec(2, 1, height_ratios=(above, bottom))
+    area = figure.add_subfigure(parts[0])
+    area.suptitle(top, fontsize=_TITLE_SIZE)
+    figure.text(0.1 / width, 0.06 / height, note, fontsize=_NOTE_SIZE, va="bottom", color=_NOTE)
+    axes = [area.add_subplot(rows, across, number + 1) for number in range(panels)]
+    return Board(figure, area, axes)
 
 
-def legend_entries(axes: Axes) -> list[str]:
-    """The texts of a panel's legend."""
-    legend = axes.get_legend()
-    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
-
-
-def checked_files(files: Sequence[Path]) -> None:
-    """Require endings that can be written.
-
-    Raises:
-      ArgumentError: If a file is neither a PNG nor an SVG.
-    """
-    for file in files:
-        if file.suffix not in _ENDINGS:
-            raise ArgumentError(f"{file.name}: a figure ends in {' or '.join(_ENDINGS)}")
+def in_lines(text: str, letters: int = 44) -> str:
+    """A text in as few lines as fit, of about one length, so that none has a word alone."""
+    lines = textwrap.wrap(text, letters)
+    while letters > 1 and len(narrower := textwrap.wrap(text, letters - 1)) == len(lines):
+        lines, letters = narrower, letters - 1
+    return "\n".join(lines)
 
 
 def write(figure: Figure, files: Sequence[Path]) -> None:
@@ -107,8 +117,10 @@ def write(figure: Figure, files: Sequence[Path]) -> None:
       ArgumentError: If a file is neither a PNG nor an SVG.
       SetupError: If a file cannot be written.
     """
-    checked_files(files)
-    with mpl.rc_context(STYLE):
+    for file in files:
+        if file.suffix not in _ENDINGS:
+            raise ArgumentError(f"{file.name}: a figure ends in {' or '.join(_ENDINGS)}")
+    with mpl.rc_context(WIDE_STYLE):
         for file in files:
             with written_aside(file) as part:
                 save(figure, part)
@@ -116,7 +128,7 @@ def write(figure: Figure, files: Sequence[Path]) -> None:
 
 def _broken(text: str, width: float, size: float) -> str:
     """A text in lines that fit into a figure of that width [inch]."""
-    return "\n".join(textwrap.wrap(text, max(int((width - 0.3) * 72 / (_LETTER * size)), 20)))
+    return in_lines(text, int((width - 0.3) * 72 / (_LETTER * size)))
 
 
 def _height(text: str, size: float) -> float:

@@ -14,16 +14,25 @@ from matplotlib.ticker import PercentFormatter
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.checks import checked_margins
-from grosmc_mj.campaign.drawing import FAILED_SHADE, LawStyle, law_styles, panelled, write
+from grosmc_mj.campaign.drawing import (
+    FAILED_SHADE,
+    WIDE_STYLE,
+    LawStyle,
+    board,
+    in_lines,
+    law_styles,
+    write,
+)
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.rendering.figure import STYLE
 from grosmc_mj.rendering.palette import OPTIMUM
 
-_SIZE = (4.7, 3.9)
+_SIZE = (4.9, 3.2)
+# Of one law in the legend [inch].
+_ENTRY_HEIGHT = 0.24
 # Tukey's fence of what lies far out, in distances of the quartiles.
-_FENCE = 3.0
+_FENCE = 1.5
 # How much wider than the tightest law the axis may be, so that this one can still be read.
-_WIDEST = 20.0
+_WIDEST = 8.0
 # The part of the axis that each side of zero has at least.
 _LEAST_SIDE = 0.16
 
@@ -65,11 +74,12 @@ def draw_margins(panels: Sequence[MarginPanel], title: str, footnote: str) -> Fi
     if not panels or not all(panel.margins for panel in panels):
         raise ArgumentError("no margins to draw: give at least one requirement and one law for it")
     styles = law_styles(dict.fromkeys(law for panel in panels for law in panel.margins))
-    with mpl.rc_context(STYLE):
-        figure, axes = panelled(len(panels), _SIZE, title, footnote)
-        for each, panel in zip(axes, panels, strict=True):
-            _draw(each, panel, styles)
-    return figure
+    with mpl.rc_context(WIDE_STYLE):
+        size = (_SIZE[0], _SIZE[1] + _ENTRY_HEIGHT * len(styles))
+        found = board(len(panels), size, title, footnote)
+        for axes, panel in zip(found.panels, panels, strict=True):
+            _draw(axes, panel, styles)
+    return found.figure
 
 
 def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> None:
@@ -78,7 +88,9 @@ def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> Non
         law: checked_margins(f"margins of {law}", margins) for law, margins in panel.margins.items()
     }
     low, high = _range(found.values())
-    axes.axvspan(low, 0, color=FAILED_SHADE, zorder=0)
+    # A little further left, so that a step at the edge is seen.
+    edge = low - 0.015 * (high - low)
+    axes.axvspan(edge, 0, color=FAILED_SHADE, zorder=0)
     axes.axvline(0, color=OPTIMUM, lw=1.0, zorder=1)
     for law, margins in found.items():
         rising = np.sort(margins)
@@ -90,16 +102,16 @@ def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> Non
             x, y, drawstyle="steps-post", color=style.colour, ls=style.line, lw=1.8,
             label=_entry(style.label, rising, low, high),
         )  # fmt: skip
-    axes.set_xlim(low, high)
+    axes.set_xlim(edge, high)
     axes.set_ylim(0, 1.02)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "va": "bottom"}
     axes.annotate("failed", (0, 1), (-4, 1), ha="right", fontsize=8.5, **place)
     axes.annotate("kept", (0, 1), (4, 1), ha="left", fontsize=8.5, **place)
-    axes.set_title(panel.title, pad=16)
+    axes.set_title(in_lines(panel.title), pad=16)
     axes.set_xlabel(f"margin [{panel.unit}]" if panel.unit else "margin")
     axes.set_ylabel("runs with this margin or less")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), frameon=False)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
 
 
 def _entry(label: str, rising: Array, low: float, high: float) -> str:
@@ -110,7 +122,8 @@ def _entry(label: str, rising: Array, low: float, high: float) -> str:
         "beyond the left edge": np.count_nonzero((rising > -np.inf) & (rising < low)),
         "beyond the right edge": np.count_nonzero(rising > high),
     }
-    return "; ".join([text, *(f"{count} {what}" for what, count in counts.items() if count)])
+    said = [text, *(f"{count} {what}" for what, count in counts.items() if count)]
+    return in_lines("; ".join(said), 52)
 
 
 def _range(margins: Iterable[Array]) -> tuple[float, float]:

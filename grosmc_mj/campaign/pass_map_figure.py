@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.checks import checked_margins, checked_values, same_length
-from grosmc_mj.campaign.drawing import law_styles, panelled, write
+from grosmc_mj.campaign.drawing import WIDE_STYLE, board, in_lines, law_styles, write
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.rendering.figure import STYLE
 
 _SIZE = (4.4, 4.1)
 _EDGE, _HATCH = "#117733", "//"
@@ -131,25 +130,36 @@ def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
         raise ArgumentError("no runs to draw: give at least one law")
     styles = law_styles(shown.laws)
     seen: set[Outcome] = set()
-    with mpl.rc_context(STYLE):
-        columns = 2 if len(shown.laws) in (2, 4) else 3
-        figure, panels = panelled(len(shown.laws), _SIZE, title, footnote, columns=columns)
-        for axes, (law, points) in zip(panels, shown.laws.items(), strict=True):
+    with mpl.rc_context(WIDE_STYLE):
+        found = board(len(shown.laws), _SIZE, title, footnote)
+        for axes, (law, points) in zip(found.panels, shown.laws.items(), strict=True):
             seen |= _draw(axes, law, points)
             if law in shown.boundary:
                 _draw_boundary(axes, law, shown.boundary[law])
             rate = f"{np.count_nonzero(points.margins >= 0)} of {len(points.x)} passed"
-            axes.set_title(f"{styles[law].label}: {rate}")
+            axes.set_title(in_lines(f"{styles[law].label}: {rate}"))
             axes.set_xlabel(shown.x.label)
             axes.set_ylabel(shown.y.label)
-            axes.margins(0.02)
-        figure.legend(
-            handles=_entries(seen, bounded=bool(shown.boundary)),
+            axes.set_xlim(*_ends(shown, 0))
+            axes.set_ylim(*_ends(shown, 1))
+        found.area.legend(
+            handles=_entries(seen, [each.margin for each in shown.boundary.values()]),
             loc="outside lower center",
-            ncols=3,
+            ncols=min(len(shown.laws), 2),
             frameon=False,
+            handleheight=1.2,
         )
-    return figure
+    return found.figure
+
+
+def _ends(shown: PassMap, axis: int) -> tuple[float, float]:
+    """The ends of an axis, the same for all laws: every run and every boundary is inside."""
+    values = np.concatenate(
+        [each[axis] for each in (*shown.laws.values(), *shown.boundary.values())]
+    )
+    low, high = float(values.min()), float(values.max())
+    room = 0.02 * (high - low) or 0.5
+    return (low - room, high + room)
 
 
 def _draw(axes: Axes, law: str, points: Points) -> set[Outcome]:
@@ -194,15 +204,20 @@ def _draw_boundary(axes: Axes, law: str, boundary: Boundary) -> None:
         axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)
 
 
-def _entries(seen: set[Outcome], *, bounded: bool) -> list[Artist]:
-    """The legend's entries: the outcomes that occur, and the premises'."""
+def _entries(seen: set[Outcome], premises: Sequence[Array]) -> list[Artist]:
+    """The legend's entries: the outcomes that occur, and what is drawn of the premises."""
     entries: list[Artist] = [
         Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome.value)
         for outcome, (colour, marker) in _MARKS.items()
         if outcome in seen
     ]
-    if bounded:
+    broken = [np.asarray(margin) < 0 for margin in premises]
+    if any(each.any() and not each.all() for each in broken):
         entries.append(Line2D([], [], color=_EDGE, lw=2, label=BOUNDARY))
-        label = "a premise does not hold"
-        entries.append(Patch(facecolor="none", edgecolor=_EDGE, hatch=_HATCH, lw=0, label=label))
+    if any(each.any() for each in broken):
+        entries.append(
+            Patch(fc="none", ec=_EDGE, hatch=_HATCH, lw=0, label="a premise does not hold")
+        )
+    elif broken:
+        entries.append(Line2D([], [], ls="", label="the premises hold all over the map"))
     return entries

@@ -13,12 +13,19 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.checks import checked_margins, checked_values
-from grosmc_mj.campaign.drawing import FAILED_SHADE, LawStyle, law_styles, panelled, write
+from grosmc_mj.campaign.drawing import (
+    FAILED_SHADE,
+    WIDE_STYLE,
+    LawStyle,
+    board,
+    in_lines,
+    law_styles,
+    write,
+)
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.rendering.figure import STYLE
 from grosmc_mj.rendering.palette import OPTIMUM
 
-_SIZE = (5.2, 4.2)
+_SIZE = (5.2, 4.9)
 
 
 class RadiusCurve(NamedTuple):
@@ -66,12 +73,11 @@ def draw_radius(curves: Sequence[RadiusCurve], title: str, footnote: str) -> Fig
     if not curves:
         raise ArgumentError("no radius to draw: give at least one law's search")
     styles = law_styles(curve.law for curve in curves)
-    with mpl.rc_context(STYLE):
-        columns = 2 if len(curves) in (2, 4) else 3
-        figure, panels = panelled(len(curves), _SIZE, title, footnote, columns=columns)
-        for axes, curve in zip(panels, curves, strict=True):
+    with mpl.rc_context(WIDE_STYLE):
+        found = board(len(curves), _SIZE, title, footnote)
+        for axes, curve in zip(found.panels, curves, strict=True):
             _draw(axes, curve, styles[curve.law])
-    return figure
+    return found.figure
 
 
 def _draw(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
@@ -101,44 +107,51 @@ def _draw(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
     right = max([float(scales[-1]), *(v for v in (curve.found, curve.promised) if v is not None)])
     axes.set_xlim(0, 1.06 * right or 1.0)
     axes.set_ylim(low, high)
-    _radius(axes, curve.found, _found_words(curve), {"color": style.colour, "lw": 2.0}, 0.97)
-    promise = "premises promise"
-    _radius(axes, curve.promised, promise, {"color": OPTIMUM, "lw": 2.0, "ls": (0, (4, 2))}, 0.88)
-    if curve.found is None:
-        axes.plot([], [], ls="", label="a failure at every scale tried")
-    label = f"premises: {curve.promised_note}" if curve.promised_note else ""
-    if curve.promised is None:
-        label = f"premises promise no radius: {curve.promised_note}".removesuffix(": ")
-    if label:
-        axes.plot([], [], ls="", label=label)
-    axes.set_title(style.label)
+    _draw_radii(axes, curve, style)
+    axes.set_title(in_lines(style.label), pad=18)
     axes.set_xlabel("scale of the uncertainty (1 as configured)")
     axes.set_ylabel("least margin found over its limit")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
 
 
+def _draw_radii(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
+    """Both radii as lines with their values above, and in words in the legend."""
+    # The values stand on the outer sides of the lines, where they cannot meet.
+    outer = curve.promised is None or (curve.found or 0.0) >= curve.promised
+    line: dict[str, Any] = {"lw": 2.2, "color": style.colour}
+    _radius(axes, curve.found, _found_words(curve), line, right=outer)
+    words = "premises promise no radius"
+    if curve.promised is not None:
+        words = f"premises promise {curve.promised:.3g}"
+    if curve.promised_note:
+        words += f": {curve.promised_note}"
+    line = {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))}
+    _radius(axes, curve.promised, words, line, right=not outer)
+
+
 def _found_words(curve: RadiusCurve) -> str:
-    """What the line of the found radius says."""
-    largest = curve.found is not None and curve.found >= max(curve.scales)
-    return "no failure found up to" + (" the largest tried," if largest else "")
+    """What the found radius says."""
+    if curve.found is None:
+        return "a failure was found at every scale tried"
+    largest = ", the largest tried" if curve.found >= max(curve.scales) else ""
+    return f"no failure found up to {curve.found:.3g}{largest}"
 
 
-def _radius(axes: Axes, at: float | None, words: str, line: dict[str, Any], height: float) -> None:
-    """A vertical line with its value beside it, on the side where there is room."""
+def _radius(axes: Axes, at: float | None, words: str, line: dict[str, Any], *, right: bool) -> None:
+    """A vertical line with its value above it; without one its words alone, in the legend."""
     if at is None:
+        axes.plot([], [], ls="", label=in_lines(words, 52))
         return
-    axes.axvline(at, zorder=3, **line)
-    near_right = at > 0.5 * axes.get_xlim()[1]
+    axes.axvline(at, zorder=3, label=in_lines(words, 52), **line)
     axes.annotate(
-        f"{words} {at:.3g}", (at, height), (-5 if near_right else 5, 0),
-        xycoords=("data", "axes fraction"), textcoords="offset points",
-        ha="right" if near_right else "left", va="top", fontsize=9, zorder=6,
-        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
+        f"{at:.3g}", (at, 1), (1 if right else -1, 2), xycoords=("data", "axes fraction"),
+        textcoords="offset points", ha="left" if right else "right", va="bottom",
+        fontsize=10, color=line["color"],
     )  # fmt: skip
 
 
 def _range(margins: Array) -> tuple[float, float]:
-    """Both ends of the axis of margins, zero inside, with room above for the radii's values."""
+    """Both ends of the axis of margins, zero inside."""
     low, high = min(margins.min(initial=0.0), 0.0), max(margins.max(initial=0.0), 0.0)
     height = (high - low) or 1.0
-    return (float(low - 0.12 * height), float(high + 0.35 * height))
+    return (float(low - 0.12 * height), float(high + 0.12 * height))

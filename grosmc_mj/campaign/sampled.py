@@ -14,8 +14,9 @@ _CAVEATS = {
 }
 _EVEN = (
     "Intervals and p-values hold for independent runs (sampler random); "
-    "points of {} are spread more evenly than that."
+    "{} points are spread more evenly than that."
 )
+_POINTS = {"sobol": "Sobol", "lhs": "Latin hypercube"}
 
 
 class Sampled(NamedTuple):
@@ -42,5 +43,5 @@ class Sampled(NamedTuple):
     @property
     def footnote(self) -> str:
         """What the sample does not prove, and where its intervals are not exact."""
-        caveat = _CAVEATS.get(self.sampler, _EVEN.format(self.sampler))
+        caveat = _CAVEATS.get(self.sampler, _EVEN.format(_POINTS.get(self.sampler, self.sampler)))
         return f"{NO_PROOF} {caveat}".strip()

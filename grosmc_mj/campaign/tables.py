@@ -20,6 +20,8 @@ from grosmc_mj.rendering.palette import LABELS
 from grosmc_mj.validation.tables import empty_table, number
 
 WIDTH = 100
+# The least width of a requirement, and the largest of a law.
+_REQUIREMENT, _LAW = 20, 20
 # A pass rate that one may want to state.
 _AIM = 0.99
 
@@ -115,14 +117,15 @@ def paired_table(
     """
     confidence = _the_confidence([each.confidence for each in differences.values()])
     table = _table("Two laws on the same plants: second less first", ("requirement", "laws"))
-    for header in ("only\nfirst", "only\nsecond", "rates\n[% points]", "McNemar\np"):
+    table.add_column("only\nfirst", justify="right", no_wrap=True)
+    for header in ("only\nsecond", "pass rate\n[% points]", "McNemar\np", "median of\nmargins"):
         table.add_column(escape(header), justify="right", no_wrap=True)
-    table.add_column("median of margins", justify="right")
     shown = ""
     for (requirement, first, second), each in differences.items():
-        points = _between(*(100 * v for v in (each.difference, each.low, each.high)))
-        ends = (each.median, each.median_low, each.median_high)
-        median = f"{_between(*ends)} {units.get(requirement, '')}".strip()
+        points = _between("", *(100 * v for v in (each.difference, each.low, each.high)))
+        median = _between(
+            units.get(requirement, ""), each.median, each.median_low, each.median_high
+        )
         laws = f"{LABELS.get(first, first)},\n{LABELS.get(second, second)}"
         counts = (str(each.only_first), str(each.only_second))
         _row(table, shown, (requirement, laws), *counts, points, _p_value(each.p_value), median)
@@ -185,8 +188,9 @@ def _table(title: str, names: Sequence[str]) -> Table:
     """An empty table of the full width, whose first columns are names."""
     table = empty_table(title)
     table.width = WIDTH
-    for header in names:
-        table.add_column(header, overflow="fold", ratio=1 if header == names[0] else None)
+    table.add_column(names[0], overflow="fold", ratio=1, min_width=_REQUIREMENT)
+    for header in names[1:]:
+        table.add_column(header, overflow="fold", max_width=_LAW)
     return table
 
 
@@ -224,9 +228,9 @@ def _p_value(p: float) -> str:
     return "< 1e-4" if p < 1e-4 else f"{p:.2g}"
 
 
-def _between(value: float, low: float, high: float) -> str:
-    """A signed number and its interval; an end may be open."""
-    return f"{_signed(value)} ({_signed(low)} .. {_signed(high)})"
+def _between(unit: str, value: float, low: float, high: float) -> str:
+    """A signed number over its interval; an end may be open."""
+    return f"{_signed(value)} {unit}".rstrip() + f"\n({_signed(low)} .. {_signed(high)})"
 
 
 def _signed(value: float) -> str:
