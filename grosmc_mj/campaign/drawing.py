@@ -105,7 +105,8 @@ def board(
 def in_lines(text: str, letters: int = 44) -> str:
     """A text in as few lines as fit, of about one length, so that none has a word alone."""
     lines = textwrap.wrap(text, letters)
-    while letters > 1 and len(narrower := textwrap.wrap(text, letters - 1)) == len(lines):
+    longest = max(map(len, text.split()), default=letters)
+    while letters > longest and len(narrower := textwrap.wrap(text, letters - 1)) == len(lines):
         lines, letters = narrower, letters - 1
     return "\n".join(lines)
 

@@ -138,7 +138,7 @@ def _range(margins: Iterable[Array]) -> tuple[float, float]:
         low, high = max(low, -widest), min(high, widest)
     width = 1.06 * ((high - low) or 2.0)
     left, right = max(-low, _LEAST_SIDE * width), max(high, _LEAST_SIDE * width)
-    return (-1.03 * left, 1.03 * right)
+    return (-1.06 * left, 1.03 * right)
 
 
 def _fences(margins: Array) -> tuple[float, float]:

@@ -17,9 +17,9 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.checks import checked_margins, checked_values, same_length
+from grosmc_mj.campaign.checks import checked_margins, checked_values
 from grosmc_mj.campaign.drawing import WIDE_STYLE, board, in_lines, law_styles, write
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, unknown_name
 
 _SIZE = (4.4, 4.1)
 _EDGE, _HATCH = "#117733", "//"
@@ -128,6 +128,9 @@ def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
     """The figure of :func:`save_pass_map`: a panel a law, a mark a run."""
     if not shown.laws:
         raise ArgumentError("no runs to draw: give at least one law")
+    for law in shown.boundary:
+        if law not in shown.laws:
+            raise ArgumentError(unknown_name("law of a boundary", law, shown.laws))
     styles = law_styles(shown.laws)
     seen: set[Outcome] = set()
     with mpl.rc_context(WIDE_STYLE):
@@ -184,8 +187,7 @@ def _draw(axes: Axes, law: str, points: Points) -> set[Outcome]:
 def _draw_boundary(axes: Axes, law: str, boundary: Boundary) -> None:
     """The line on which the premises begin to fail, and hatching where they do."""
     x, y, margin = (np.asarray(each, dtype=float) for each in boundary)
-    same_length(f"rows of {law}'s premise", len(margin), "its second parameter", len(y))
-    if margin.ndim != 2 or margin.shape[1] != len(x) or min(margin.shape) < 2:
+    if margin.shape != (len(y), len(x)) or min(margin.shape) < 2:
         raise ArgumentError(
             f"{law}'s premise has shape {margin.shape}: give (ny, nx) = ({len(y)}, {len(x)}), "
             "two or more each"
