@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,7 +68,12 @@ def save_each(files):
     yield save_radius, [radius_curve()], files
 
 
-def entries(legend):
+def drawn(figure: Any) -> Any:
+    """The part of a figure that has its panels."""
+    return figure.subfigs[0]
+
+
+def entries(legend: Any) -> list[str]:
     """The texts of a legend, a line each."""
     return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
 
@@ -86,17 +92,18 @@ def test_figures_are_written_the_same_each_time(index, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "figure",
+    "make",
     [
-        draw_margins(margin_panels(), TITLE, NO_PROOF),
-        draw_pass_map(pass_map(), TITLE, NO_PROOF),
-        draw_radius([radius_curve(), radius_curve(law="lqr")], TITLE, NO_PROOF),
+        lambda: draw_margins(margin_panels(), TITLE, NO_PROOF),
+        lambda: draw_pass_map(pass_map(), TITLE, NO_PROOF),
+        lambda: draw_radius([radius_curve(), radius_curve(law="lqr")], TITLE, NO_PROOF),
     ],
 )
-def test_every_figure_says_what_was_sampled_and_what_that_is_not(figure):
-    assert figure.subfigs[0].get_suptitle() == TITLE
+def test_every_figure_says_what_was_sampled_and_what_that_is_not(make):
+    figure = make()
+    assert drawn(figure).get_suptitle() == TITLE
     assert [text.get_text() for text in figure.texts] == [NO_PROOF]
-    assert len(figure.subfigs[0].axes) == 2
+    assert len(drawn(figure).axes) == 2
 
 
 def test_lines_are_even_and_words_whole():
@@ -117,7 +124,7 @@ def test_a_figure_is_written_or_refused_as_a_whole(tmp_path):
 
 
 def test_margins_are_distribution_functions():
-    panel = draw_margins(margin_panels(), TITLE, NO_PROOF).subfigs[0].axes[0]
+    panel = drawn(draw_margins(margin_panels(), TITLE, NO_PROOF)).axes[0]
     zero, curve, other = panel.lines
     assert list(zero.get_xdata()) == [0, 0]
     x, y = curve.get_data()
@@ -139,7 +146,7 @@ def test_margins_are_distribution_functions():
 
 def test_margins_far_out_do_not_set_the_axis():
     margins = np.concatenate([np.linspace(0.5, 1, 50), [-3000.0, -1e9]])
-    (panel,) = draw_margins([MarginPanel("kept", "", {"lqr": margins})], TITLE, "").subfigs[0].axes
+    (panel,) = drawn(draw_margins([MarginPanel("kept", "", {"lqr": margins})], TITLE, "")).axes
     low, high = panel.get_xlim()
     assert -0.5 < low < 0 < 1 < high < 1.5
     assert entries(panel.get_legend()) == ["LQR: 50 of 52 kept; 2 beyond the left edge"]
@@ -150,14 +157,14 @@ def test_margins_far_out_do_not_set_the_axis():
 )
 def test_zero_is_always_well_inside(margins):
     panel = MarginPanel("kept", "", {"grosmc": np.array(margins)})
-    low, high = draw_margins([panel], TITLE, "").subfigs[0].axes[0].get_xlim()
+    low, high = drawn(draw_margins([panel], TITLE, "")).axes[0].get_xlim()
     assert low < 0 < high
     assert 0.1 < -low / (high - low) < 0.9
 
 
 def test_a_law_that_fails_widely_does_not_hide_the_others():
     laws = {"grosmc": np.linspace(0.1, 1, 30), "lqr": np.linspace(-1e6, -1e5, 30)}
-    low, _ = draw_margins([MarginPanel("kept", "", laws)], TITLE, "").subfigs[0].axes[0].get_xlim()
+    low, _ = drawn(draw_margins([MarginPanel("kept", "", laws)], TITLE, "")).axes[0].get_xlim()
     assert low > -10
 
 
@@ -166,19 +173,19 @@ def test_a_law_that_fails_widely_does_not_hide_the_others():
 
 def test_every_run_is_marked_by_its_outcome():
     shown = pass_map()
-    first, second = draw_pass_map(shown, TITLE, NO_PROOF).subfigs[0].axes
-    drawn = {each.get_label(): each for each in first.collections}
+    first, second = drawn(draw_pass_map(shown, TITLE, NO_PROOF)).axes
+    marks = {each.get_label(): each for each in first.collections}
     masks = {
         "passed": MARGINS >= 0,
         "failed": MARGINS == -0.5,
         "did not complete": MARGINS == -INF,
     }
-    assert list(drawn) == list(masks)
+    assert list(marks) == list(masks)
     points = np.stack(shown.laws["grosmc"][:2], axis=1)
     for outcome, mask in masks.items():
-        np.testing.assert_array_equal(drawn[outcome].get_offsets(), points[mask])
-    assert len({to_hex(each.get_facecolor()[0]) for each in drawn.values()}) == 3
-    assert len({each.get_paths()[0].vertices.shape for each in drawn.values()}) == 3
+        np.testing.assert_array_equal(marks[outcome].get_offsets(), points[mask])
+    assert len({to_hex(each.get_facecolor()[0]) for each in marks.values()}) == 3
+    assert len({each.get_paths()[0].vertices.shape for each in marks.values()}) == 3
     assert first.get_title() == "GROSMC: 5 of 8 passed"
     assert second.get_title() == "LQR: 8 of 8 passed"
     assert (first.get_xlabel(), first.get_ylabel()) == ("mass scale of pole", "start angle [deg]")
@@ -187,7 +194,7 @@ def test_every_run_is_marked_by_its_outcome():
 
 def test_the_premise_is_drawn_where_it_begins_to_fail():
     figure = draw_pass_map(pass_map(grosmc=boundary(2.1)), TITLE, NO_PROOF)
-    first, second = figure.subfigs[0].axes
+    first, second = drawn(figure).axes
     hatched, line = first.collections[3:]
     (path,) = line.get_paths()
     # Between the columns of the grid the margin is linear, as the contour is.
@@ -195,7 +202,7 @@ def test_the_premise_is_drawn_where_it_begins_to_fail():
     assert hatched.hatches == ["//"]
     assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
     assert len(second.collections) == 1
-    (legend,) = figure.subfigs[0].legends
+    (legend,) = drawn(figure).legends
     assert entries(legend) == [
         "passed", "failed", "did not complete", BOUNDARY, "a premise does not hold",
     ]  # fmt: skip
@@ -207,14 +214,14 @@ def test_the_premise_is_drawn_where_it_begins_to_fail():
 )
 def test_a_premise_without_a_boundary_on_the_map(offset, said, drawn):
     figure = draw_pass_map(pass_map(grosmc=boundary(offset)), TITLE, NO_PROOF)
-    assert len(figure.subfigs[0].axes[0].collections) == 3 + drawn
-    assert entries(figure.subfigs[0].legends[0])[3:] == [said]
+    assert len(drawn(figure).axes[0].collections) == 3 + drawn
+    assert entries(drawn(figure).legends[0])[3:] == [said]
 
 
 def test_a_premise_may_be_minus_infinity():
     given = boundary(2.5)
     given.margin[:, -3:] = -INF
-    line = draw_pass_map(pass_map(grosmc=given), TITLE, "").subfigs[0].axes[0].collections[-1]
+    line = drawn(draw_pass_map(pass_map(grosmc=given), TITLE, "")).axes[0].collections[-1]
     np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
 
 
@@ -222,7 +229,7 @@ def test_a_premise_may_be_minus_infinity():
 
 
 def test_a_radius_is_drawn_beside_the_promise():
-    (panel,) = draw_radius([radius_curve()], TITLE, NO_PROOF).subfigs[0].axes
+    (panel,) = drawn(draw_radius([radius_curve()], TITLE, NO_PROOF)).axes
     legend = dict(zip(entries(panel.get_legend()), panel.get_legend().legend_handles, strict=True))
     lines = {each.get_label().replace("\n", " "): each for each in panel.lines}
     assert list(legend) == [
@@ -257,7 +264,7 @@ def test_a_radius_is_drawn_beside_the_promise():
     ],
 )
 def test_a_radius_that_is_not_there_is_said(changes, said):
-    (panel,) = draw_radius([radius_curve(**changes)], TITLE, NO_PROOF).subfigs[0].axes
+    (panel,) = drawn(draw_radius([radius_curve(**changes)], TITLE, NO_PROOF)).axes
     assert said in entries(panel.get_legend())
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -105,6 +106,8 @@ def test_one_twentieth_of_140_is_7():
     # ceil(0.05 * 140) is 8 in floating point.
     found = margin_summary(np.arange(140.0))
     assert (found.q05, found.cvar) == (6.0, 3.0)
+    # The worst 5 % of 21 are two.
+    assert margin_summary(np.arange(21.0)).cvar == 0.5
 
 
 # Two laws on the same plants.
@@ -206,6 +209,26 @@ def test_share_sees_what_is_not_monotone():
     assert found.share == pytest.approx((between - chance) / (1 - chance), rel=1e-12)
 
 
+def test_share_knows_no_direction():
+    # 50 runs in 7 bins, whose sizes mirror each other.
+    rng = np.random.default_rng(2)
+    x, margins = rng.normal(size=50).round(1), rng.normal(size=50)
+    (one,), (other,) = drivers({"x": x}, x + margins), drivers({"x": -x}, x + margins)
+    assert one.share == pytest.approx(other.share, rel=1e-12)
+    assert (one.low, one.correlation, one.high) == pytest.approx(
+        tuple(-v for v in (other.high, other.correlation, other.low) if v is not None)
+    )
+
+
+@pytest.mark.parametrize("runs", [4, 5, 50, 1100])
+def test_one_run_that_differs_is_enough_for_two_bins(runs):
+    one = np.zeros(runs)
+    one[0] = 1
+    for sign in (1, -1):
+        (found,) = drivers({"x": sign * one}, one)
+        assert found.share == pytest.approx(1, rel=1e-12)
+
+
 def test_shares_of_two_independent_parameters():
     # Cells of a factorial plan with mean ranks 0, 1, 2, 3 apart: variances 4 : 1.
     a, b = (np.tile(each, 25) for each in ([0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 0.0, 1.0]))
@@ -241,7 +264,7 @@ def test_correlation_and_p_value_are_scipys(seed):
     (found,) = drivers({"x": levels}, margins)
     # SciPy's own ranks know no -inf; a number below all others has the same rank.
     finite = np.where(margins == -INF, -1e9, margins)
-    expected = stats.spearmanr(levels, finite)
+    expected: Any = stats.spearmanr(levels, finite)
     assert found.correlation == pytest.approx(expected.statistic, abs=1e-12)
     if seed % 2:
         groups = [finite[levels == level] for level in (0, 1)]

@@ -112,10 +112,12 @@ def _share(own: Array, ranks: Array) -> tuple[float, float]:
     """The share of the ranks' variance between the bins, and the p-value of its excess."""
     runs = len(ranks)
     bins = min(math.isqrt(runs), _MOST_BINS)
-    # Equal values have equal ranks, so that they share a bin.
-    places = np.unique(np.floor((own - 0.5) * bins / runs), return_inverse=True)[1]
+    # Equal values have equal ranks, so that they share a bin; some bins may stay empty.
+    places = ((own - 0.5) * bins / runs).astype(int)
     counts = np.bincount(places)
-    means = np.bincount(places, weights=ranks) / counts
+    sums = np.bincount(places, weights=ranks)[counts > 0]
+    counts = counts[counts > 0]
+    means = sums / counts
     middle = (runs + 1) / 2
     between = float(counts @ (means - middle) ** 2 / ((ranks - middle) ** 2).sum())
     chance = (len(counts) - 1) / (runs - 1)

@@ -100,10 +100,8 @@ def runs_needed(rate: float, confidence: float = 0.95) -> int:
     share = Decimal(repr(checked_share("rate", rate)))
     doubt = 1 - Decimal(repr(checked_share("confidence", confidence)))
     runs = int((doubt.ln() / share.ln()).to_integral_value(ROUND_CEILING))
-    # The quotient of two rounded logarithms may miss a tie by one.
-    if runs > 1 and share ** (runs - 1) <= doubt:
-        return runs - 1
-    return runs if share**runs <= doubt else runs + 1
+    # A tie that the rounded quotient missed from above.
+    return runs - 1 if share ** (runs - 1) <= doubt else runs
 
 
 def margin_summary(margins: Any) -> MarginSummary:
