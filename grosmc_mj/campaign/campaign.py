@@ -66,7 +66,7 @@ class Campaign:
         family = family_of(experiment.file, experiment.case, plants[name])
         if question.sampler == "corners":
             _refuse_corners(question, family)
-        requirements = required(experiment.limits, laws, experiment.case.duration)
+        requirements = required(experiment.limits, laws, _transient(experiment, family))
         found = cls(question, experiment, family, laws, requirements)
         found.member(found.family.nominal).plant(found.plant)
         return found
@@ -97,6 +97,22 @@ class Campaign:
         """The plant, disturbances and start that these values make."""
         row = np.asarray(values, float).tolist()
         return member_of(self.experiment.case, self.family.quantities, row)
+
+
+def _transient(experiment: Experiment, family: Family) -> float:
+    """How long every run goes on before a disturbance begins, or until its end [s].
+
+    A disturbance that acts from the start is part of the transient.
+    """
+    case, first = experiment.case, []
+    for disturbance in case.disturbances:
+        known = [
+            each.distribution.support[0]
+            for each in family.quantities
+            if each.of == disturbance.label and each.quantity == "onset"
+        ]
+        first.append(known[0] if known else disturbance.window[0])
+    return min([case.duration, *(onset for onset in first if onset > 0)])
 
 
 def _refuse_corners(question: Question, family: Family) -> None:

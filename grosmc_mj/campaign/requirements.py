@@ -43,13 +43,15 @@ class Meaning:
 Measure = Callable[[Any, Meaning], Array]
 
 
-def settling_time(meters: Any, meaning: Meaning) -> Array:
-    """When each run enters the 2 % band for good [s], (n,); infinite if it does not.
-
-    As in ``validation.metrics.settled``, to the sample.
-    """
+def outside_until(meters: Any, meaning: Meaning) -> Array:
+    """First sample from which on each run stays in the 2 % band, in its transient [s], (n,)."""
     settled = np.where(meters["outside"] < 0, 0.0, meters["outside"] + meaning.control_period)
-    settled = np.where(meters["start"] == 0, 0.0, settled)
+    return np.where(meters["start"] == 0, 0.0, settled)
+
+
+def settling_time(meters: Any, meaning: Meaning) -> Array:
+    """The same, if that is soon enough to be sure, else infinity; as in ``validation.metrics``."""
+    settled = outside_until(meters, meaning)
     return np.where(settled > (1 - DWELL) * meaning.transient, np.inf, settled)
 
 
@@ -64,7 +66,6 @@ METRICS: Mapping[str, tuple[str, Measure]] = {
     "cart_travel": ("m", lambda meters, _: meters["travel"]),
 }
 _LIMITED = {
-    "settles_within": "settling_time",
     "deviation_below": "deviation",
     "input_below": "max_input",
     "sliding_below": "max_sliding",
@@ -94,9 +95,8 @@ class Requirement:
     measured: Measure
 
     def margins(self, meters: Any, completed: Array, meaning: Meaning) -> Array:
-        """Limit less measured, (n,); -inf for runs that ended early or never settled."""
-        measured = self.measured(meters, meaning)
-        return np.where(completed & np.isfinite(measured), self.limit - measured, -np.inf)
+        """Limit less measured, (n,); -inf for runs that ended early."""
+        return np.where(completed, self.limit - self.measured(meters, meaning), -np.inf)
 
 
 def afters(limits: Sequence[Limit]) -> list[float]:
@@ -105,9 +105,14 @@ def afters(limits: Sequence[Limit]) -> list[float]:
 
 
 def required(
-    limits: Sequence[Limit], laws: Mapping[str, Controller], duration: float
+    limits: Sequence[Limit], laws: Mapping[str, Controller], transient: float
 ) -> tuple[Requirement, ...]:
     """The requirements of a case file, of the laws that are run.
+
+    Args:
+        limits: The file's.
+        laws: Those that are run.
+        transient: How long every run goes on before a disturbance begins, or until its end [s].
 
     Raises:
         ArgumentError: If one cannot be measured while a run goes on, or holds after its end.
@@ -121,10 +126,11 @@ def required(
             raise ArgumentError(
                 "cost_ratio_below is measured on recorded runs only, not in campaigns: leave it out"
             )
-        if limit.kind == "settles_within" and limit.value > (1 - DWELL) * duration:
+        if limit.kind == "settles_within" and limit.value > (1 - DWELL) * transient:
             raise ArgumentError(
-                f"{limit.words}: an error counts as settled after a tenth of the run in the band, "
-                f"so a run of {duration:g} s tells up to {(1 - DWELL) * duration:g} s only"
+                f"{limit.words}: there are {transient:g} s before a run ends or a disturbance "
+                f"begins; they tell up to {(1 - DWELL) * transient:g} s, since an error counts as "
+                "settled after a tenth of them in the band"
             )
         same = sum(each.key.rsplit(" ", 1)[0] == limit.kind for each in found)
         key = limit.kind if not same else f"{limit.kind} {same + 1}"
@@ -136,34 +142,24 @@ def required(
 
 def _measure(limit: Limit, limits: Sequence[Limit]) -> Measure:
     """What a limit is about."""
+    if limit.kind == "settles_within":
+        return outside_until
     if limit.kind != "stays_within":
         return METRICS[_LIMITED[limit.kind]][1]
     place = afters(limits).index(limit.after)
     return lambda meters, _: meters["error"][:, place]
 
 
-def relative(margins: Array, limits: Array, ended: Array, duration: float) -> Array:
+def relative(margins: Array, limits: Array, completed: Array) -> Array:
     """One number a run, the smaller the worse: its least margin in parts of the limit.
-
-    Below -1 lie what never settled and, below -2, the runs that ended early: the earlier, the
-    lower. What is not limited is 1.
 
     Args:
         margins: (n, k); NaN where a requirement is not the controller's.
         limits: (k,).
-        ended: When each run ended [s], (n,).
-        duration: [s].
+        completed: Which runs did, (n,).
 
     Returns:
-        (n,).
+        (n,): at most 1, which is all of a limit; -inf for runs that ended early.
     """
-    if margins.shape[1]:
-        shares = np.where(np.isnan(margins), np.inf, margins / limits)
-        least = np.clip(shares.min(axis=1), None, 1.0)
-        # -1 is twice the limit; what is beyond comes closer and closer to -2, and infinity is -2.
-        beyond = -2.0 + 1.0 / np.clip(-least, 1.0, None)
-        found = np.where(least < -1, beyond, least)
-    else:
-        found = np.ones(len(ended))
-    cut = ended < duration * (1 - 1e-12)
-    return np.where(cut, -3.0 + ended / duration, found)
+    shares = np.where(np.isnan(margins), 1.0, margins / limits)
+    return np.where(completed, shares.min(axis=1, initial=1.0), -np.inf)

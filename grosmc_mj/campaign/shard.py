@@ -117,8 +117,7 @@ def outcomes(
         relative=relative(
             np.stack([nothing, *margins.values()], axis=1),
             np.array([1.0, *(each.limit for each in campaign.requirements)]),
-            ended,
-            campaign.duration,
+            completed,
         ),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,16 +12,17 @@ from scipy.optimize import differential_evolution
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.sampling import unit_points
-from grosmc_mj.campaign.shard import evaluate
+from grosmc_mj.campaign.shard import Outcomes, evaluate
 from grosmc_mj.errors import ArgumentError
 
 # Plants of one generation, and how many of the first one are the worst samples.
 _POPULATION, _FROM_SAMPLES = 64, 16
+# Points stay off the faces of the cube, where quantiles may be infinite.
+_EDGE = 2.0**-53
+# Of a run that ended at once; none that was completed comes near it.
+_CUT = 1e9
 # Points of one look along a line, and how often it is refined.
 _LINE, _REFINED = 16, 2
-
-# Unit points (n, d) to how bad each is, (n,): see ``requirements.relative``.
-Badness = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,27 +80,16 @@ def worst(
     if evaluations < 2 * _POPULATION:
         raise ArgumentError(f"--evaluations {evaluations} must be {2 * _POPULATION} or more")
     question, d = campaign.question, len(campaign.family.quantities)
-    best: list[tuple[float, Array]] = []
-
-    def badness(points: Array) -> Array:
-        values = campaign.family.values(np.clip(points, 2.0**-53, 1 - 2.0**-53))
-        found = evaluate(campaign, controller, values).relative
-        least = int(found.argmin())
-        if not best or found[least] < best[0][0]:
-            best[:] = [(float(found[least]), values[least])]
-        advance(len(points))
-        return found
-
     samples = np.concatenate(
         [unit_points(question.sampler, d, question.seed, i, 1) for i in ids[:_FROM_SAMPLES]]
     )
+    search = _Search(campaign, controller, advance)
     rest = unit_points("lhs", d, question.seed + 1, 0, _POPULATION - len(samples))
-    first = np.concatenate([samples, rest])
     generations = evaluations // _POPULATION
     differential_evolution(
-        lambda x: badness(x.T.reshape(-1, d)),
+        lambda x: search(x.T.reshape(-1, d)),
         [(0.0, 1.0)] * d,
-        init=first,
+        init=np.concatenate([samples, rest]),
         maxiter=generations - 1,
         tol=0.0,
         polish=False,
@@ -106,65 +97,86 @@ def worst(
         vectorized=True,
         rng=np.random.default_rng(question.seed),
     )
-    relative, values = best[0]
-    best.clear()
-    spent = generations * _POPULATION
-    for start in range(0, spent, _POPULATION):
-        badness(unit_points("random", d, question.seed + 1, start, _POPULATION))
-    random = best[0][0]
-    if random < relative:
-        relative, values = best[0]
-    sampled = evaluate(campaign, controller, campaign.family.values(samples)).relative
-    small = shrunk(campaign, controller, values) if relative < 0 else None
+    at_random = _Search(campaign, controller, advance)
+    for first in range(0, generations * _POPULATION, _POPULATION):
+        at_random(unit_points("random", d, question.seed + 1, first, _POPULATION))
+    values = min(search, at_random, key=lambda each: each.badness).values
+
+    def relative(tried: Array) -> float:
+        return float(evaluate(campaign, controller, tried).relative.min())
+
+    found = relative(values[None])
+    small = shrunk(campaign, controller, values) if found < 0 else None
     return Worst(
         controller=controller,
         values=values,
-        relative=relative,
-        samples=float(sampled.min()),
-        random=random,
-        evaluations=spent,
-        shrunk=None if small is None else small[0],
-        shrunk_relative=None if small is None else small[1],
-        changed=()
-        if small is None
-        else tuple(
-            each.name
-            for each, value in zip(campaign.family.quantities, small[0], strict=True)
-            if value != each.nominal
-        ),
+        relative=found,
+        samples=relative(campaign.family.values(samples)),
+        random=relative(at_random.values[None]),
+        evaluations=search.runs,
+        shrunk=small,
+        shrunk_relative=None if small is None else relative(small[None]),
+        changed=_changed(campaign, small),
     )
 
 
-def shrunk(campaign: Campaign, controller: str, values: Array) -> tuple[Array, float]:
-    """A failing plant brought towards the nominal one as far as it fails still.
+class _Search:
+    """Unit points (n, d) to how bad each is, (n,), with the worst so far."""
+
+    def __init__(
+        self, campaign: Campaign, controller: str, advance: Callable[[int], object]
+    ) -> None:
+        self._campaign, self._controller, self._advance = campaign, controller, advance
+        self.badness, self.values, self.runs = math.inf, np.zeros(0), 0
+
+    def __call__(self, points: Array) -> Array:
+        values = self._campaign.family.values(np.clip(points, _EDGE, 1 - _EDGE))
+        found = _badness(evaluate(self._campaign, self._controller, values))
+        least = int(found.argmin())
+        if found[least] < self.badness:
+            self.badness, self.values = float(found[least]), values[least]
+        self.runs += len(points)
+        self._advance(len(points))
+        return found
+
+
+def _badness(found: Outcomes) -> Array:
+    """How bad each plant is, for a search: what ends early is worse, the earlier the worse."""
+    return np.where(np.isneginf(found.relative), -_CUT / (1 + found.ended), found.relative)
+
+
+def _changed(campaign: Campaign, values: Array | None) -> tuple[str, ...]:
+    """Names of the numbers that are not nominal."""
+    if values is None:
+        return ()
+    pairs = zip(campaign.family.quantities, values, strict=True)
+    return tuple(each.name for each, value in pairs if value != each.nominal)
+
+
+def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
+    """A failing plant brought towards the nominal one as far as it fails still, (d,).
 
     Numbers are made nominal one by one, each time the one without which it fails worst; then all
     that are left are moved towards their nominal values together.
-
-    Returns:
-        Its values, (d,), and its least margin.
     """
     nominal, found = campaign.family.nominal, values.copy()
 
-    def failing(candidates: Array) -> tuple[Array, Array]:
-        relative = evaluate(campaign, controller, candidates).relative
-        return relative, np.flatnonzero(relative < 0)
+    def relative(candidates: Array) -> Array:
+        return evaluate(campaign, controller, candidates).relative
 
     while len(left := np.flatnonzero(found != nominal)):
         candidates = np.tile(found, (len(left), 1))
         candidates[range(len(left)), left] = nominal[left]
-        relative, fails = failing(candidates)
-        if not len(fails):
+        tried = relative(candidates)
+        if not tried.min() < 0:
             break
-        found = candidates[fails[relative[fails].argmin()]]
+        found = candidates[int(tried.argmin())]
     low, high = 0.0, 1.0
     for _ in range(_REFINED):
-        shares = np.linspace(low, high, _LINE + 1)[1:]
-        _, fails = failing(nominal + shares[:, None] * (found - nominal))
-        if not len(fails):
+        shares = np.linspace(low, high, _LINE + 1)
+        failing = relative(nominal + shares[1:, None] * (found - nominal)) < 0
+        if not failing.any():
             break
-        high = float(shares[fails[0]])
-        low = float(shares[fails[0] - 1]) if fails[0] else low
-    if high < 1:
-        found = nominal + high * (found - nominal)
-    return found, float(failing(found[None])[0][0])
+        first = int(failing.argmax())
+        low, high = float(shares[first]), float(shares[first + 1])
+    return found if high == 1.0 else nominal + high * (found - nominal)
