@@ -5,23 +5,19 @@ Nothing here imports MuJoCo: a worker can say what is wrong before it does so it
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pickle
-import signal
-import threading
 from collections import deque
-from collections.abc import Generator, Iterator
-from multiprocessing import resource_tracker
+from collections.abc import Generator
 from multiprocessing.util import Finalize
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from loky.backend import resource_tracker as loky_resource_tracker
 from loky.process_executor import ProcessPoolExecutor, TerminatedWorkerError
 
+from grosmc_mj.child_processes import end_with, interrupts_held
 from grosmc_mj.errors import SetupError
 
 if TYPE_CHECKING:
@@ -87,38 +83,10 @@ def _in_order(
         yield waiting.popleft().result()
 
 
-@contextlib.contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Start processes that Ctrl-C in the terminal does not reach; ours arrives afterwards.
-
-    A process inherits the blocked signal, so that it cannot print a traceback of its own while
-    this one ends it. Blocking alone would not hold ours back: threads of the numerical libraries
-    take the signal too, and Python then interrupts the main thread between any two instructions.
-    """
-    # These are started with the first process, and unblock the signal when they are.
-    resource_tracker.ensure_running()
-    loky_resource_tracker.ensure_running()
-    held: list[int] = []
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    # A handler that C code has installed reads as None and could not be put back.
-    handler = signal.getsignal(signal.SIGINT) if in_main_thread else None
-    if handler is not None:
-        signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        if handler is not None:
-            signal.signal(signal.SIGINT, handler)
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-    if held:
-        signal.raise_signal(signal.SIGINT)
-
-
 def _start(given: Path, backend: str, parent: int) -> None:
     """Make a worker ready to draw; it ends when its parent does."""
     global _maker, _failure
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    end_with(parent)
     try:
         from grosmc_mj.rendering.frames import FrameMaker
 
@@ -131,14 +99,6 @@ def _start(given: Path, backend: str, parent: int) -> None:
         return
     # Later than at this point the interpreter would print a traceback for an open renderer.
     Finalize(None, _maker.close, exitpriority=100)
-
-
-def _end_with(parent: int) -> None:
-    """End this process once its parent has gone."""
-    waiting = threading.Event()
-    while os.getppid() == parent:
-        waiting.wait(1.0)
-    os._exit(1)
 
 
 def _draw(index: int) -> np.ndarray:

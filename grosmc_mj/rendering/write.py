@@ -21,7 +21,7 @@ from grosmc_mj.rendering.board import Storyboard
 from grosmc_mj.rendering.ffmpeg import Ffmpeg, find_ffmpeg
 from grosmc_mj.rendering.film import Film
 from grosmc_mj.rendering.storyboard import storyboard
-from grosmc_mj.rendering.workers import draw_frames, interrupts_held
+from grosmc_mj.rendering.workers import draw_frames
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
 # Two threads on any machine: their number changes the bytes.
