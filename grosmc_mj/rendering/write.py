@@ -14,6 +14,7 @@ import mediapy
 import numpy as np
 from PIL import Image
 
+from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.rendering.backends import find_backend, forget
