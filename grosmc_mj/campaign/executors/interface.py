@@ -1,0 +1,70 @@
+"""What an executor is given, and what it gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+# How often a shard is tried before the workers that die of it are no accident any more.
+ATTEMPTS = 3
+
+# Told in one line what happened to a worker, in the thread that iterates.
+Notice = Callable[[str], None]
+
+
+class Work(Protocol):
+    """One shard of the whole, named by its index; picklable.
+
+    A module-level function, or a `functools.partial` of one. It leaves its results in storage
+    and returns only a small report. It may be run again, wholly or after a part of it, so what it
+    leaves must not depend on that.
+    """
+
+    def __call__(self, index: int, /) -> Any:
+        """Run the shard and return its report."""
+        ...
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A shard that is done.
+
+    Attributes:
+        index: Which.
+        report: What the work returned.
+        attempts: How many workers were given it; more than 1 if some died.
+    """
+
+    index: int
+    report: Any
+    attempts: int
+
+
+class Executor(Protocol):
+    """Runs shards, in an order of its own."""
+
+    @property
+    def threads_per_worker(self) -> int:
+        """Threads that the work may use, so that all workers together use each core once."""
+        ...
+
+    def run(self, work: Work, indices: Sequence[int], notice: Notice) -> Iterator[Finished]:
+        """Run the work on each index once, and yield each as it finishes.
+
+        Closing the iterator, an error and Ctrl-C stop the workers; shards under way are given up.
+
+        Args:
+            work: What to run.
+            indices: On what; a range of any length is never unrolled.
+            notice: Told of every worker that died.
+
+        Yields:
+            Each shard once, in the order in which they finish.
+
+        Raises:
+            GrosmcError: As the work raised it, with its type and message; other errors of the
+                work are a SetupError that names the shard.
+            SetupError: If a shard has cost its last attempt, or the workers cannot be reached.
+        """
+        ...
