@@ -14,6 +14,7 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.distributions import Distribution, distribution
+from grosmc_mj.campaign.requirements import METRICS
 from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.casefile.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.casefile.units import number_in
@@ -24,6 +25,8 @@ from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.validation.cases import Case
 
+# Columns of the results, beside the uncertain numbers.
+RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
 # What a physical plant has above zero, and what it has not below zero.
 _POSITIVE = ("mass_scale", "length_scale", "scale")
 _NOT_NEGATIVE = ("added_mass", "damping", "friction", "armature")
@@ -158,16 +161,20 @@ def family_of(file: CaseFile, case: Case, plant: AnalyticPlant | MujocoPlant) ->
             quantities.append(_quantity(table, case, plant))
         except ArgumentError as error:
             raise ArgumentError(f"uncertain {index + 1} ({table.called}): {error}") from None
+    _refuse_twice([f"{each.of} {each.quantity}" for each in quantities], "uncertain")
     names = [each.name for each in quantities]
-    for kind, keys in (
-        ("uncertain", [(each.owner, each.of, each.quantity) for each in quantities]),
-        ("called", names),
-    ):
-        for key in keys:
-            if keys.count(key) > 1:
-                words = key if isinstance(key, str) else f"{key[1]} {key[2].replace('_', ' ')}"
-                raise ArgumentError(f"uncertain: two are {kind} {words!r}")
+    _refuse_twice(names, "called")
+    for name in names:
+        if name in RESERVED:
+            raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
+
+
+def _refuse_twice(names: Sequence[str], how: str) -> None:
+    """Refuse two of one name."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ArgumentError(f"uncertain: two are {how} {name!r}")
 
 
 def _quantity(table: UncertainTable, case: Case, plant: AnalyticPlant | MujocoPlant) -> Quantity:
@@ -238,8 +245,9 @@ def _of_disturbance(table: UncertainTable, case: Case, plant: Any) -> float:
     profile = named[table.of].profile
     if table.quantity == "amplitude":
         return 0.0
-    pulsed = isinstance(profile, Pulse) and table.quantity == "onset"
-    value = profile.start if pulsed else getattr(profile, table.quantity, None)
+    if isinstance(profile, Pulse) and table.quantity == "onset":
+        return profile.start
+    value: Any = getattr(profile, table.quantity, None)
     if value is None:
         raise ArgumentError(f"a {type(profile).__name__} profile has no {table.quantity}")
     return float(value)

@@ -80,10 +80,12 @@ def _edit(edits: list[Edit], quantity: Quantity, value: float) -> None:
             edits.append(AddedMass(quantity.of, value, quantity.at))
         return
     for index, each in enumerate(edits):
-        of_body = isinstance(each, BodyEdit) and quantity.owner == "body"
-        if (of_body and each.body == quantity.of) or (
-            isinstance(each, JointEdit) and quantity.owner == "joint" and each.joint == quantity.of
-        ):
+        same = isinstance(each, BodyEdit) and (each.body, "body") == (quantity.of, quantity.owner)
+        same |= isinstance(each, JointEdit) and (each.joint, "joint") == (
+            quantity.of,
+            quantity.owner,
+        )
+        if same:
             edits[index] = replace(each, **change)
             return
     made = BodyEdit if quantity.owner == "body" else JointEdit

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
@@ -44,7 +45,7 @@ class Outcomes:
     relative: Array
 
     @property
-    def kept(self) -> Array:
+    def kept(self) -> NDArray[np.bool_]:
         """Which runs keep everything, (n,)."""
         return self.relative >= 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -86,10 +87,11 @@ def worst(
     search = _Search(campaign, controller, advance)
     rest = unit_points("lhs", d, question.seed + 1, 0, _POPULATION - len(samples))
     generations = evaluations // _POPULATION
+    first: Any = np.concatenate([samples, rest])
     differential_evolution(
         lambda x: search(x.T.reshape(-1, d)),
         [(0.0, 1.0)] * d,
-        init=np.concatenate([samples, rest]),
+        init=first,
         maxiter=generations - 1,
         tol=0.0,
         polish=False,

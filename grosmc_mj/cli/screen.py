@@ -45,4 +45,4 @@ def progress(total: int, unit: str = "") -> Iterator[Any]:
         disable=not error_console.is_terminal,
     ) as bar:
         task = bar.add_task("", total=total)
-        yield lambda text="": bar.update(task, advance=1, description=f"{text:<40}")
+        yield lambda text="", by=1: bar.update(task, advance=by, description=f"{text:<40}")

@@ -1,0 +1,115 @@
+"""What the runs of a campaign say: rates, margins, differences and what drives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.drivers import Driver, drivers
+from grosmc_mj.campaign.folder import EVERYTHING, Counts, Folder, margin_column
+from grosmc_mj.campaign.pairing import PairedDifference, paired
+from grosmc_mj.campaign.requirements import COMPLETES
+from grosmc_mj.campaign.sampled import Sampled
+from grosmc_mj.campaign.statistics import MarginSummary, margin_summary, pass_rate
+from grosmc_mj.campaign.statistics import PassRate as PassRate
+
+# Runs that distributions, differences and drivers are computed from; counts are of all.
+MOST = 2**20
+# What the least margin of all requirements is called.
+ALL = "all requirements"
+_WORST = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """The statements of a campaign.
+
+    Attributes:
+        sampled: What the rates rest on.
+        looked_at: What the rest does.
+        rates: By requirement, in words, and law.
+        cut_short: Runs that ended early, by law.
+        margins: By requirement, in words, and law, (n,) each.
+        summaries: Of these.
+        differences: By requirement, first and second law.
+        drivers: By law: what drives its least margin, in parts of the limit.
+        worst: By law: numbers of its worst runs, the worst first.
+        units: Of margins, by requirement.
+    """
+
+    sampled: Sampled
+    looked_at: Sampled
+    rates: Mapping[tuple[str, str], PassRate]
+    cut_short: Mapping[str, int]
+    margins: Mapping[tuple[str, str], Array]
+    summaries: Mapping[tuple[str, str], MarginSummary]
+    differences: Mapping[tuple[str, str, str], PairedDifference]
+    drivers: Mapping[str, list[Driver]]
+    worst: Mapping[str, list[int]]
+    units: Mapping[str, str]
+
+
+def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
+    """Read back what is there of a campaign and compute what it says.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept.
+        confidence: Of every interval, between 0 and 1.
+
+    Raises:
+        GrosmcError: If there are no runs, a part is broken, or the confidence is no share.
+    """
+    question = campaign.question
+    counts = folder.counts(range(question.shards))
+    first = range(min(question.shards, -(-MOST // question.shard)))
+    words = {each.words: margin_column(each.key) for each in campaign.requirements}
+    margins: dict[tuple[str, str], Array] = {}
+    causes: dict[str, list[Driver]] = {}
+    worst: dict[str, list[int]] = {}
+    looked = 0
+    for law in campaign.laws:
+        columns = folder.columns(["id", "relative", *campaign.family.names], law, first)
+        looked, relative = len(columns["id"]), columns.pop("relative")
+        margins[ALL, law] = relative
+        worst[law] = columns.pop("id")[relative.argsort(kind="stable")[:_WORST]].tolist()
+        causes[law] = drivers(columns, relative, confidence)
+    for requirement in campaign.requirements:
+        for law in requirement.of:
+            name = words[requirement.words]
+            margins[requirement.words, law] = folder.columns([name], law, first)[name]
+    runs = next(iter(counts.values()))["runs"]
+    sampled = Sampled(runs, question.runs, question.sampler, question.seed)
+    last = list(campaign.laws)[-1]
+    return Findings(
+        sampled=sampled,
+        looked_at=sampled._replace(runs=looked),
+        rates=_rates(campaign, counts, confidence),
+        cut_short={law: each["runs"] - each[COMPLETES] for law, each in counts.items()},
+        margins=margins,
+        summaries={key: margin_summary(each) for key, each in margins.items()},
+        differences={
+            (requirement, law, last): paired(each, margins[requirement, last], confidence)
+            for (requirement, law), each in margins.items()
+            if law != last and (requirement, last) in margins
+        },
+        drivers=causes,
+        worst=worst,
+        units={ALL: "of the limit", **{each.words: each.unit for each in campaign.requirements}},
+    )
+
+
+def _rates(
+    campaign: Campaign, counts: Counts, confidence: float
+) -> dict[tuple[str, str], PassRate]:
+    """Pass rates of all requirements, and of all together."""
+    asked = [(COMPLETES, COMPLETES, tuple(campaign.laws))]
+    asked += [(each.words, each.key, each.of) for each in campaign.requirements]
+    asked.append((ALL, EVERYTHING, tuple(campaign.laws)))
+    return {
+        (words, law): pass_rate(counts[law][key], counts[law]["runs"], confidence)
+        for words, key, of in asked
+        for law in of
+    }

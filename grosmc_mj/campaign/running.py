@@ -1,0 +1,49 @@
+"""Running what is missing of a campaign, wherever its executor does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.executors import Executor, Notice
+from grosmc_mj.campaign.folder import EVERYTHING, Folder, add
+from grosmc_mj.campaign.work import ShardReport, run_shard
+
+# Number of runs done and, by law, the share of these that keeps everything so far.
+Advance = Callable[[int, dict[str, float]], object]
+
+
+def missing(campaign: Campaign, folder: Folder) -> list[int]:
+    """Numbers of the parts that are not there."""
+    return [index for index in range(campaign.question.shards) if not folder.done(index)]
+
+
+def run_missing(
+    campaign: Campaign, folder: Folder, executor: Executor, notice: Notice, advance: Advance
+) -> int:
+    """Run the parts that are missing.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept, with its manifest.
+        executor: What runs them.
+        notice: Told of workers that died.
+        advance: Told after each part.
+
+    Returns:
+        How often a part had to be run again.
+
+    Raises:
+        GrosmcError: If a part cannot be run; those that were finished stay.
+    """
+    work = partial(run_shard, str(folder.path.resolve()), threads=executor.threads_per_worker)
+    total: dict[str, dict[str, int]] = {}
+    again = 0
+    for finished in executor.run(work, missing(campaign, folder), notice):
+        report: ShardReport = finished.report
+        again += finished.attempts - 1
+        add(total, report.counts)
+        rates = {law: each[EVERYTHING] / each["runs"] for law, each in total.items()}
+        advance(report.runs * len(campaign.laws), rates)
+    return again
