@@ -209,12 +209,12 @@ def test_the_premise_is_drawn_where_it_begins_to_fail():
 
 
 @pytest.mark.parametrize(
-    ("offset", "said", "drawn"),
+    ("offset", "said", "hatched"),
     [(9.0, "the premises hold all over the map", 0), (0.0, "a premise does not hold", 1)],
 )
-def test_a_premise_without_a_boundary_on_the_map(offset, said, drawn):
+def test_a_premise_without_a_boundary_on_the_map(offset, said, hatched):
     figure = draw_pass_map(pass_map(grosmc=boundary(offset)), TITLE, NO_PROOF)
-    assert len(drawn(figure).axes[0].collections) == 3 + drawn
+    assert len(drawn(figure).axes[0].collections) == 3 + hatched
     assert entries(drawn(figure).legends[0])[3:] == [said]
 
 
@@ -245,6 +245,8 @@ def test_a_radius_is_drawn_beside_the_promise():
     assert data["failure found"] == [[3], [-0.2]]
     assert data["a run did not complete"] == [[4], [bottom]]
     assert bottom < -0.2
+    path = panel.lines[1].get_data()
+    assert [list(row) for row in path] == [[1, 2, 3, 4], [0.5, 0.1, -0.2, bottom]]
     assert lines["no failure found"].get_markerfacecolor() == COLOURS["grosmc"]
     assert lines["failure found"].get_markerfacecolor() == "white"
     assert data["no failure found up to 2"][0] == [2, 2]
