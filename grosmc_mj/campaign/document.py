@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from grosmc_mj.campaign.radius import Radius
 from grosmc_mj.campaign.sampled import NO_PROOF
 from grosmc_mj.campaign.worst import Worst
 from grosmc_mj.errors import SetupError
+
+if TYPE_CHECKING:
+    from grosmc_mj.campaign.replay import Replay
 
 RESULTS, WORST, RADIUS = "results.json", "worst.json", "radius.json"
 # Plants that are not samples, by what they are called.
@@ -85,9 +88,7 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
             "found": each.found,
             "largest_looked_at": each.largest,
             "plants_at_each_scale": each.plants,
-            "outside": None
-            if each.outside is None
-            else _named(campaign, each.outside.values),
+            "outside": None if each.outside is None else _named(campaign, each.outside.values),
             "outside_scale": None if each.outside is None else each.outside.scale,
             "promised": each.promised.scale,
             "promised_note": each.promised.note,
@@ -143,3 +144,25 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
+
+
+def replay_document(campaign: Campaign, found: Replay, engine: str) -> dict[str, Any]:
+    """One run that was repeated."""
+    return _plain(
+        {
+            "schema_version": SCHEMA_VERSION,
+            "engine": engine,
+            "controller": found.outcome.controller,
+            "uncertain": dict(found.values),
+            "status": found.outcome.status[0],
+            "ended": found.outcome.ended[0],
+            "metrics": {name: each[0] for name, each in found.outcome.metrics.items()},
+            "margins": {
+                each.words: found.outcome.margins[each.key][0]
+                for each in campaign.requirements
+                if found.outcome.controller in each.of
+            },
+            "as_stored": not found.differences if found.stored else None,
+            "differences": list(found.differences),
+        }
+    )

@@ -32,7 +32,11 @@ def draw_margins(campaign: Campaign, found: Findings, files: Sequence[Path]) -> 
         MarginPanel(
             words,
             found.units[words],
-            {law: each for (requirement, law), each in found.margins.items() if requirement == words},
+            {
+                law: each
+                for (requirement, law), each in found.margins.items()
+                if requirement == words
+            },
         )
         for words in requirements
     ]
@@ -128,5 +132,3 @@ def _title(campaign: Campaign) -> str:
 def both(path: Path) -> list[Path]:
     """PNG and SVG of a figure."""
     return [path.with_suffix(".png"), path.with_suffix(".svg")]
-
-

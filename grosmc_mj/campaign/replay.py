@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.document import FOUND, found_values
 from grosmc_mj.campaign.folder import Folder, margin_column
+from grosmc_mj.campaign.requirements import METRICS
 from grosmc_mj.campaign.shard import Outcomes, outcomes, plants_of, with_meters
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
-from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.validation.metrics import compare_with_optimum, measure
 from grosmc_mj.validation.runs import PlantName, RunResult
 
@@ -61,13 +63,78 @@ def replay(
         values = found_values(campaign, folder.path, which, name)
     else:
         values = campaign.values(range(number, number + 1))[0]
-    run, result, outcome = _run(campaign, name, values, which, engine)
+    result, outcome = _run(campaign, name, values, which, engine)
     stored = None if number is None else _stored(campaign, folder, number, name)
-    del run
     return Replay(
         result=result,
         outcome=outcome,
         values=dict(zip(campaign.family.names, values.tolist(), strict=True)),
         differences=() if stored is None else _differences(campaign, stored, outcome),
         stored=stored is not None,
+    )
+
+
+def _number(campaign: Campaign, which: str) -> int | None:
+    """Number of a run; None for a plant that was searched for."""
+    if which in FOUND:
+        return None
+    runs = campaign.question.runs
+    if not which.isdecimal() or not int(which) < runs:
+        raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(FOUND)}")
+    return int(which)
+
+
+def _run(
+    campaign: Campaign, controller: str, values: Array, which: str, engine: Engine
+) -> tuple[RunResult, Outcomes]:
+    """The run, recorded, on the plant as it is drawn."""
+    member, law = campaign.member(values), campaign.laws[controller]
+    (plant,) = plants_of(campaign, [member], drawn=True)
+    settings, ended = campaign.experiment.settings, ""
+    try:
+        run = simulate(
+            plant,
+            with_meters(campaign, law, member),
+            member.case.x0,
+            duration=campaign.duration,
+            control_period=campaign.control_period,
+            timestep=settings.timestep,
+            disturbances=member.case.disturbances,
+            engine=engine,
+        )
+    except DivergenceError as error:
+        run, ended = error.trajectory, str(error)
+    comparison = compare_with_optimum(run, law)
+    metrics = measure(run, law, comparison, member.case.onset)
+    case = replace(member.case, name=which, title=f"{member.case.title}: run {which}")
+    physics: PlantName = "physics" if isinstance(plant, MujocoPlant) else "corrected"
+    result = RunResult(case, physics, law, run, comparison, metrics, ended, plant)
+    ends = (run.memory[-1:], [run.status], [run.valid_until])
+    return result, outcomes(campaign, controller, values[None], [member], *ends)
+
+
+def _stored(
+    campaign: Campaign, folder: Folder, number: int, controller: str
+) -> Mapping[str, Any] | None:
+    """The row of a run; None if its part is not there."""
+    index = number // campaign.question.shard
+    names = [*METRICS, *(margin_column(each.key) for each in campaign.requirements)]
+    columns = folder.columns([*names, "relative", "ended", "status"], controller, [index])
+    place = number - campaign.question.ids(index).start
+    return {name: each[place] for name, each in columns.items()} if len(columns["ended"]) else None
+
+
+def _differences(campaign: Campaign, stored: Mapping[str, Any], found: Outcomes) -> tuple[str, ...]:
+    """What of a stored row a replay has not to the last bit."""
+    own: dict[str, Any] = {
+        **found.metrics,
+        **{margin_column(key): each for key, each in found.margins.items()},
+        "relative": found.relative,
+        "ended": found.ended,
+        "status": found.status,
+    }
+    return tuple(
+        f"{name}: {stored[name]} was stored, {own[name][0]} is found"
+        for name in stored
+        if np.asarray(stored[name]).tobytes() != np.asarray(own[name][0]).tobytes()
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.simulation.undrawn import undrawn
 
 
@@ -29,7 +30,7 @@ class Outcomes:
     Attributes:
         controller: Its name.
         values: The uncertain numbers, (n, d).
-        metrics: By name, (n,) each.
+        metrics: By name, (n,) each; NaN for runs that ended early.
         margins: By the requirement's key, (n,) each; NaN where it is not this controller's.
         status: How each run ended, in lower case, (n,).
         ended: Up to when it is valid [s], (n,).
@@ -73,7 +74,8 @@ def evaluate(campaign: Campaign, controller: str, values: Array, threads: int = 
         record=False,
         threads=threads,
     )
-    return outcomes(campaign, controller, values, members, run.memory[:, -1], run)
+    ends = (run.memory[:, -1], run.status, run.valid_until)
+    return outcomes(campaign, controller, values, members, *ends)
 
 
 def outcomes(
@@ -82,7 +84,8 @@ def outcomes(
     values: Array,
     members: Sequence[Member],
     memory: Any,
-    run: Any,
+    status: Iterable[Any],
+    valid_until: Any,
 ) -> Outcomes:
     """What the meters of n runs say.
 
@@ -92,7 +95,8 @@ def outcomes(
         values: (n, d).
         members: n of them.
         memory: The law's memory at the last sample of each, (n,).
-        run: A batch, with how each run ended.
+        status: How each ended, ``Status`` values, (n,).
+        valid_until: Up to when each is valid [s], (n,).
     """
     meters = memory["meters"]
     meaning = Meaning(
@@ -100,9 +104,9 @@ def outcomes(
         campaign.duration,
         np.array([member.case.onset for member in members]),
     )
-    status = [each.name.lower() for each in run.status]
-    completed = np.array([each == "completed" for each in status])
-    ended = np.where(completed, campaign.duration, np.asarray(run.valid_until, float))
+    words = [each.name.lower() for each in status]
+    completed = np.array(words) == Status.COMPLETED.name.lower()
+    ended = np.where(completed, campaign.duration, np.asarray(valid_until, float))
     nothing = np.full(len(values), np.nan)
     margins = {
         each.key: each.margins(meters, completed, meaning) if controller in each.of else nothing
@@ -111,9 +115,12 @@ def outcomes(
     return Outcomes(
         controller=controller,
         values=values,
-        metrics={name: measured(meters, meaning) for name, (_, measured) in METRICS.items()},
+        metrics={
+            name: np.where(completed, measured(meters, meaning), np.nan)
+            for name, (_, measured) in METRICS.items()
+        },
         margins=margins,
-        status=status,
+        status=words,
         ended=ended,
         relative=relative(
             np.stack([nothing, *margins.values()], axis=1),

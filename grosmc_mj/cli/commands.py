@@ -9,6 +9,8 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional, arg, subcommand
 
+from grosmc_mj.cli.campaign_commands import Campaign, Replay
+
 Systems = Annotated[
     Positional[tuple[str, ...]],
     arg(metavar="[SYSTEM ...]", name="system", help_behavior_hint="(default: all of them)"),
@@ -401,6 +403,7 @@ class Bench:
         integrator: MuJoCo's integrator; by default both RK4, the model's own, and implicitfast.
         rounds: How often each loop is measured; by default 15 times, robots 5 and films 3 times.
         robot: Measure 1024 Jaco arms of dm_control with payloads instead.
+        campaign: Measure a campaign of 4096 pendulums instead, its memory and its workers.
         films: Measure films instead: composed frames per second against bare mujoco.Renderer
             frames of the same size.
     """
@@ -408,6 +411,7 @@ class Bench:
     integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     rounds: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     robot: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    campaign: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
@@ -428,6 +432,8 @@ Command = (
     Annotated[Validate, subcommand("validate")]
     | Annotated[Run, subcommand("run")]
     | Annotated[New, subcommand("new")]
+    | Annotated[Campaign, subcommand("campaign")]
+    | Annotated[Replay, subcommand("replay")]
     | Annotated[Claims, subcommand("claims")]
     | Annotated[Premises, subcommand("premises")]
     | Annotated[Film, subcommand("film")]

@@ -131,6 +131,37 @@ def film_results(
         console.print(f"Kept {len(kept)} films drawn from the same data: {folder / FOLDER}")
 
 
+def film_runs(
+    console: Console, results: Sequence[RunResult], settings: Settings, path: Path
+) -> None:
+    """Film runs in MuJoCo, side by side, or say in one line why not."""
+    from grosmc_mj.rendering.backends import find_backend
+    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
+    from grosmc_mj.rendering.film import MOST_TAKES, Format
+    from grosmc_mj.validation.films import film_of, write_case_film
+
+    shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
+    if not shown:
+        console.print("No film: there is no run in MuJoCo.", style="yellow")
+        return
+    try:
+        find_ffmpeg()
+        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
+        film = film_of(shown, Format())
+        with screen.progress(len(film.times), "frames") as advance:
+            written = write_case_film(
+                shown[0].case,
+                film,
+                path,
+                settings=settings,
+                backend=backend,
+                advance=lambda: advance(path.name),
+            )
+        say(console, written, film.format.fps)
+    except SetupError as error:
+        console.print(f"No film: {error}", style="yellow", soft_wrap=True)
+
+
 def doctor(_: Doctor) -> int:
     """What there is, and what is missing."""
     from grosmc_mj.rendering.doctor import diagnose

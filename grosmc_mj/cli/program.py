@@ -25,6 +25,8 @@ _ACTIONS = {
     "Validate": ("validate", "validate"),
     "Run": ("run", "run"),
     "New": ("run", "new"),
+    "Campaign": ("campaign", "campaign"),
+    "Replay": ("replay", "replay"),
     "Claims": ("claims", "claims"),
     "Premises": ("claims", "premises"),
     "Film": ("films", "film"),

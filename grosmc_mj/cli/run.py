@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import keyword
-import os
 import re
 import sys
 from pathlib import Path
@@ -13,8 +12,8 @@ from rich.console import Console
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import New, Run
-from grosmc_mj.cli.films import FOLDER, say
-from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+from grosmc_mj.cli.films import FOLDER, film_runs
+from grosmc_mj.errors import ArgumentError, unknown_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,7 +72,7 @@ def run(command: Run) -> int:
     _premises(console, found)
     console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
     if command.film:
-        _film(console, experiment, results, command.out / FOLDER / f"{name}.mp4")
+        film_runs(console, results, experiment.settings, command.out / FOLDER / f"{name}.mp4")
     ended = not experiment.limits and any(result.ended for result in results)
     return screen.DIFFERS if ended or failed(judgements) else screen.DONE
 
@@ -134,35 +133,6 @@ def _premises(console: Console, found: Sequence[Audit]) -> None:
         console.print(audit_table(audit))
         for line in worst_points(audit):
             console.print(line, soft_wrap=True)
-
-
-def _film(console: Console, experiment: Experiment, results: list[RunResult], path: Path) -> None:
-    """Film the runs in MuJoCo, side by side, or say in one line why not."""
-    from grosmc_mj.rendering.backends import find_backend
-    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
-    from grosmc_mj.rendering.film import MOST_TAKES, Format
-    from grosmc_mj.validation.films import film_of, write_case_film
-
-    shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
-    if not shown:
-        console.print("No film: there is no run in MuJoCo.", style="yellow")
-        return
-    try:
-        find_ffmpeg()
-        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
-        film = film_of(shown, Format())
-        with screen.progress(len(film.times), "frames") as advance:
-            written = write_case_film(
-                experiment.case,
-                film,
-                path,
-                settings=experiment.settings,
-                backend=backend,
-                advance=lambda: advance(path.name),
-            )
-        say(console, written, film.format.fps)
-    except SetupError as error:
-        console.print(f"No film: {error}", style="yellow", soft_wrap=True)
 
 
 def _like(name: str) -> str:

@@ -1,0 +1,243 @@
+"""grosmc-mj campaign."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.campaign_commands import Campaign as CampaignCommand
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+
+if TYPE_CHECKING:
+    from grosmc_mj.campaign.campaign import Campaign
+    from grosmc_mj.campaign.executors import Executor
+    from grosmc_mj.campaign.findings import Findings
+    from grosmc_mj.campaign.folder import Folder
+
+FOLDER = Path("renders") / "campaigns"
+
+
+def campaign(command: CampaignCommand) -> int:
+    """Run what is missing, say what is there, search where that is asked for."""
+    from grosmc_mj.campaign.campaign import Campaign
+    from grosmc_mj.campaign.executors import make_executor
+    from grosmc_mj.campaign.findings import findings
+    from grosmc_mj.campaign.folder import Folder
+    from grosmc_mj.campaign.manifest import manifest_of
+    from grosmc_mj.campaign.question import question_of
+
+    _check(command)
+    asked = Campaign.of(
+        question_of(
+            command.target,
+            runs=command.runs,
+            seed=command.seed,
+            sampler=command.sampler,
+            controllers=command.controllers or None,
+            control_period=command.control_period,
+            duration=command.duration,
+        )
+    )
+    _check_axes(command, asked)
+    executor = make_executor(command.executor, workers=command.workers, scheduler=command.scheduler)
+    folder = Folder(command.out or FOLDER / asked.question.name)
+    folder.begin(manifest_of(asked), resume=command.resume)
+    console = screen.console()
+    _run(console, asked, folder, executor)
+    found = findings(asked, folder, command.confidence)
+    _say(console, asked, found)
+    files = _write(command, asked, folder, found)
+    if command.worst:
+        files += _search(console, command, asked, folder, found)
+    if command.radius:
+        files += _grow(console, command, asked, folder)
+    console.print(", ".join(map(str, files)), soft_wrap=True)
+    return _verdict(console, command, found)
+
+
+def _check(command: CampaignCommand) -> None:
+    """Refuse shares that are none before anything is run."""
+    for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
+        if value is not None and not 0 < value < 1:
+            raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
+    if command.worst and command.evaluations < 128:
+        raise ArgumentError(f"--evaluations {command.evaluations} must be 128 or more")
+
+
+def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
+    """Refuse axes that are no uncertain numbers."""
+    for name in command.axes or ():
+        if name not in asked.family.names:
+            raise ArgumentError(unknown_name("uncertain number", name, asked.family.names))
+    if command.axes and command.axes[0] == command.axes[1]:
+        raise ArgumentError(f"--axes {command.axes[0]!r} twice: name two different numbers")
+
+
+def _run(console: Console, asked: Campaign, folder: Folder, executor: Executor) -> None:
+    """Run what is missing, with a progress bar.
+
+    Raises:
+        SetupError: If it is interrupted.
+    """
+    from grosmc_mj.campaign.running import missing, run_missing
+
+    parts, shards = missing(asked, folder), asked.question.shards
+    laws = len(asked.laws)
+    left = sum(len(asked.question.ids(index)) for index in parts) * laws
+    if len(parts) < shards:
+        console.print(f"{shards - len(parts)} of {shards} parts are there already.", style="dim")
+    if not parts:
+        return
+    began, done = time.perf_counter(), 0
+    try:
+        with screen.progress(left, "runs") as advance:
+
+            def told(runs: int, rates: dict[str, float]) -> None:
+                nonlocal done
+                done += runs
+                speed = done / (time.perf_counter() - began)
+                shares = ", ".join(f"{law} {100 * rate:.1f} %" for law, rate in rates.items())
+                advance(f"{speed:.0f} runs/s; kept so far: {shares}", runs)
+
+            advance("designed; the first part takes a while", 0)
+            again = run_missing(asked, folder, executor, _notice, told)
+    except KeyboardInterrupt:
+        there = shards - len(missing(asked, folder))
+        raise SetupError(
+            f"interrupted: {there} of {shards} parts are done; the same command with --resume "
+            "runs the others"
+        ) from None
+    seconds = time.perf_counter() - began
+    steps = left * asked.duration / asked.experiment.settings.timestep
+    repeated = f"; {again} parts were run again" if again else ""
+    console.print(
+        f"{left} runs of {asked.duration:g} s in {seconds:.1f} s: {left / seconds:.0f} runs and "
+        f"{steps / seconds:.3g} physics steps a second{repeated}.",
+        style="dim",
+    )
+
+
+def _notice(line: str) -> None:
+    """Say what happened to a worker, beside the results."""
+    print(line, file=sys.stderr)
+
+
+def _say(console: Console, asked: Campaign, found: Findings) -> None:
+    """Print what the runs say."""
+    from grosmc_mj.campaign import tables
+    from grosmc_mj.campaign.findings import ALL
+
+    console.print()
+    console.print(tables.pass_rates_table(found.rates, found.cut_short, found.sampled))
+    console.print()
+    console.print(tables.margins_table(found.summaries, found.units, found.looked_at))
+    if found.differences:
+        console.print()
+        console.print(tables.paired_table(found.differences, found.units, found.looked_at))
+    for law in asked.laws:
+        console.print()
+        console.print(tables.drivers_table(found.drivers[law], ALL, law, found.looked_at))
+    console.print()
+
+
+def _write(
+    command: CampaignCommand, asked: Campaign, folder: Folder, found: Findings
+) -> list[Path]:
+    """Write results.json and the figures."""
+    from grosmc_mj.campaign.document import RESULTS, results_document
+    from grosmc_mj.campaign.pictures import both, draw_map, draw_margins, map_axes
+    from grosmc_mj.validation.results_file import write_json
+
+    files = [folder.path / RESULTS]
+    write_json(files[0], results_document(asked, found))
+    if command.figures:
+        margins, plane = both(folder.path / "margins"), both(folder.path / "map")
+        draw_margins(asked, found, margins)
+        files.append(margins[0])
+        axes = map_axes(asked, found, command.axes)
+        if axes is not None:
+            draw_map(asked, folder, found, axes, plane)
+            files.append(plane[0])
+    return files
+
+
+def _search(
+    console: Console, command: CampaignCommand, asked: Campaign, folder: Folder, found: Findings
+) -> list[Path]:
+    """Search for the worst plants."""
+    from grosmc_mj.campaign.document import WORST, worst_document
+    from grosmc_mj.campaign.search_tables import worst_table
+    from grosmc_mj.campaign.worst import worst
+    from grosmc_mj.validation.results_file import write_json
+
+    searched = []
+    with screen.progress(2 * command.evaluations * len(asked.laws), "runs") as advance:
+        for law in asked.laws:
+            advance(f"worst plant under {law}", 0)
+            searched.append(
+                worst(
+                    asked,
+                    law,
+                    found.worst[law],
+                    command.evaluations,
+                    lambda runs: advance(f"worst plant under {law}", runs),  # noqa: B023
+                )
+            )
+    write_json(folder.path / WORST, worst_document(asked, searched))
+    console.print(worst_table(asked, searched))
+    console.print()
+    return [folder.path / WORST]
+
+
+def _grow(
+    console: Console, command: CampaignCommand, asked: Campaign, folder: Folder
+) -> list[Path]:
+    """Look how far the uncertainty may grow."""
+    from grosmc_mj.campaign.document import RADIUS, radius_document
+    from grosmc_mj.campaign.pictures import both, draw_radius
+    from grosmc_mj.campaign.radius import radius
+    from grosmc_mj.campaign.search_tables import radius_table
+    from grosmc_mj.validation.results_file import write_json
+
+    reached = []
+    with screen.progress(len(asked.laws), "controllers") as advance:
+        for law in asked.laws:
+            advance(f"radius under {law}", 0)
+            reached.append(
+                radius(asked, law, lambda runs: advance(f"radius under {law}: {runs} runs", 0))  # noqa: B023
+            )
+            advance(f"radius under {law}")
+    write_json(folder.path / RADIUS, radius_document(asked, reached))
+    console.print(radius_table(asked, reached))
+    console.print()
+    files = [folder.path / RADIUS]
+    if command.figures:
+        drawn = both(folder.path / "radius")
+        draw_radius(asked, reached, drawn)
+        files.append(drawn[0])
+    return files
+
+
+def _verdict(console: Console, command: CampaignCommand, found: Findings) -> int:
+    """The exit code, and why."""
+    from grosmc_mj.campaign.findings import ALL
+
+    if command.at_least is None:
+        return screen.DONE
+    missed = {
+        law: rate.low
+        for (asked, law), rate in found.rates.items()
+        if asked == ALL and rate.low < command.at_least
+    }
+    for law, low in missed.items():
+        console.print(
+            f"{law}: at least {100 * low:.4g} % of the distribution keep everything "
+            f"(confidence {command.confidence:g}), {100 * command.at_least:g} % are asked for.",
+            style="bold red",
+        )
+    return screen.DIFFERS if missed else screen.DONE
