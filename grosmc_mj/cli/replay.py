@@ -57,7 +57,7 @@ def replay(command: ReplayCommand) -> int:
         film_runs(console, [result], campaign.experiment.settings, base.with_suffix(".mp4"))
     if found.stored and not found.differences:
         console.print(
-            f"Run {command.run} is what the campaign stored, bit for bit ({command.engine} engine).",
+            f"Run {command.run} is what the campaign stored, bit for bit; engine {command.engine}.",
             style="bold green",
         )
     for line in found.differences:
