@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.simulation import mujoco_plant
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -18,6 +19,7 @@ from grosmc_mj.simulation.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.undrawn import undrawn
 from grosmc_mj.validation.cases import find_case
+from grosmc_mj.validation.designs import chapter_controller
 
 OpenLoop = Callable[[float | tuple[float, float]], Controller]
 
@@ -149,6 +151,12 @@ def test_a_batch_compiles_each_plant_once(
     plants = [nominal.edited(BodyEdit("rotor", a)) for a in (0.5, 1.0, 1.5)]
     simulate(plants, open_loop(0.3), [1.0, 0.0], duration=0.01, record=False)
     assert len(compiled) == 3
+    # Another law, with more to remember and under a disturbance, takes the same models.
+    law = chapter_controller("lqr", MujocoPlant.load("servo").analytic())
+    push = [Disturbance("rotor", (0, 0, 0, 0, 0.1, 0))]
+    del compiled[:]
+    simulate(plants, law, [1.0, 0.0], duration=0.01, disturbances=push, record=False)
+    assert not compiled
 
 
 def test_timestep_is_that_of_the_compiled_model() -> None:

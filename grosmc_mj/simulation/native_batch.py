@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import mujoco
@@ -26,6 +27,8 @@ from grosmc_mj.simulation.trajectory import Status
 
 # Rows in one call: bounds the memory of a recorded chunk and the wait for Ctrl-C.
 _RECORDED_ROWS, _UNRECORDED_ROWS = 100_000, 1_000_000
+# Of an unrecorded run, in numbers: laws that take turns on the same plants share their models.
+_ROOM = 128
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 _WRENCH = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
 
@@ -46,6 +49,8 @@ class NativeBatch:
         self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
         pushes = most_pushes(problem.disturbances) if problem.pushed_by_callback else 0
         size, nsim = self._dtype.itemsize // 8 + PUSH * pushes, len(problem.x0)
+        if not problem.record:
+            size = _ROOM * math.ceil(size / _ROOM)
         compiled = {
             plant: plant.model_with_userdata(size)
             for plant in dict.fromkeys(problem.plants)
@@ -60,7 +65,8 @@ class NativeBatch:
         self._batch.bind("qpos")[:] = problem.x0[:, :n]
         self._batch.bind("qvel")[:] = problem.x0[:, n:]
         self._userdata = self._batch.bind("userdata")
-        self._userdata[:] = self._initial_userdata(models)
+        initial = self._initial_userdata(models)
+        self._userdata[:, : initial.shape[1]] = initial
 
     def _initial_userdata(self, models: list[mujoco.MjModel]) -> Array:
         """Headers, fresh memories, numbers and pushes of all simulations, flat, (nsim, size)."""
