@@ -113,9 +113,9 @@ def test_a_running_cluster_gives_each_report_once(running: Cluster, by: str) -> 
 
 def test_errors_travel_with_their_type_and_message(running: Cluster) -> None:
     executor = make_executor("dask", scheduler=running.address)
-    with pytest.raises(GainError, match="^G B is singular in shard 3$"):
+    with pytest.raises(GainError, match=r"^G B is singular in shard 3$"):
         list(executor.run(executor_work.refuse, [3], print))
-    with pytest.raises(SetupError, match="^shard 0 failed: ZeroDivisionError: division by zero$"):
+    with pytest.raises(SetupError, match=r"^shard 0 failed: ZeroDivisionError: division by zero$"):
         list(executor.run(executor_work.divide, [0], print))
 
 
@@ -195,5 +195,5 @@ def test_a_local_worker_that_dies_is_replaced_and_one_shard_too_deadly_ends_the_
     assert {each.index: each.report for each in done} == {i: i * i for i in range(8)}
     assert len(done) == 8
     assert len([line for line in told if "was lost while it had shard" in line]) == 1
-    with pytest.raises(SetupError, match="^shard 1 was with 3 Dask workers that died: "):
+    with pytest.raises(SetupError, match=r"^shard 1 was with 3 Dask workers that died: "):
         list(executor.run(executor_work.die_always, [1], told.append))

@@ -18,6 +18,7 @@ from distributed.utils import silence_logging_cmgr
 from distributed.versions import VersionMismatchWarning
 
 from grosmc_mj.campaign.executors.interface import ATTEMPTS
+from grosmc_mj.campaign.executors.outcome import one_line
 from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import SetupError
 
@@ -57,15 +58,20 @@ def cluster_client(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 def _local_cluster(workers: int) -> LocalCluster:
     """Workers on this machine."""
-    with dask.config.set(_SETTINGS), interrupts_held():
-        return LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            # None is documented: no dashboard, no port that others use.
-            dashboard_address=None,  # pyright: ignore[reportArgumentType]
-            silence_logs=logging.CRITICAL,
-        )
+    try:
+        with dask.config.set(_SETTINGS), interrupts_held():
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                # None would still take port 8787, if it were free.
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+    except (OSError, RuntimeError) as error:
+        raise SetupError(
+            f"Dask cannot start workers on this machine ({one_line(error)})"
+        ) from error
 
 
 def _connect(address: str) -> Client:
