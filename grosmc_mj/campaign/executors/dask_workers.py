@@ -98,13 +98,20 @@ class _Flow:
 
     def _room(self) -> int:
         """How many shards may be under way."""
-        threads = self._client.nthreads().values()
+        threads = self._threads()
         if any(count > 1 for count in threads):
             self._warn(
                 "a Dask worker has several threads, but shards of one process wait for each other: "
                 "start workers with --nthreads 1"
             )
         return _AHEAD * max(1, sum(threads))
+
+    def _threads(self) -> list[int]:
+        """Of each worker."""
+        try:
+            return list(self._client.nthreads().values())
+        except OSError as error:
+            raise self._gone() from error
 
     def _warn(self, text: str) -> None:
         """A notice that is given once."""
@@ -115,7 +122,14 @@ class _Flow:
     def _submit(self, index: int) -> None:
         """Hand a shard to the scheduler."""
         key = (self._name, index)
-        future = self._client.submit(_attempt, self._work, index, versions(), key=key, pure=False)
+        try:
+            future = self._client.submit(
+                _attempt, self._work, index, versions(), key=key, pure=False
+            )
+        except Exception as error:
+            if self._client.status == "running":
+                raise
+            raise self._gone() from error
         self._under_way[key] = index, future
         self._attempts[index] += 1
         future.add_done_callback(self._news.put)
@@ -128,7 +142,7 @@ class _Flow:
             except queue.Empty:
                 if self._client.status != "running":
                     raise self._gone() from None
-                if not self._client.nthreads():
+                if not self._threads():
                     self._warn("no Dask worker is connected to the scheduler: waiting for one")
 
     def _finish(self, future: Future) -> Finished:
