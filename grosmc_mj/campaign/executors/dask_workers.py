@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import queue
 import socket
@@ -81,12 +82,14 @@ class _Flow:
                     self._submit(index)
                 if not self._under_way:
                     return
-                news = self._next_news()
-                if isinstance(news, Future):
-                    yield self._finish(news)
-                else:
-                    self._tell(news)
-                    room = self._room()
+                futures = []
+                for news in self._next_news():
+                    if isinstance(news, Future):
+                        futures.append(news)
+                    else:
+                        self._tell(news)
+                        room = self._room()
+                yield from self._finish(futures)
         finally:
             self._client.unsubscribe_topic("all")
 
@@ -134,35 +137,34 @@ class _Flow:
         self._attempts[index] += 1
         future.add_done_callback(self._news.put)
 
-    def _next_news(self) -> Future | dict[str, Any]:
-        """What happens next."""
+    def _next_news(self) -> list[Future | dict[str, Any]]:
+        """What happens next, and what has happened until now."""
         while True:
             try:
-                return self._news.get(timeout=_LOOK)
+                news = [self._news.get(timeout=_LOOK)]
+                break
             except queue.Empty:
                 if self._client.status != "running":
                     raise self._gone() from None
                 if not self._threads():
                     self._warn("no Dask worker is connected to the scheduler: waiting for one")
+        with contextlib.suppress(queue.Empty):
+            while True:
+                news.append(self._news.get_nowait())
+        return news
 
-    def _finish(self, future: Future) -> Finished:
-        """A shard that is done, or its error."""
-        index, _ = self._under_way.pop(future.key)
+    def _finish(self, futures: list[Future]) -> Iterator[Finished]:
+        """Shards that are done; their reports are fetched together, or fetching would be slow."""
+        indices = [self._under_way.pop(future.key)[0] for future in futures]
+        for future, index in zip(futures, indices, strict=True):
+            if future.status == "error":
+                raise _failure(future.exception(), index)
         try:
-            outcome: Outcome = future.result()
-        except KilledWorker as error:
-            raise SetupError(
-                f"shard {index} was with {error.allowed_failures + 1} Dask workers that died: "
-                "it may need more memory than there is, or crash the engine"
-            ) from error
-        except CancelledError:
+            outcomes: list[Outcome] = self._client.gather(futures)
+        except (CancelledError, OSError):
             raise self._gone() from None
-        except Exception as error:
-            raise SetupError(
-                f"Dask could not hand out shard {index} ({one_line(_root(error))}): "
-                "install the same packages for its scheduler and workers as here"
-            ) from error
-        return Finished(index, outcome.result(), self._attempts.pop(index))
+        for index, outcome in zip(indices, outcomes, strict=True):
+            yield Finished(index, outcome.result(), self._attempts.pop(index))
 
     def _tell(self, message: dict[str, Any]) -> None:
         """Say that a worker has gone, and what becomes of its shards."""
@@ -186,6 +188,19 @@ class _Flow:
             f"the Dask scheduler at {self._client.scheduler.address} has gone: what is finished is "
             "kept, start it again and resume"
         )
+
+
+def _failure(error: Any, index: int) -> SetupError:
+    """A shard that Dask gave up; what the work raises comes as an outcome instead."""
+    if isinstance(error, KilledWorker):
+        return SetupError(
+            f"shard {index} was with {error.allowed_failures + 1} Dask workers that died: "
+            "it may need more memory than there is, or crash the engine"
+        )
+    return SetupError(
+        f"Dask could not hand out shard {index} ({one_line(_root(error))}): "
+        "install the same packages for its scheduler and workers as here"
+    )
 
 
 def _root(error: BaseException) -> BaseException:
