@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.checks import checked_margins
@@ -105,6 +105,7 @@ def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> Non
     axes.set_xlim(edge, high)
     axes.set_ylim(0, 1.02)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5))
     place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "va": "bottom"}
     axes.annotate("failed", (0, 1), (-4, 1), ha="right", fontsize=8.5, **place)
     axes.annotate("kept", (0, 1), (4, 1), ha="left", fontsize=8.5, **place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 
 from grosmc_mj.campaign.campaign import Campaign
@@ -40,10 +41,11 @@ def run_missing(
     work = partial(run_shard, str(folder.path.resolve()), threads=executor.threads_per_worker)
     total: dict[str, dict[str, int]] = {}
     again = 0
-    for finished in executor.run(work, missing(campaign, folder), notice):
-        report: ShardReport = finished.report
-        again += finished.attempts - 1
-        add(total, report.counts)
-        rates = {law: each[EVERYTHING] / each["runs"] for law, each in total.items()}
-        advance(report.runs * len(campaign.laws), rates)
+    with closing(executor.run(work, missing(campaign, folder), notice)) as done:
+        for finished in done:
+            report: ShardReport = finished.report
+            again += finished.attempts - 1
+            add(total, report.counts)
+            rates = {law: each[EVERYTHING] / each["runs"] for law, each in total.items()}
+            advance(report.runs * len(campaign.laws), rates)
     return again

@@ -46,6 +46,8 @@ def bench(command: Bench) -> int:
         raise ArgumentError(f"--rounds {command.rounds} must be 1 or more")
     if command.films:
         return _bench_films(command.rounds or 3)
+    if command.campaign:
+        return _bench_campaign(command.rounds or 5)
     console = screen.console()
     if command.robot:
         from grosmc_mj.validation.robot_benchmark import benchmark_robots
@@ -69,4 +71,23 @@ def _bench_films(rounds: int) -> int:
     with screen.progress(4 * rounds, "measurements") as advance:
         rows = benchmark_films(found.backend, rounds=rounds, advance=advance)
     screen.console().print(tables.film_rates_table(rows, f"{found.backend}, {found.renderer}"))
+    return screen.DONE
+
+
+def _bench_campaign(rounds: int) -> int:
+    """A campaign beside the open loop; its time, memory and workers."""
+    from grosmc_mj.campaign.benchmark import (
+        benchmark_campaign,
+        costs,
+        memory_sizes,
+        scalings,
+    )
+    from grosmc_mj.campaign.cost_tables import costs_table, scalings_table
+    from grosmc_mj.validation import tables
+
+    console = screen.console()
+    rows = benchmark_campaign(rounds)
+    console.print(tables.throughput_table(rows, "cart_pendulum's campaign, RK4"))
+    console.print(scalings_table(scalings((1, 2))))
+    console.print(costs_table(costs([*memory_sizes(), (10_000, 10.0)])))
     return screen.DONE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 from loky import cpu_count
@@ -21,7 +21,9 @@ class Batch:
         """As many as there are cores for this process."""
         return cpu_count()
 
-    def run(self, work: Work, indices: Sequence[int], notice: Notice) -> Iterator[Finished]:
+    def run(
+        self, work: Work, indices: Sequence[int], notice: Notice
+    ) -> Generator[Finished, None, None]:
         """Run the work on each index, in their order; see `Executor.run`."""
         for index in indices:
             try:

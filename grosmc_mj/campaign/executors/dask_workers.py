@@ -8,7 +8,7 @@ import queue
 import socket
 import uuid
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import Any
@@ -45,7 +45,9 @@ class DaskWorkers:
         """One: a cluster is divided into cores, not machines."""
         return 1
 
-    def run(self, work: Work, indices: Sequence[int], notice: Notice) -> Iterator[Finished]:
+    def run(
+        self, work: Work, indices: Sequence[int], notice: Notice
+    ) -> Generator[Finished, None, None]:
         """Run the work on each index; see `Executor.run`."""
         if not indices:
             return
@@ -70,7 +72,7 @@ class _Flow:
         self._attempts: Counter[int] = Counter()
         self._warned: set[str] = set()
 
-    def run(self, indices: Sequence[int]) -> Iterator[Finished]:
+    def run(self, indices: Sequence[int]) -> Generator[Finished, None, None]:
         """All of them, a few for each worker at a time."""
         unseen = iter(indices)
         self._client.subscribe_topic("all", self._hear)
@@ -153,7 +155,7 @@ class _Flow:
                 news.append(self._news.get_nowait())
         return news
 
-    def _finish(self, futures: list[Future]) -> Iterator[Finished]:
+    def _finish(self, futures: list[Future]) -> Generator[Finished, None, None]:
         """Shards that are done; their reports are fetched together, or fetching would be slow."""
         indices = [self._under_way.pop(future.key)[0] for future in futures]
         for future, index in zip(futures, indices, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -49,7 +49,9 @@ class Executor(Protocol):
         """Threads that the work may use, so that all workers together use each core once."""
         ...
 
-    def run(self, work: Work, indices: Sequence[int], notice: Notice) -> Iterator[Finished]:
+    def run(
+        self, work: Work, indices: Sequence[int], notice: Notice
+    ) -> Generator[Finished, None, None]:
         """Run the work on each index once, and yield each as it finishes.
 
         Closing the iterator, an error and Ctrl-C stop the workers; shards under way are given up.

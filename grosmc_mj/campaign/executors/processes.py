@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from typing import Any
@@ -33,7 +33,9 @@ class Processes:
         """The cores of this machine, divided among the workers; at least 1."""
         return max(1, cpu_count() // self.workers)
 
-    def run(self, work: Work, indices: Sequence[int], notice: Notice) -> Iterator[Finished]:
+    def run(
+        self, work: Work, indices: Sequence[int], notice: Notice
+    ) -> Generator[Finished, None, None]:
         """Run the work on each index; see `Executor.run`."""
         pickled = bytes(dumps(work))
         unseen = iter(indices)

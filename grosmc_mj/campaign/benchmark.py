@@ -1,0 +1,203 @@
+"""What a campaign costs: beside MuJoCo's open loop, in seconds, in memory, and by its workers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from mujoco.batch import Batch
+
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.executors import make_executor
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.manifest import manifest_of
+from grosmc_mj.campaign.question import campaign_files, question_of
+from grosmc_mj.campaign.shard import plants_of, with_meters
+from grosmc_mj.campaign.work import run_shard
+from grosmc_mj.errors import SetupError
+from grosmc_mj.rendering.backends import without_graphics
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.native_batch import NativeBatch
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.validation.benchmark import Loop, Throughput, measured
+
+_PLANTS, _STEPS = 4096, 100
+_LAW = "grosmc"
+# Of what is run to see its memory: as short as one likes, since nothing is recorded.
+_BLINK = 0.05
+
+
+class Cost(NamedTuple):
+    """A whole campaign, in a process of its own.
+
+    Attributes:
+        runs: Plants under one controller.
+        duration: Of each run [s].
+        seconds: Wall time of the whole command, with its start and its statistics.
+        megabytes: Largest memory of the process, its libraries included.
+    """
+
+    runs: int
+    duration: float
+    seconds: float
+    megabytes: float
+
+
+class Scaling(NamedTuple):
+    """A number of worker processes, one thread each.
+
+    Attributes:
+        workers: How many.
+        rate: Runs a second, once the workers have begun.
+        efficiency: Rate of a worker over that of a single one.
+    """
+
+    workers: int
+    rate: float
+    efficiency: float
+
+
+def benchmark_campaign(rounds: int = 5) -> list[Throughput]:
+    """4096 plants of the pendulum's campaign under GROSMC with meters, beside the open loop.
+
+    The open loop is ``Batch.step`` of the very same models from the same starts, undisturbed.
+
+    Args:
+        rounds: How often each loop is measured.
+    """
+    campaign = Campaign.of(question_of("cart_pendulum", runs=_PLANTS))
+    law = campaign.laws[_LAW]
+    members = [campaign.member(row) for row in campaign.values(range(_PLANTS))]
+    plants = plants_of(campaign, members)
+    starts = np.array([member.case.x0 for member in members])
+    problem, _ = prepare(
+        plants,
+        [with_meters(campaign, law, member) for member in members],
+        starts,
+        duration=_STEPS * campaign.control_period,
+        control_period=campaign.control_period,
+        disturbances=[list(member.case.disturbances) for member in members],
+        record=False,
+    )
+    models = [plant.any_model for plant in plants if isinstance(plant, MujocoPlant)]
+
+    def open_loop() -> Callable[[], object]:
+        batch = Batch(models[0], _PLANTS)
+        batch.set_models(models)
+        batch.bind("qpos")[:] = starts[:, : starts.shape[1] // 2]
+        return lambda: batch.step(nstep=_STEPS)
+
+    def closed_loop() -> Callable[[], object]:
+        batch = NativeBatch(problem)
+        return lambda: batch.advance(_STEPS)
+
+    name = "Batch.step(nstep), open loop"
+    return measured(
+        [
+            Loop(name, _PLANTS, _STEPS, open_loop, name),
+            Loop("campaign: GROSMC, meters, torque", _PLANTS, _STEPS, closed_loop, name),
+        ],
+        rounds,
+    )
+
+
+def costs(sizes: Sequence[tuple[int, float]]) -> list[Cost]:
+    """Whole campaigns of the pendulum under GROSMC, each in a fresh process.
+
+    Args:
+        sizes: Runs and their duration [s].
+
+    Raises:
+        SetupError: If one fails.
+    """
+    return [_cost(runs, duration) for runs, duration in sizes]
+
+
+def memory_sizes() -> list[tuple[int, float]]:
+    """Two campaigns that differ in the number of their runs by a factor of 100."""
+    return [(1000, _BLINK), (100_000, _BLINK)]
+
+
+def _cost(runs: int, duration: float) -> Cost:
+    """One of them."""
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / "pendulum.toml"
+        file.write_text(_text(), encoding="utf-8")
+        command = [
+            *(sys.executable, "-m", "grosmc_mj.cli", "campaign", str(file)),
+            *("--runs", str(runs), "--duration", str(duration), "--controllers", _LAW),
+            *("--no-figures", "--out", str(Path(scratch) / "campaign")),
+        ]
+        began = time.perf_counter()
+        with Path(os.devnull).open("w") as nowhere:
+            child = subprocess.Popen(command, stdout=nowhere, stderr=subprocess.PIPE)
+            said = child.stderr.read().decode() if child.stderr else ""
+            _, status, used = os.wait4(child.pid, 0)
+            child.returncode = os.waitstatus_to_exitcode(status)
+        if child.returncode:
+            raise SetupError(f"a campaign of {runs} runs failed: {said.strip()}")
+        seconds = time.perf_counter() - began
+    return Cost(runs, duration, seconds, used.ru_maxrss / 1024)
+
+
+def _text() -> str:
+    """The pendulum's campaign with a requirement that runs of any duration can keep."""
+    text = campaign_files()["cart_pendulum"].read_text(encoding="utf-8")
+    return text.split("[[requirement]]")[0] + '[[requirement]]\ndeviation_below = "2 mrad"\n'
+
+
+def scalings(workers: Sequence[int], duration: float = 2.0) -> list[Scaling]:
+    """The rate of worker processes, four parts of 256 plants for each; the first is the baseline.
+
+    Args:
+        workers: Numbers of processes.
+        duration: Of each run [s].
+    """
+    found: list[Scaling] = []
+    for count in workers:
+        rate = _rate(count, duration)
+        alone = found[0].rate / found[0].workers if found else rate / count
+        found.append(Scaling(count, rate, rate / count / alone))
+    return found
+
+
+def _rate(workers: int, duration: float) -> float:
+    """Runs a second of some workers, after each has designed its laws in a part of its own."""
+    parts, size = 5 * workers, 256
+    with tempfile.TemporaryDirectory() as scratch, without_graphics():
+        file = Path(scratch) / "pendulum.toml"
+        file.write_text(_text(), encoding="utf-8")
+        campaign = Campaign.of(
+            question_of(
+                str(file), runs=parts * size, shard=size, controllers=(_LAW,), duration=duration
+            )
+        )
+        folder = Folder(Path(scratch) / "campaign")
+        folder.begin(manifest_of(campaign), resume=False)
+        executor = make_executor("processes", workers=workers)
+        work = _Timed(str(folder.path))
+        spans = [each.report for each in executor.run(work, range(parts), lambda _: None)]
+    # The first part of each worker has the design and the loading of compiled code in it.
+    began = max(sorted(start for start, _ in spans)[:workers])
+    later = [(start, end) for start, end in spans if start > began]
+    first = min(start for start, _ in later)
+    return len(later) * size / (max(end for _, end in later) - first)
+
+
+class _Timed:
+    """A part's work, which reports when it began and ended."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+
+    def __call__(self, index: int) -> tuple[float, float]:
+        began = time.time()
+        run_shard(self.folder, index, threads=1)
+        return began, time.time()
