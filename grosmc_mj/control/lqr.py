@@ -13,10 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GainError
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    import control
-
 
 class LqrDesign(NamedTuple):
     """An LQR design for x' = A x + B u.
@@ -100,6 +96,10 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
             stabilizable.
     """
     A, B, Q, R = _checked(A, B, Q, R)
+    # Here, for its import takes longer than all others together, and not every command designs.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import control
     try:
         K, P, _ = control.lqr(A, B, Q, R)
     except Exception as error:  # python-control and slycot raise several kinds
