@@ -8,6 +8,9 @@ PYTHON ?= $(shell if python3.11 -c '' >/dev/null 2>&1; then echo python3.11; els
 WORKERS ?= auto
 ARGS ?=
 
+# A file's tests share what they ran; tests/conftest.py orders the files.
+PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+
 GALLERY := renders/films/gallery
 
 # Films need these; nothing else does.
@@ -34,10 +37,10 @@ record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the d
 	$(BIN)/grosmc-mj validate --record $(ARGS)
 
 test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m 'not slow and not render' $(ARGS)
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .
