@@ -18,7 +18,6 @@ from grosmc_mj.control.memory import Memory
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
-
 # SymPy and numba make millions of small objects that live on: looking through them as often as
 # Python does by itself takes a tenth of the time of a derivation or a compilation.
 gc.set_threshold(100_000, 20, 100)
