@@ -111,6 +111,7 @@ def test_wrong_use_of_film_is_said_before_a_backend_is_looked_for(
     assert not list(tmp_path.glob("*f.*"))
 
 
+@pytest.mark.slow
 def test_an_output_folder_that_cannot_be_written_is_one_line_after_the_results(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -175,6 +176,7 @@ def test_a_closed_pipe_is_no_error() -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_graphics_backend_that_is_not_there_hinders_no_more_than_films() -> None:
     for arguments, code, said in (
         (("list",), cli.DONE, ""),

@@ -232,6 +232,7 @@ def test_certain_undisturbed_plant_needs_eta_only(error, linearizing, bodies):
     assert gains == pytest.approx((0.2, 0.0, 0.0, 1.0), rel=0, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_larger_family_needs_larger_gains():
     def gains(mass: float, torque: float) -> SwitchingGains:
         scales, wrench = {"m": (1.0, mass), "L": (1.0, mass)}, (0.0,) * 10 + (torque, 0.0)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parents[1] / "docs"
 
 
@@ -56,7 +58,6 @@ def test_the_guide_says_which_assumption_fails(
         gm.feedback_linearization(scope["motor"].system.equations, h=[scope["R"]])
 
 
-@pytest.mark.slow
 def test_the_page_on_your_own_runs_and_says_what_comes_out() -> None:
     pytest.importorskip("dm_control")
     pytest.importorskip("gymnasium")

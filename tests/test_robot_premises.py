@@ -108,6 +108,7 @@ def required(result: RunResult) -> Array:
 # --- the switching rate ---
 
 
+@pytest.mark.slow
 def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
     robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")

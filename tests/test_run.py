@@ -444,6 +444,7 @@ def robot(folder: Path, case: str = ROBOT_CASE, model: str = ROBOT) -> str:
     return str(folder / "leg.toml")
 
 
+@pytest.mark.slow
 def test_robot_of_ones_own(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert run("run", robot(folder)) == 0
     said = capsys.readouterr().out
