@@ -458,10 +458,10 @@ def test_figure_is_drawn_from_its_rows_alone(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["analytic", "physics"])
-@pytest.mark.parametrize("system", ["servo", "two_link_arm"])
+@pytest.mark.parametrize(("system", "kind"), [("servo", "analytic"), ("two_link_arm", "physics")])
 @each_law
 def test_engines_agree_bit_for_bit_under_every_law(name, system, kind):
+    """With one input and with two, in the compiled loop and in MuJoCo's callback."""
     case, twin = find_case(system, "case1"), MujocoPlant.load(system)
     law = chapter_controller("grosmc", twin.analytic(), Realization(find_switching(name), H))
     options: dict[str, Any] = {
