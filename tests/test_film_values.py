@@ -823,6 +823,7 @@ def test_the_ghost_of_the_nominal_servo_is_what_lqr_makes_of_it() -> None:
     np.testing.assert_allclose(take.ghosts, take.run.state[:, :1], rtol=0, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_ghost_of_two_outputs_has_the_reference_in_both_joints() -> None:
     """The circle is the tip's: the ghost's joints are those that put it there."""
     film = case_film("two_link_arm", "nominal")

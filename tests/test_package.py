@@ -48,6 +48,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         _ = grosmc_mj.nothing
 
 
+@pytest.mark.slow
 def test_the_readme_s_example_runs_and_is_short() -> None:
     example = re.search(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert example is not None

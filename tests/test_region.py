@@ -159,6 +159,7 @@ def test_grosmc_converges_wherever_fl_lqr_does_and_keeps_more_of_it() -> None:
         np.testing.assert_array_equal(grid, grid[::-1, ::-1])
 
 
+@pytest.mark.slow
 def test_looking_early_changes_no_outcome() -> None:
     angles, rates = np.meshgrid(np.linspace(-80, 80, 6), np.linspace(-6, 6, 6))
     starts = pendulum_starts(*zip(angles.ravel().tolist(), rates.ravel().tolist(), strict=True))
