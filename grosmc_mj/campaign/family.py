@@ -14,7 +14,7 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.distributions import Distribution, distribution
-from grosmc_mj.campaign.requirements import METRICS
+from grosmc_mj.campaign.requirements import MARGIN, METRICS
 from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.casefile.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.casefile.units import number_in
@@ -165,7 +165,7 @@ def family_of(file: CaseFile, case: Case, plant: AnalyticPlant | MujocoPlant) ->
     names = [each.name for each in quantities]
     _refuse_twice(names, "called")
     for name in names:
-        if name in RESERVED:
+        if name in RESERVED or name.startswith(MARGIN):
             raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
 

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.manifest import MANIFEST, SCHEMA_VERSION, differences, read_manifest
-from grosmc_mj.campaign.requirements import COMPLETES, METRICS
+from grosmc_mj.campaign.requirements import COMPLETES, MARGIN, METRICS
 from grosmc_mj.campaign.shard import Outcomes
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import cannot_write
@@ -34,7 +34,7 @@ Counts = Mapping[str, Mapping[str, int]]
 
 def margin_column(key: str) -> str:
     """The column of a requirement's margin."""
-    return f"margin {key}"
+    return f"{MARGIN}{key}"
 
 
 @dataclass(frozen=True)

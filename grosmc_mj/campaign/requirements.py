@@ -16,6 +16,8 @@ from grosmc_mj.validation.requirements import Limit
 
 # What is asked of every run, beside the file's requirements.
 COMPLETES = "completes"
+# How the columns of margins begin.
+MARGIN = "margin "
 
 
 @dataclass(frozen=True)
