@@ -102,17 +102,17 @@ class Campaign:
 def _transient(experiment: Experiment, family: Family) -> float:
     """How long every run goes on before a disturbance begins, or until its end [s].
 
-    A disturbance that acts from the start is part of the transient.
+    A disturbance that acts from the start of every run is part of the transient.
     """
-    case, first = experiment.case, []
+    case, first = experiment.case, [experiment.case.duration]
     for disturbance in case.disturbances:
-        known = [
-            each.distribution.support[0]
-            for each in family.quantities
-            if each.of == disturbance.label and each.quantity == "onset"
-        ]
-        first.append(known[0] if known else disturbance.window[0])
-    return min([case.duration, *(onset for onset in first if onset > 0)])
+        low = high = disturbance.window[0]
+        for each in family.quantities:
+            if (each.of, each.quantity) == (disturbance.label, "onset"):
+                low, high = each.distribution.support
+        if high > 0:
+            first.append(max(low, 0.0))
+    return min(first)
 
 
 def _refuse_corners(question: Question, family: Family) -> None:
