@@ -11,11 +11,13 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family import Family, family_of
 from grosmc_mj.campaign.member import Member, member_of
+from grosmc_mj.campaign.meter import metered
 from grosmc_mj.campaign.question import Question
-from grosmc_mj.campaign.requirements import Requirement, required
+from grosmc_mj.campaign.requirements import Requirement, afters, required
 from grosmc_mj.campaign.sampling import unit_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.validation.experiment import Experiment, experiment_of
 from grosmc_mj.validation.runs import PlantName
@@ -69,7 +71,29 @@ class Campaign:
         requirements = required(experiment.limits, laws, _transient(experiment, family))
         found = cls(question, experiment, family, laws, requirements)
         found.member(found.family.nominal).plant(found.plant)
+        for law in laws.values():
+            found._refuse_unmeasurable(law)
         return found
+
+    def _refuse_unmeasurable(self, law: Controller) -> None:
+        """Refuse a run that cannot begin, or errors that are asked for after its last sample."""
+        metered(law, self.control_period, [], 0.0)
+        problem, _ = prepare(
+            self.plant,
+            law,
+            self.experiment.case.x0,
+            duration=self.duration,
+            control_period=self.control_period,
+            timestep=self.experiment.settings.timestep,
+            disturbances=self.experiment.case.disturbances,
+            record=False,
+        )
+        last = (problem.steps - 1) // problem.stride * self.control_period
+        for after in afters(self.experiment.limits):
+            if after * (1 - 1e-12) > last:
+                raise ArgumentError(
+                    f"stays_within after {after:g} s: the last sample of a run is at {last:g} s"
+                )
 
     @cached_property
     def plant(self) -> Plant:
