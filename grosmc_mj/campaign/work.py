@@ -58,13 +58,19 @@ def run_shard(folder: str, index: int, threads: int = 0) -> ShardReport:
     return ShardReport(index, ids.start, len(ids), counts_of(found), seconds, os.getpid())
 
 
-@lru_cache(maxsize=4)
 def open_campaign(folder: str) -> Campaign:
     """The campaign of a folder, designed once in a process.
 
     Raises:
-        ArgumentError: If it would not be computed here as it was there.
+        GrosmcError: If there is none, or it would not be computed here as it was there.
     """
+    # A worker may outlive a folder and meet another campaign under its name.
+    return _opened(folder, read_manifest(Path(folder))["hash"])
+
+
+@lru_cache(maxsize=4)
+def _opened(folder: str, _hash: str) -> Campaign:
+    """The campaign of a folder whose manifest has this hash."""
     manifest = read_manifest(Path(folder))
     campaign = Campaign.of(Question.of_document(manifest["question"]))
     if changed := differences(manifest, manifest_of(campaign)):
