@@ -20,6 +20,8 @@ from grosmc_mj.validation.results_file import git_revision, versions
 
 MANIFEST = "manifest.json"
 SCHEMA_VERSION = 1
+# What a folder cannot be opened without.
+_NEEDED = ("hash", "question")
 # Packages whose version may change a bit of the results.
 _DECISIVE = ("grosmc_mj", "mujoco", "numba", "numpy", "scipy")
 
@@ -51,7 +53,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        version = content["schema_version"]
+        version = int(content["schema_version"])
+        lacking = [key for key in _NEEDED if key not in content]
     except FileNotFoundError:
         raise SetupError(f"{folder} is no campaign: it has no {MANIFEST}") from None
     except OSError as error:
@@ -62,6 +65,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise SetupError(
             f"{path} is of schema {version}; this grosmc_mj reads up to {SCHEMA_VERSION}: update it"
         )
+    if lacking:
+        raise SetupError(f"{path}: cannot be read: it has no {' and no '.join(lacking)}")
     return content
 
 
