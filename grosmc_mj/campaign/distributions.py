@@ -28,28 +28,22 @@ _PURE = ("spread",)
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution of scipy, cut off where its quantile function begins and ends.
+    """A distribution of scipy, cut off at both ends of its support.
 
     Attributes:
         frozen: scipy's frozen distribution, not cut off.
-        low: Its distribution function at the smallest value.
-        high: The same at the largest.
+        support: Smallest and largest value; infinite where it has none.
         words: For people.
     """
 
     frozen: Any
-    low: float
-    high: float
+    support: tuple[float, float]
     words: str
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """Smallest and largest value; infinite where it has none."""
-        return float(self.frozen.ppf(self.low)), float(self.frozen.ppf(self.high))
 
     def quantiles(self, u: Array) -> Array:
         """The values of which a share u (n,) lies below; (n,)."""
-        values = self.frozen.ppf(self.low + (self.high - self.low) * u)
+        low, high = self.frozen.cdf(self.support)
+        values = self.frozen.ppf(low + (high - low) * u)
         return np.clip(values, *self.support)
 
 
@@ -116,8 +110,10 @@ def _checked(kind: str, numbers: dict[str, float]) -> Distribution:
         frozen = stats.norm(numbers["mean"], numbers["deviation"])
     else:
         frozen = stats.lognorm(numbers["spread"], scale=numbers["median"])
-    low, high = float(frozen.cdf(least)), float(frozen.cdf(most))
+    # The ends as given: far out, a quantile function does not find them again.
+    support = max(least, float(frozen.support()[0])), min(most, float(frozen.support()[1]))
+    low, high = frozen.cdf(support)
     if not low < high:
         raise ArgumentError(f"{kind} has nothing between {least:g} and {most:g}")
     words = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-    return Distribution(frozen, low, high, f"{kind}: {words}")
+    return Distribution(frozen, support, f"{kind}: {words}")
