@@ -1,0 +1,116 @@
+"""Small campaigns that the tests of campaigns share: their laws are compiled once."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.manifest import manifest_of
+from grosmc_mj.campaign.question import Question
+from grosmc_mj.campaign.work import run_shard
+
+PLANT = """
+[plant]
+system = "{system}"
+[run]
+duration = "{duration} s"
+control_period = "1 ms"
+start = {start}
+"""
+LOAD = """
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "1 N m", "0 N m"]
+profile = "pulse"
+start = "0.02 s"
+stop = "0.03 s"
+label = "load"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0.1 N m", "0 N m"]
+profile = "sine"
+frequency = "1 Hz"
+onset = "0.02 s"
+label = "hum"
+"""
+LQR = """
+[[controller]]
+law = "lqr"
+"""
+LAWS = f"""{LQR}
+[[controller]]
+law = "grosmc"
+"""
+LIMITS = """
+[[requirement]]
+deviation_below = "1 mrad"
+input_below = "10 A"
+[[requirement]]
+of = ["grosmc"]
+sliding_below = "0.02 A s"
+"""
+INERTIA = """
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+"""
+AMPLITUDE = """
+[[uncertain]]
+disturbance = "load"
+amplitude = [-1, 1]
+"""
+# The two numbers of which most tests are.
+BOTH = INERTIA + AMPLITUDE
+
+
+def servo(
+    uncertain: str = BOTH, *, duration: float = 0.05, laws: str = LAWS, limits: str = LIMITS
+) -> str:
+    """The text of a servo's case file: a pulse from 20 ms to 30 ms, and some hum besides."""
+    return case("servo", uncertain, duration=duration, laws=laws, disturbances=LOAD, limits=limits)
+
+
+def case(
+    system: str,
+    uncertain: str,
+    *,
+    duration: float = 0.05,
+    start: str = "{}",
+    laws: str = LAWS,
+    disturbances: str = "",
+    limits: str = "",
+) -> str:
+    """The text of a case file."""
+    head = PLANT.format(system=system, duration=duration, start=start)
+    return head + disturbances + uncertain + laws + limits
+
+
+def question(text: str, **asked: Any) -> Question:
+    """A question about a case file that lies nowhere: 8 runs in parts of 4 unless told."""
+    return Question(
+        **{"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4, **asked}
+    )
+
+
+@cache
+def campaign(text: str, **asked: Any) -> Campaign:
+    """A campaign, designed once for all tests."""
+    return Campaign.of(question(text, **asked))
+
+
+def kept(asked: Campaign, path: Path) -> Folder:
+    """A campaign run to its end, part by part in this process, and its folder."""
+    folder = begun(asked, path)
+    for index in range(asked.question.shards):
+        run_shard(str(path), index)
+    return folder
+
+
+def begun(asked: Campaign, path: Path) -> Folder:
+    """A folder with a manifest, and no parts yet."""
+    folder = Folder(path)
+    folder.begin(manifest_of(asked), resume=False)
+    return folder
