@@ -10,7 +10,7 @@ from typing import Any
 from grosmc_mj.campaign.sampling import SAMPLERS
 from grosmc_mj.casefile.reading import parse_case_file, read_text
 from grosmc_mj.casefile.schema import CaseFile
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 from grosmc_mj.validation.cases import shipped_files
 from grosmc_mj.validation.experiment import find_file
 
@@ -102,8 +102,15 @@ class Question:
 
     @classmethod
     def of_document(cls, content: dict[str, Any]) -> Question:
-        """From plain values."""
-        return cls(**{**content, "controllers": tuple(content["controllers"])})
+        """From plain values.
+
+        Raises:
+            SetupError: If they are not those of a question.
+        """
+        try:
+            return cls(**{**content, "controllers": tuple(content["controllers"])})
+        except (TypeError, KeyError) as error:
+            raise SetupError(f"the question of this campaign cannot be read: {error}") from None
 
 
 def question_of(target: str, **asked: Any) -> Question:
