@@ -14,6 +14,7 @@ from grosmc_mj.campaign.requirements import COMPLETES
 from grosmc_mj.campaign.sampled import Sampled
 from grosmc_mj.campaign.statistics import MarginSummary, margin_summary, pass_rate
 from grosmc_mj.campaign.statistics import PassRate as PassRate
+from grosmc_mj.errors import SetupError
 
 # Runs that distributions, differences and drivers are computed from; counts are of all.
 MOST = 2**20
@@ -64,6 +65,8 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     """
     question = campaign.question
     counts = folder.counts(range(question.shards))
+    if not counts:
+        raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
     first = range(min(question.shards, -(-MOST // question.shard)))
     words = {each.words: margin_column(each.key) for each in campaign.requirements}
     margins: dict[tuple[str, str], Array] = {}
