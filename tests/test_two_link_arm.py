@@ -546,7 +546,9 @@ def test_authority_is_the_worst_share_over_all_sides() -> None:
         shares = [
             (R @ side) * side for side in map(np.array, itertools.product((-1.0, 1.0), repeat=2))
         ]
-        assert authority(steered, believed) == pytest.approx(np.min(shares), rel=1e-9)
+        assert authority(steered @ np.linalg.inv(believed)) == pytest.approx(
+            np.min(shares), rel=1e-9
+        )
 
 
 def least_authority(weight: float, payload: float) -> float:

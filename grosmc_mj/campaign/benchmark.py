@@ -23,7 +23,7 @@ from grosmc_mj.campaign.shard import plants_of, with_meters
 from grosmc_mj.campaign.work import run_shard
 from grosmc_mj.errors import SetupError
 from grosmc_mj.rendering.backends import without_graphics
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.native_batch import NativeBatch
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.validation.benchmark import Loop, Throughput, measured
@@ -40,12 +40,14 @@ class Cost(NamedTuple):
     Attributes:
         runs: Plants under one controller.
         duration: Of each run [s].
+        integrator: MuJoCo's.
         seconds: Wall time of the whole command, with its start and its statistics.
         megabytes: Largest memory of the process, its libraries included.
     """
 
     runs: int
     duration: float
+    integrator: Integrator
     seconds: float
     megabytes: float
 
@@ -64,15 +66,17 @@ class Scaling(NamedTuple):
     efficiency: float
 
 
-def benchmark_campaign(rounds: int = 5) -> list[Throughput]:
+def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     """4096 plants of the pendulum's campaign under GROSMC with meters, beside the open loop.
 
     The open loop is ``Batch.step`` of the very same models from the same starts, undisturbed.
 
     Args:
         rounds: How often each loop is measured.
+        integrator: MuJoCo's.
     """
-    campaign = Campaign.of(question_of("cart_pendulum", runs=_PLANTS))
+    asked = {"runs": _PLANTS, "controllers": (_LAW,), "integrator": integrator}
+    campaign = Campaign.of(question_of("cart_pendulum", **asked))
     law = campaign.laws[_LAW]
     members = [campaign.member(row) for row in campaign.values(range(_PLANTS))]
     plants = plants_of(campaign, members)
@@ -108,24 +112,28 @@ def benchmark_campaign(rounds: int = 5) -> list[Throughput]:
     )
 
 
-def costs(sizes: Sequence[tuple[int, float]]) -> list[Cost]:
+def costs(sizes: Sequence[tuple[int, float, Integrator]]) -> list[Cost]:
     """Whole campaigns of the pendulum under GROSMC, each in a fresh process.
 
     Args:
-        sizes: Runs and their duration [s].
+        sizes: Runs, their duration [s] and the integrator.
 
     Raises:
         SetupError: If one fails.
     """
-    return [_cost(runs, duration) for runs, duration in sizes]
+    return [_cost(*size) for size in sizes]
 
 
-def memory_sizes() -> list[tuple[int, float]]:
-    """Two campaigns that differ in the number of their runs by a factor of 100."""
-    return [(1000, _BLINK), (100_000, _BLINK)]
+def whole_campaigns() -> list[tuple[int, float, Integrator]]:
+    """Two that differ in the number of their runs by a factor of 100, and a long one."""
+    return [
+        (1000, _BLINK, "implicitfast"),
+        (100_000, _BLINK, "implicitfast"),
+        (10_000, 10.0, "implicitfast"),
+    ]
 
 
-def _cost(runs: int, duration: float) -> Cost:
+def _cost(runs: int, duration: float, integrator: Integrator) -> Cost:
     """One of them."""
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "pendulum.toml"
@@ -133,7 +141,7 @@ def _cost(runs: int, duration: float) -> Cost:
         command = [
             *(sys.executable, "-m", "grosmc_mj.cli", "campaign", str(file)),
             *("--runs", str(runs), "--duration", str(duration), "--controllers", _LAW),
-            *("--no-figures", "--out", str(Path(scratch) / "campaign")),
+            *("--integrator", integrator, "--no-figures", "--out", str(Path(scratch) / "campaign")),
         ]
         began = time.perf_counter()
         with Path(os.devnull).open("w") as nowhere:
@@ -144,7 +152,7 @@ def _cost(runs: int, duration: float) -> Cost:
         if child.returncode:
             raise SetupError(f"a campaign of {runs} runs failed: {said.strip()}")
         seconds = time.perf_counter() - began
-    return Cost(runs, duration, seconds, used.ru_maxrss / 1024)
+    return Cost(runs, duration, integrator, seconds, used.ru_maxrss / 1024)
 
 
 def _text() -> str:

@@ -13,12 +13,19 @@ from grosmc_mj.validation.tables import empty_table
 def costs_table(found: Sequence[Cost]) -> Table:
     """Time and memory of whole campaigns."""
     table = empty_table("Whole campaigns of the pendulum under GROSMC, each a process of its own")
-    for header in ("plants", "each [s]", "physics steps", "time [s]", "largest memory [MB]"):
+    for header in (
+        "plants",
+        "each [s]",
+        "integrator",
+        "physics steps",
+        "time [s]",
+        "largest memory [MB]",
+    ):
         table.add_column(header, justify="right")
     for each in found:
         steps = each.runs * each.duration / 1e-3
         cells = (f"{steps:.3g}", f"{each.seconds:.1f}", f"{each.megabytes:.0f}")
-        table.add_row(str(each.runs), f"{each.duration:g}", *cells)
+        table.add_row(str(each.runs), f"{each.duration:g}", each.integrator, *cells)
     return table
 
 

@@ -81,10 +81,11 @@ def balance(
         drift, gain = error.moved(t, x, p, true.parameters, w)
     push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
     together = "unit-vector" in law.switching
-    r = (authority_together if together else authority)(steered, believed)
+    R = steered @ np.linalg.inv(believed)
+    r = authority_together(R) if together else authority(R)
     pushing = float(np.linalg.norm(push) if together else np.abs(push).max())
     return Balance(
-        R=steered @ np.linalg.inv(believed),
+        R=R,
         gain_ratio=r,
         pushes=push,
         push=pushing,

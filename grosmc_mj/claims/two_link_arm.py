@@ -190,7 +190,7 @@ def _projection(G: Array, payload: float) -> Measure:
                 _, E = error.dynamics(0.0, x, p)
                 E_true = _true_gain(law, derivative, x, nothing)
                 for name, G_r in projections.items():
-                    r = authority(G_r @ E_true, G_r @ E)
+                    r = authority(G_r @ E_true @ np.linalg.inv(G_r @ E))
                     if r < found[name][0]:
                         found[name] = (r, f"{0.2 * mass:.2g} kg, q2 = {x[1]:.3g} rad")
         least, where = found["it"]

@@ -41,6 +41,7 @@ def campaign(command: CampaignCommand) -> int:
             controllers=command.controllers or None,
             control_period=command.control_period,
             duration=command.duration,
+            integrator=command.integrator,
         )
     )
     _check_axes(command, asked)

@@ -30,6 +30,8 @@ class Campaign:
         controllers: Those of the file to run.
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
+        integrator: MuJoCo's, instead of the file's: implicitfast evaluates the physics once a step,
+            RK4 four times.
         out: The campaign's folder; by default renders/campaigns/NAME.
         resume: Go on with what is in the folder.
         executor: batch runs in this process, on all cores; processes in workers of their own; dask
@@ -56,6 +58,7 @@ class Campaign:
     ] = ()
     control_period: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     out: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     executor: Annotated[str, arg(metavar="NAME")] = "batch"

@@ -84,12 +84,18 @@ class SwitchingGains(NamedTuple):
 
 
 class _Believed(NamedTuple):
-    """A state, and G_r E and u_0 of the law's model there."""
+    """A state, and (G_r E)^-1, |G_r E| and u_0 of the law's model there."""
 
     z: Array
     x: Array
-    steered: Array
+    inverse: Array
+    size: float
     u_0: Array
+
+    @classmethod
+    def at(cls, z: Array, x: Array, steered: Array, u_0: Array) -> _Believed:
+        """What the many plants of a family ask of one state."""
+        return cls(z, x, np.linalg.inv(steered), float(np.linalg.norm(steered)), u_0)
 
 
 def surface_rate(
@@ -169,8 +175,8 @@ def switching_gains(
         """What the law's model says at an error state and the plant's state there."""
         if linearizing:
             alpha, E = error.dynamics(0.0, x, nominal)
-            return _Believed(z, x, G_r @ E, np.linalg.solve(E, -(K @ z) - alpha))
-        return _Believed(z, x, G @ B, -(K @ z))
+            return _Believed.at(z, x, G_r @ E, np.linalg.solve(E, -(K @ z) - alpha))
+        return _Believed.at(z, x, G @ B, -(K @ z))
 
     def rate(at: _Believed, plant: Any) -> tuple[Array, Array]:
         """s' under u_0 on a true plant, and how its inputs steer s."""
@@ -184,13 +190,14 @@ def switching_gains(
         held, _ = rate(at_rest, plant)
         for at in states:
             found, steered = rate(at, plant)
-            r = min(authority(steered, at.steered), authority_together(steered, at.steered))
+            R = steered @ at.inverse
+            r = min(authority(R), authority_together(R))
             if not r > 1e-9:
                 raise GainError(
                     f"{error.system.name}: the input gain of a declared plant is {r:g} of the "
                     f"nominal one at z = {at.z}; no switching gain can make up for that"
                 )
-            reach = r * float(np.linalg.norm(at.steered))
+            reach = r * at.size
             share = (found - held) / (reach * float(np.linalg.norm(at.z)))
             if len(slopes) < len(at.z):
                 slopes.append(share)
@@ -206,29 +213,25 @@ def switching_gains(
     return SwitchingGains(uncertainty.reaching_rate / least, gamma0, gamma1, least)
 
 
-def authority(steered: Array, believed: Array) -> float:
+def authority(R: Array) -> float:
     """What a true input gain leaves of a switching term: the least row of R, by dominance.
 
-    With R = steered believed^-1 and s' = push - rho R sgn(s), each entry of s is driven back by
+    With s' = push - rho R sgn(s), each entry of s is driven back by
     rho (R_ii - sum_j |R_ij|) at least. For one input it is r = E*/E.
 
     Args:
-        steered: G_r E* of the true plant, (m, m).
-        believed: G_r E of the law's model, (m, m).
+        R: (G_r E*) (G_r E)^-1, of the true plant and of the law's model, (m, m).
     """
-    R = steered @ np.linalg.inv(believed)
     diagonal = np.diag(R)
     return float((diagonal - (np.abs(R).sum(axis=1) - np.abs(diagonal))).min())
 
 
-def authority_together(steered: Array, believed: Array) -> float:
+def authority_together(R: Array) -> float:
     """The same of a term along s/|s| instead of one for each entry: s' R s >= r |s|^2.
 
     Args:
-        steered: G_r E* of the true plant, (m, m).
-        believed: G_r E of the law's model, (m, m).
+        R: As above, (m, m).
     """
-    R = steered @ np.linalg.inv(believed)
     return float(np.linalg.eigvalsh((R + R.T) / 2).min())
 
 
