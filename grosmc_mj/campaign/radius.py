@@ -16,7 +16,7 @@ from grosmc_mj.campaign.shard import evaluate
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
 # At each scale: plants at most, and corners of the family among them.
-PLANTS, _CORNERS = 512, 128
+PLANTS, _CORNERS = 128, 64
 
 
 @dataclass(frozen=True, eq=False)
