@@ -52,7 +52,7 @@ def test_rows_are_those_of_single_runs(law: str) -> None:
         meters = run.memory["meters"][-1]
         assert found.metrics["deviation"][i] == meters["deviation"]
         assert found.metrics["max_input"][i] == np.abs(run.command).max()
-        assert found.margins["deviation_below"][i] == 1e-3 - meters["deviation"]
+        assert found.margins["deviation_below"][i] == 3e-3 - meters["deviation"]
         assert found.margins["input_below"][i] == 10 - np.abs(run.command).max()
         if law == "grosmc":
             assert run.sliding is not None
@@ -78,7 +78,7 @@ def test_a_row_does_not_depend_on_its_neighbours_or_threads(law: str) -> None:
 def test_relative_is_the_least_margin_in_parts_of_its_limit() -> None:
     asked = campaign(servo())
     found = evaluate(asked, "grosmc", asked.values(range(8)))
-    limits = {"deviation_below": 1e-3, "input_below": 10.0, "sliding_below": 0.02}
+    limits = {"deviation_below": 3e-3, "input_below": 10.0, "sliding_below": 0.02}
     shares = np.stack([found.margins[key] / limit for key, limit in limits.items()])
     assert np.array_equal(found.relative, shares.min(axis=0))
     assert np.array_equal(found.kept, np.all(np.stack(list(found.margins.values())) >= 0, axis=0))
@@ -120,7 +120,7 @@ def test_without_requirements_a_run_keeps_everything_if_it_completes() -> None:
 
 
 def test_two_requirements_of_a_kind_have_columns_of_their_own() -> None:
-    more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "2 mrad"\n'
+    more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "4 mrad"\n'
     asked = campaign(servo(BOTH, laws=LAWS) + more)
     found = evaluate(asked, "lqr", asked.values(range(2)))
     assert list(found.margins)[-1] == "deviation_below 2"
