@@ -12,12 +12,13 @@ from scipy.optimize import differential_evolution
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.sampling import unit_points
+from grosmc_mj.campaign.sampling import all_corners, unit_points
 from grosmc_mj.campaign.shard import Outcomes, evaluate
 from grosmc_mj.errors import ArgumentError
 
-# Plants of one generation, and how many of the first one are the worst samples.
-_POPULATION, _FROM_SAMPLES = 64, 16
+# Plants of one generation, and how many of the first one are the worst samples and corners: what
+# leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
+_POPULATION, _FROM_SAMPLES, _CORNERS = 64, 16, 16
 # Points stay off the faces of the cube, where quantiles may be infinite.
 _EDGE = 2.0**-53
 # Of a run that ended at once; none that was completed comes near it.
@@ -85,9 +86,12 @@ def worst(
         [unit_points(question.sampler, d, question.seed, i, 1) for i in ids[:_FROM_SAMPLES]]
     )
     search = _Search(campaign, controller, advance)
-    rest = unit_points("lhs", d, question.seed + 1, 0, _POPULATION - len(samples))
+    bounded = campaign.family.bounded and campaign.family.independent
+    corners = all_corners(d, _CORNERS if bounded else 0)
+    left = _POPULATION - len(samples) - len(corners)
+    rest = unit_points("lhs", d, question.seed + 1, 0, left)
     generations = evaluations // _POPULATION
-    first: Any = np.concatenate([samples, rest])
+    first: Any = np.concatenate([samples, corners, rest])
     differential_evolution(
         lambda x: search(x.T.reshape(-1, d)),
         [(0.0, 1.0)] * d,
