@@ -118,14 +118,15 @@ def found_values(campaign: Campaign, folder: Path, which: str, controller: str) 
     how = {WORST: "--worst", RADIUS: "--radius"}[FOUND[which]]
     try:
         found = json.loads(path.read_text(encoding="utf-8"))["controllers"]
+        values = found.get(controller, {}).get(which)
+        plant = values and [float(values[name]) for name in campaign.family.names]
     except FileNotFoundError:
         raise SetupError(f"{folder} has no {path.name}: run the campaign with {how}") from None
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise SetupError(f"{path}: cannot be read: {error}") from None
-    values = found.get(controller, {}).get(which)
-    if values is None:
+    if plant is None:
         raise SetupError(f"{path}: no plant was found that fails under {controller}")
-    return np.array([values[name] for name in campaign.family.names], float)
+    return np.array(plant)
 
 
 def _named(campaign: Campaign, values: Array) -> dict[str, float]:
