@@ -1,0 +1,82 @@
+"""A campaign that is killed goes on as if nothing had been."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from campaign_cases import LQR, servo
+
+from grosmc_mj import cli
+
+PARTS = 6
+LIMIT = '[[requirement]]\ndeviation_below = "3 mrad"\n'
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A servo's campaign under LQR, which compiles soonest."""
+    path = tmp_path_factory.mktemp("files") / "small.toml"
+    path.write_text(servo(laws=LQR, limits=LIMIT))
+    return path
+
+
+def arguments(file: Path, out: Path) -> list[str]:
+    """Several parts, whose size is the program's."""
+    runs = str(512 * PARTS)
+    return ["campaign", str(file), "--runs", runs, "--out", str(out), "--no-figures"]
+
+
+def here(*asked: str) -> None:
+    """Run it to its end in this process."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main(asked)
+    assert stop.value.code == cli.DONE
+
+
+@pytest.fixture(scope="module")
+def undisturbed(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign as it is if nothing happens."""
+    out = tmp_path_factory.mktemp("undisturbed")
+    here(*arguments(file, out))
+    return out
+
+
+def left(folder: Path) -> dict[str, bytes]:
+    """Everything that a campaign leaves behind, but the manifest."""
+    files = [*(folder / "parts").iterdir(), folder / "results.json"]
+    return {path.name: path.read_bytes() for path in files}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+def test_a_killed_campaign_goes_on_as_if_nothing_had_been(
+    end: signal.Signals, file: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "killed"
+    with subprocess.Popen(
+        [sys.executable, "-m", "grosmc_mj.cli", *arguments(file, out)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    ) as process:
+        deadline = time.monotonic() + 60
+        while len(list((out / "parts").glob("part-*"))) < 2:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(end)
+        _, said = process.communicate(timeout=60)
+    parts = len(list((out / "parts").glob("part-*")))
+    assert 2 <= parts < PARTS
+    assert not (out / "results.json").exists()
+    if end == signal.SIGINT:
+        assert process.returncode == cli.WRONG
+        assert f"interrupted: {parts} of {PARTS} parts are done".encode() in said
+    here(*arguments(file, out), "--resume")
+    assert left(out) == left(undisturbed)

@@ -1,0 +1,154 @@
+"""Repeating one run of a campaign to the last bit."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from campaign_cases import begun, campaign, case, kept, servo
+
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.document import replay_document, worst_document
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.replay import replay
+from grosmc_mj.campaign.worst import worst
+from grosmc_mj.errors import GrosmcError
+
+ENGINES: list[Any] = ["native", "python"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """Eight servos in two parts."""
+    return kept(campaign(servo()), tmp_path_factory.mktemp("campaign"))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_a_run_is_repeated_bit_for_bit(folder: Folder, law: str, engine: Any) -> None:
+    for number in ("0", "5"):
+        found = replay(campaign(servo()), folder, number, law, engine)
+        assert found.stored
+        assert found.differences == ()
+        assert found.result.trajectory.time[-1] == 0.05
+        document = replay_document(campaign(servo()), found, engine)
+        assert document["as_stored"] is True
+        assert document["status"] == "completed"
+        json.dumps(document, allow_nan=False)
+
+
+def test_the_last_controller_is_the_default(folder: Folder) -> None:
+    assert replay(campaign(servo()), folder, "1", None, "native").outcome.controller == "grosmc"
+
+
+def falling() -> Campaign:
+    """Pendulums of which some fall out of the region where their law is defined."""
+    tables = """
+[[uncertain]]
+start = "pole angle"
+value = ["-80 deg", "80 deg"]
+[[uncertain]]
+start = "pole rate"
+value = ["-10 rad/s", "10 rad/s"]
+"""
+    laws = '[[controller]]\nlaw = "fl-lqr"\n'
+    limits = '[[requirement]]\ndeviation_below = "1 rad"\n'
+    text = case("cart_pendulum", tables, laws=laws, limits=limits, duration=0.3)
+    return campaign(text, runs=16, shard=16)
+
+
+@pytest.mark.slow
+def test_a_run_that_ended_early_is_repeated_bit_for_bit(tmp_path: Path) -> None:
+    asked = falling()
+    folder = kept(asked, tmp_path)
+    status = folder.columns(["status"], "fl-lqr", [0])["status"]
+    early = np.flatnonzero(status != "completed")
+    assert len(early)
+    for engine in ENGINES:
+        found = replay(asked, folder, str(early[0]), None, engine)
+        assert found.differences == ()
+        assert found.result.ended
+        assert found.outcome.status == ["undefined_law"]
+        json.dumps(replay_document(asked, found, engine), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("max_input", 0.0), ("margin deviation_below", 1.0), ("status", "diverged"), ("ended", 0.04)],
+)
+def test_a_tampered_row_is_named(folder: Folder, tmp_path: Path, column: str, value: Any) -> None:
+    copy = Folder(Path(shutil.copytree(folder.path, tmp_path / "copy")))
+    table = pq.read_table(copy.part(0))
+    values = table[column].to_pylist()
+    values[table["controller"].to_pylist().index("grosmc") + 2] = value
+    place = table.column_names.index(column)
+    pq.write_table(
+        table.set_column(place, table.field(column), pa.array(values, table.field(column).type)),
+        copy.part(0),
+    )
+    found = replay(campaign(servo()), copy, "2", "grosmc", "native")
+    assert len(found.differences) == 1
+    assert found.differences[0].startswith(f"{column}: {value} was stored, ")
+    assert replay(campaign(servo()), copy, "2", "lqr", "native").differences == ()
+
+
+def test_a_run_whose_part_is_missing_has_nothing_to_compare_with(tmp_path: Path) -> None:
+    asked = campaign(servo())
+    found = replay(asked, begun(asked, tmp_path), "3", "lqr", "native")
+    assert not found.stored
+    assert replay_document(asked, found, "native")["as_stored"] is None
+
+
+def test_the_worst_plant_is_replayed_as_it_was_found(tmp_path: Path) -> None:
+    asked = campaign(servo())
+    folder = kept(asked, tmp_path)
+    found = worst(asked, "lqr", list(range(8)), 128)
+    (tmp_path / "worst.json").write_text(json.dumps(worst_document(asked, [found])))
+    for which, relative in (("worst", found.relative), ("shrunk", found.shrunk_relative)):
+        again = replay(asked, folder, which, "lqr", "native")
+        assert again.outcome.relative[0] == relative
+        assert not again.stored
+
+
+@pytest.mark.parametrize(
+    ("which", "controller", "says"),
+    [
+        ("8", None, "run '8': there are 0 to 7, worst, shrunk, outside"),
+        ("-1", None, "run '-1': there are 0 to 7"),
+        ("first", None, "run 'first'"),
+        ("²", None, "run '²'"),
+        ("0", "grosm", "unknown controller 'grosm': did you mean 'grosmc'?"),
+        ("worst", None, "has no worst.json: run the campaign with --worst"),
+        ("outside", None, "has no radius.json: run the campaign with --radius"),
+    ],
+)
+def test_what_cannot_be_replayed(
+    folder: Folder, which: str, controller: str | None, says: str
+) -> None:
+    with pytest.raises(GrosmcError) as refused:
+        replay(campaign(servo()), folder, which, controller, "native")
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"controllers": []}', '{"controllers": {}}'])
+def test_a_broken_worst_json_is_named(folder: Folder, tmp_path: Path, content: str) -> None:
+    copy = Folder(Path(shutil.copytree(folder.path, tmp_path / "copy")))
+    (copy.path / "worst.json").write_text(content)
+    with pytest.raises(GrosmcError) as refused:
+        replay(campaign(servo()), copy, "worst", None, "native")
+    assert str(copy.path / "worst.json") in str(refused.value)
+
+
+def test_a_plant_of_another_family_is_named(folder: Folder, tmp_path: Path) -> None:
+    copy = Folder(Path(shutil.copytree(folder.path, tmp_path / "copy")))
+    content = {"controllers": {"grosmc": {"worst": {"rotor mass scale": 2.0}}}}
+    (copy.path / "worst.json").write_text(json.dumps(content))
+    with pytest.raises(GrosmcError, match="load amplitude"):
+        replay(campaign(servo()), copy, "worst", None, "native")
