@@ -36,6 +36,7 @@ def campaign(command: CampaignCommand) -> int:
         question_of(
             command.target,
             runs=command.runs,
+            shard=command.shard,
             seed=command.seed,
             sampler=command.sampler,
             controllers=command.controllers or None,

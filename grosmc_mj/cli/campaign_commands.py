@@ -25,6 +25,7 @@ class Campaign:
     Attributes:
         target: A system, a case of the package or a case file.
         runs: Plants.
+        shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
         seed: Of the sampler; run i depends on it and on i alone.
         sampler: sobol, lhs, random or corners.
         controllers: Those of the file to run.
@@ -50,6 +51,7 @@ class Campaign:
 
     target: Annotated[Positional[str], arg(metavar="SYSTEM|FILE", name="target")]
     runs: Annotated[int, arg(metavar="N")] = 1024
+    shard: Annotated[int, arg(metavar="N")] = 512
     seed: Annotated[int, arg(metavar="N")] = 0
     sampler: Annotated[str, arg(metavar="NAME")] = "sobol"
     controllers: Annotated[
