@@ -20,7 +20,7 @@ from grosmc_mj.campaign.radius_figure import RadiusCurve, save_radius
 from grosmc_mj.campaign.sampled import NO_PROOF
 
 # Runs that a map shows, and points of the premise's margin along each axis.
-_MOST_POINTS, _GRID = 4096, 9
+_MOST_POINTS, _GRID = 4096, 7
 # Units for people.
 _SHOWN = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 

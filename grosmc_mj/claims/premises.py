@@ -37,6 +37,8 @@ REGIONS: Mapping[str, tuple[float, ...]] = {
 _GRID, _EVERY = 169, 5
 # Phases of a moving reference, by the number of axes.
 _PHASES = {2: 16, 4: 8}
+# The same for families of plants.
+_COARSE_GRID, _COARSE_PHASES = 25, 8
 # s(0), the rank of numbers and the like hold to rounding.
 ROUNDING = 1e-9
 
@@ -127,7 +129,8 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
     run = lab.run(case, "physics", name).trajectory
     true = lab.equations(case, "physics")
     amplitude = _largest_wrench(lab, case)
-    here = list(_region(law, true, REGIONS[case.controllers], amplitude))
+    bound = REGIONS[case.controllers]
+    here = list(_region(law, true, bound, amplitude, _GRID, _PHASES[len(bound)]))
     rows = range(0, len(run.time) - 1, _EVERY)
     there = []
     for row in rows:
@@ -159,25 +162,33 @@ def least_margin(
 ) -> float:
     """Configured less required switching rate on a true plant, the least of an operating region.
 
+    Under a reference that moves it is looked for on a coarser grid than the audit's, with all
+    corners of the region: a family has many plants.
+
     Args:
         law: A law with a switching rate.
         true: The plant that it meets.
         bound: Of the region, |z1|, |z2| ...
         amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
     """
-    points = _region(law, true, bound, amplitude)
+    grid = _COARSE_GRID if _moves(law) else _GRID
+    points = _region(law, true, bound, amplitude, grid, _COARSE_PHASES)
     return min(each.configured - each.required for _, _, each in points)
 
 
 def _region(
-    law: Controller, true: AnalyticPlant, bound: Sequence[float], amplitude: Array
+    law: Controller,
+    true: AnalyticPlant,
+    bound: Sequence[float],
+    amplitude: Array,
+    grid: int,
+    phases: int,
 ) -> Iterator[tuple[float, Array, Balance]]:
     """The balance over the operating region, with the case's wrench at either bound."""
     error, system = law.coordinates, true.system
-    points = int((_GRID ** (1 / len(bound)) - 1) / 2) * 2 + 1
+    points = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
     axes = [np.linspace(-size, size, points) for size in bound]
-    moving = isinstance(law.parameters.reference, (Sine, Circle))
-    times = np.linspace(0, 2, _PHASES[len(bound)], endpoint=False) if moving else np.array([0.0])
+    times = np.linspace(0, 2, phases, endpoint=False) if _moves(law) else np.array([0.0])
     pushes = list(_corners(amplitude))
     for t, *z in itertools.product(times.tolist(), *axes):
         x = error.place(t, z, law.parameters)
@@ -186,6 +197,11 @@ def _region(
             continue
         for w in pushes:
             yield t, x, balance(law, true, t, x, w)
+
+
+def _moves(law: Controller) -> bool:
+    """Whether a law's reference moves."""
+    return isinstance(law.parameters.reference, (Sine, Circle))
 
 
 def _corners(amplitude: Array) -> Iterator[Array]:
