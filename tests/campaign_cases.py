@@ -53,6 +53,8 @@ input_below = "10 A"
 of = ["grosmc"]
 sliding_below = "0.02 A s"
 """
+# The first alone, for files without GROSMC.
+DEVIATION = '[[requirement]]\ndeviation_below = "3 mrad"\n'
 INERTIA = """
 [[uncertain]]
 body = "rotor"
@@ -62,6 +64,14 @@ AMPLITUDE = """
 [[uncertain]]
 disturbance = "load"
 amplitude = [-1, 1]
+"""
+FALL = """
+[[uncertain]]
+start = "pole angle"
+value = ["-80 deg", "80 deg"]
+[[uncertain]]
+start = "pole rate"
+value = ["-10 rad/s", "10 rad/s"]
 """
 # The two numbers of which most tests are.
 BOTH = INERTIA + AMPLITUDE
@@ -100,6 +110,14 @@ def question(text: str, **asked: Any) -> Question:
 def campaign(text: str, **asked: Any) -> Campaign:
     """A campaign, designed once for all tests."""
     return Campaign.of(question(text, **asked))
+
+
+def falling() -> Campaign:
+    """Sixteen pendulums, of which some fall out of the region where their law is defined."""
+    laws = '[[controller]]\nlaw = "fl-lqr"\n'
+    limits = '[[requirement]]\ndeviation_below = "1 rad"\n'
+    text = case("cart_pendulum", FALL, laws=laws, limits=limits, duration=0.3)
+    return campaign(text, runs=16, shard=16)
 
 
 def kept(asked: Campaign, path: Path) -> Folder:

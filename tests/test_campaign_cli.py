@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import AMPLITUDE, LQR, servo
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, servo
 
 from grosmc_mj import cli
-
-LIMIT = '[[requirement]]\ndeviation_below = "3 mrad"\n'
 
 
 def run(*arguments: str | Path) -> int:
@@ -26,7 +24,7 @@ def run(*arguments: str | Path) -> int:
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A servo's campaign under LQR, which compiles soonest."""
     path = tmp_path_factory.mktemp("files") / "small.toml"
-    path.write_text(servo(laws=LQR, limits=LIMIT))
+    path.write_text(servo(laws=LQR, limits=DEVIATION))
     return path
 
 
@@ -113,7 +111,10 @@ def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (servo(AMPLITUDE.replace("load", "lod"), laws=LQR, limits=LIMIT), "did you mean 'load'?"),
+        (
+            servo(AMPLITUDE.replace("load", "lod"), laws=LQR, limits=DEVIATION),
+            "did you mean 'load'?",
+        ),
         (servo('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n'), "must be positive"),
         (servo(""), "nothing is uncertain"),
         ("[plant", "no valid TOML"),

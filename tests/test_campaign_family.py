@@ -14,6 +14,7 @@ from campaign_cases import AMPLITUDE, BOTH, INERTIA, LQR, campaign, case, questi
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.family import family_of
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 NAMES = ("rotor mass scale", "load amplitude", "shaft damping")
 DAMPING = '[[uncertain]]\njoint = "shaft"\ndamping = [0, 1]\n'
@@ -158,7 +159,7 @@ WRONG = [
 @pytest.mark.parametrize(("tables", "says"), WRONG)
 def test_wrong_uncertainty_is_told_in_one_line(tables: str, says: str) -> None:
     shared = campaign(plain())
-    case, plant = shared.experiment.case, shared.plant
+    case, plant = shared.experiment.case, MujocoPlant.load("servo")
     assert says in refusal(lambda: family_of(question(plain(tables)).file, case, plant))
 
 

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_cases import AMPLITUDE, LQR, begun, campaign, case, kept, servo
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, begun, campaign, falling, kept, servo
 from scipy.stats import binomtest
 
-from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.document import results_document
 from grosmc_mj.campaign.findings import ALL, Findings, findings
 from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.work import run_shard
 
 COMPLETES = "completes"
-LIMIT = '[[requirement]]\ndeviation_below = "3 mrad"\n'
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +66,7 @@ def test_the_worst_runs_come_first(folder: Folder, found: Findings, law: str) ->
 
 
 def test_what_drives_a_margin_is_found(tmp_path: Path) -> None:
-    asked = campaign(servo(laws=LQR, limits=LIMIT), runs=64, shard=64)
+    asked = campaign(servo(laws=LQR, limits=DEVIATION), runs=64, shard=64)
     drivers = findings(asked, kept(asked, tmp_path), 0.95).drivers["lqr"]
     # 50 ms from rest: the load has hardly moved the rotor, its inertia has.
     assert drivers[0].parameter == "rotor mass scale"
@@ -90,23 +88,6 @@ def test_results_are_plain_json(found: Findings) -> None:
     assert "no proof" in content["says"]
 
 
-def falling() -> Campaign:
-    """Pendulums of which some fall out of the region where their law is defined."""
-    tables = """
-[[uncertain]]
-start = "pole angle"
-value = ["-80 deg", "80 deg"]
-[[uncertain]]
-start = "pole rate"
-value = ["-10 rad/s", "10 rad/s"]
-"""
-    limits = '[[requirement]]\ndeviation_below = "1 rad"\n'
-    laws = '[[controller]]\nlaw = "fl-lqr"\n'
-    return campaign(
-        case("cart_pendulum", tables, laws=laws, limits=limits, duration=0.3), runs=16, shard=16
-    )
-
-
 @pytest.mark.slow
 def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
     asked = falling()
@@ -125,6 +106,6 @@ def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> No
 
 
 def test_one_uncertain_number_is_enough(tmp_path: Path) -> None:
-    asked = campaign(servo(AMPLITUDE, laws=LQR, limits=LIMIT), runs=4)
+    asked = campaign(servo(AMPLITUDE, laws=LQR, limits=DEVIATION), runs=4)
     found = findings(asked, kept(asked, tmp_path), 0.95)
     assert [each.parameter for each in found.drivers["lqr"]] == ["load amplitude"]

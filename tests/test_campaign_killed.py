@@ -10,19 +10,18 @@ import time
 from pathlib import Path
 
 import pytest
-from campaign_cases import LQR, servo
+from campaign_cases import DEVIATION, LQR, servo
 
 from grosmc_mj import cli
 
 PARTS = 6
-LIMIT = '[[requirement]]\ndeviation_below = "3 mrad"\n'
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A servo's campaign under LQR, which compiles soonest."""
     path = tmp_path_factory.mktemp("files") / "small.toml"
-    path.write_text(servo(laws=LQR, limits=LIMIT))
+    path.write_text(servo(laws=LQR, limits=DEVIATION))
     return path
 
 

@@ -11,9 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import begun, campaign, case, kept, servo
+from campaign_cases import begun, campaign, falling, kept, servo
 
-from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.document import replay_document, worst_document
 from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.replay import replay
@@ -45,22 +44,6 @@ def test_a_run_is_repeated_bit_for_bit(folder: Folder, law: str, engine: Any) ->
 
 def test_the_last_controller_is_the_default(folder: Folder) -> None:
     assert replay(campaign(servo()), folder, "1", None, "native").outcome.controller == "grosmc"
-
-
-def falling() -> Campaign:
-    """Pendulums of which some fall out of the region where their law is defined."""
-    tables = """
-[[uncertain]]
-start = "pole angle"
-value = ["-80 deg", "80 deg"]
-[[uncertain]]
-start = "pole rate"
-value = ["-10 rad/s", "10 rad/s"]
-"""
-    laws = '[[controller]]\nlaw = "fl-lqr"\n'
-    limits = '[[requirement]]\ndeviation_below = "1 rad"\n'
-    text = case("cart_pendulum", tables, laws=laws, limits=limits, duration=0.3)
-    return campaign(text, runs=16, shard=16)
 
 
 @pytest.mark.slow

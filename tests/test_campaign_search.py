@@ -155,7 +155,7 @@ def test_what_was_found_is_kept_as_json(reached: Radius, known: Worst, tmp_path:
     assert reached.outside is not None
     values = found_values(asked, tmp_path, "outside", "lqr")
     assert values.tobytes() == reached.outside.values.tobytes()
-    with pytest.raises(SetupError, match="has no worst.json: run the campaign with --worst"):
+    with pytest.raises(SetupError, match=r"has no worst\.json: run the campaign with --worst"):
         found_values(asked, tmp_path, "worst", "lqr")
     both = loads(1.0, BOTH)
     (tmp_path / "worst.json").write_text(json.dumps(worst_document(both, [known])))

@@ -6,30 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaign_cases import BOTH, LAWS, LQR, campaign, case, servo
+from campaign_cases import BOTH, LAWS, LQR, campaign, falling, servo
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.meter import metered
 from grosmc_mj.campaign.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.simulation.simulate import simulate
-
-# From 80 deg the pole of some falls out of the region where the laws are defined.
-FALLING = """
-[[uncertain]]
-start = "pole angle"
-value = ["-80 deg", "80 deg"]
-[[uncertain]]
-start = "pole rate"
-value = ["-10 rad/s", "10 rad/s"]
-"""
-LIMIT = '[[requirement]]\ndeviation_below = "1 rad"\n'
-
-
-def falling() -> Campaign:
-    """Pendulums of which some fall."""
-    laws = '[[controller]]\nlaw = "fl-lqr"\n'
-    return campaign(case("cart_pendulum", FALLING, laws=laws, limits=LIMIT, duration=0.3), runs=16)
 
 
 @pytest.mark.parametrize("law", ["lqr", "grosmc"])
