@@ -40,6 +40,13 @@ LQR = """
 [[controller]]
 law = "lqr"
 """
+# Two laws that are designed in no time.
+PAIR = f"""{LQR}
+[[controller]]
+law = "lqr"
+name = "stiff"
+Q = [4, 1]
+"""
 LAWS = f"""{LQR}
 [[controller]]
 law = "grosmc"
@@ -82,6 +89,11 @@ def servo(
 ) -> str:
     """The text of a servo's case file: a pulse from 20 ms to 30 ms, and some hum besides."""
     return case("servo", uncertain, duration=duration, laws=laws, disturbances=LOAD, limits=limits)
+
+
+def pair(uncertain: str = BOTH) -> str:
+    """The text of a servo's case file with two laws that are designed in no time."""
+    return servo(uncertain, laws=PAIR, limits=DEVIATION)
 
 
 def case(

@@ -137,7 +137,7 @@ def test_a_wrong_file_gets_one_line(
     [
         ("servoo", "unknown system 'servoo': did you mean 'servo'?"),
         ("nowhere.toml", "nowhere.toml: there is no such file"),
-        ("cartpole/heavier", "nothing is uncertain"),
+        ("servo/nominal", "nothing is uncertain"),
     ],
 )
 def test_an_unknown_target(

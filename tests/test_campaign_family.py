@@ -148,7 +148,7 @@ WRONG = [
         + DAMPING
         + correlated(*NAMES[:2], "coefficient = 0.9")
         + correlated(*NAMES[1:], "coefficient = 0.9")
-        + correlated(*NAMES[::2], "coefficient = -0.9"),
+        + correlated(NAMES[0], NAMES[2], "coefficient = -0.9"),
         "the matrix is not positive definite",
     ),
     # Of another kind of plant.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import begun, campaign, kept, servo
+from campaign_cases import begun, campaign, kept, pair
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.executors import Executor, make_executor
@@ -31,7 +31,7 @@ FROZEN = Path(__file__).parent / "data" / "campaign_v1"
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     """Eight servos in two parts."""
-    return kept(campaign(servo()), tmp_path_factory.mktemp("campaign"))
+    return kept(campaign(pair()), tmp_path_factory.mktemp("campaign"))
 
 
 @pytest.fixture
@@ -60,10 +60,10 @@ def changed(folder: Folder, **content: Any) -> None:
 
 
 def test_a_part_has_a_row_for_each_run_and_controller(finished: Folder) -> None:
-    asked = campaign(servo())
+    asked = campaign(pair())
     table = pq.read_table(finished.part(1))
     assert table["id"].to_pylist() == [4, 5, 6, 7] * 2
-    assert table["controller"].to_pylist() == ["lqr"] * 4 + ["grosmc"] * 4
+    assert table["controller"].to_pylist() == ["lqr"] * 4 + ["stiff"] * 4
     for law in asked.laws:
         own = finished.columns([*table.column_names], law, [1])
         found = evaluate(asked, law, asked.values(range(4, 8)))
@@ -87,7 +87,7 @@ def test_a_part_has_a_row_for_each_run_and_controller(finished: Folder) -> None:
 def test_parts_are_the_same_in_any_order_and_with_any_threads(
     finished: Folder, tmp_path: Path
 ) -> None:
-    folder = begun(campaign(servo()), tmp_path / "again")
+    folder = begun(campaign(pair()), tmp_path / "again")
     for index, threads in ((1, 1), (0, 3)):
         report = run_shard(str(folder.path), index, threads)
         assert (report.index, report.first, report.runs) == (index, 4 * index, 4)
@@ -107,7 +107,7 @@ def executors() -> list[Any]:
 def test_every_executor_writes_the_same_bits(name: str, finished: Folder, tmp_path: Path) -> None:
     if name == "dask":
         pytest.importorskip("distributed")
-    asked, advances = campaign(servo()), []
+    asked, advances = campaign(pair()), []
     folder = begun(asked, tmp_path / "folder")
     executor: Executor = make_executor(name, workers=None if name == "batch" else 2)
     again = run_missing(asked, folder, executor, print, lambda *each: advances.append(each))
@@ -119,7 +119,7 @@ def test_every_executor_writes_the_same_bits(name: str, finished: Folder, tmp_pa
 
 
 def test_only_what_is_missing_is_run(copy: Folder, finished: Folder) -> None:
-    asked = campaign(servo())
+    asked = campaign(pair())
     copy.part(0).unlink()
     (copy.parts / ".part-0000000.parquet.elsewhere-1.part").write_bytes(b"half")
     untouched = copy.part(1).stat().st_mtime_ns
@@ -151,17 +151,17 @@ def test_a_file_in_the_way(tmp_path: Path) -> None:
     way = tmp_path / "file"
     way.touch()
     for path in (way, way / "below"):
-        assert told(begun, campaign(servo()), path).startswith(f"cannot write {path}")
+        assert told(begun, campaign(pair()), path).startswith(f"cannot write {path}")
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "parts").touch()
-    said = told(begun, campaign(servo()), tmp_path / "folder")
+    said = told(begun, campaign(pair()), tmp_path / "folder")
     assert "parts: File exists" in said
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_permission(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    assert "Permission denied" in told(begun, campaign(servo()), tmp_path / "campaign")
+    assert "Permission denied" in told(begun, campaign(pair()), tmp_path / "campaign")
 
 
 @pytest.mark.parametrize(
@@ -171,13 +171,13 @@ def test_a_folder_without_permission(tmp_path: Path) -> None:
         ({"runs": 9}, "runs: 8 there, 9 now"),
         ({"sampler": "lhs"}, "sampler: sobol there, lhs now"),
         ({"duration": 0.06}, "duration: 0.05 there, 0.06 now"),
-        ({"controllers": ("lqr",)}, "controllers 2: grosmc there, nothing now"),
+        ({"controllers": ("lqr",)}, "controllers 2: stiff there, nothing now"),
     ],
 )
 def test_another_campaign_in_the_folder_is_refused_with_the_difference(
     finished: Folder, asked: dict[str, Any], difference: str
 ) -> None:
-    other = manifest_of(Campaign.of(Question(**{**vars(campaign(servo()).question), **asked})))
+    other = manifest_of(Campaign.of(Question(**{**vars(campaign(pair()).question), **asked})))
     for resume in (False, True):
         said = told(finished.begin, other, resume=resume)
         assert difference in said
@@ -185,13 +185,13 @@ def test_another_campaign_in_the_folder_is_refused_with_the_difference(
 
 
 def test_a_changed_file_is_refused_with_what_is_changed(finished: Folder) -> None:
-    wider = manifest_of(campaign(servo().replace("[1, 3]", "[1, 4]")))
+    wider = manifest_of(campaign(pair().replace("[1, 3]", "[1, 4]")))
     said = told(finished.begin, wider, resume=True)
     assert "uncertain.rotor mass scale: uniform: least 1, most 3; nominal 1; unit  there" in said
 
 
 def test_the_same_campaign_needs_resume(finished: Folder) -> None:
-    manifest = manifest_of(campaign(servo()))
+    manifest = manifest_of(campaign(pair()))
     assert "--resume runs what is missing" in told(finished.begin, manifest, resume=False)
     assert manifest["hash"] == read_manifest(finished.path)["hash"]
 
@@ -199,7 +199,7 @@ def test_the_same_campaign_needs_resume(finished: Folder) -> None:
 def test_parts_without_a_manifest_are_not_overwritten(copy: Folder) -> None:
     (copy.path / "manifest.json").unlink()
     assert "has parts without a manifest.json" in told(
-        copy.begin, manifest_of(campaign(servo())), resume=False
+        copy.begin, manifest_of(campaign(pair())), resume=False
     )
     assert "is no campaign" in told(run_shard, str(copy.path), 0)
 
@@ -207,7 +207,7 @@ def test_parts_without_a_manifest_are_not_overwritten(copy: Folder) -> None:
 @pytest.mark.parametrize("cut", [0, 100, -20])
 def test_a_broken_part_is_named(copy: Folder, cut: int) -> None:
     copy.part(1).write_bytes(copy.part(1).read_bytes()[:cut])
-    said = told(findings, campaign(servo()), copy, 0.95)
+    said = told(findings, campaign(pair()), copy, 0.95)
     assert said.startswith(f"{copy.part(1)}: cannot be read (ArrowInvalid): remove it")
 
 
@@ -235,9 +235,9 @@ def test_a_manifest_that_is_no_json(copy: Folder) -> None:
 
 def test_another_campaign_under_the_same_name_is_not_taken_for_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "campaign"
-    kept(campaign(servo(), runs=2), path)
+    kept(campaign(pair(), runs=2), path)
     shutil.rmtree(path)
-    asked = campaign(servo(), runs=2, seed=1)
+    asked = campaign(pair(), runs=2, seed=1)
     folder = kept(asked, path)
     assert open_campaign(str(path)).question.seed == 1
     own = folder.columns(["rotor mass scale"], "lqr", [0])["rotor mass scale"]
@@ -257,8 +257,8 @@ def test_a_folder_of_the_first_schema_stays_readable() -> None:
 
 
 def test_findings_of_nothing(tmp_path: Path) -> None:
-    folder = begun(campaign(servo()), tmp_path / "empty")
+    folder = begun(campaign(pair()), tmp_path / "empty")
     with pytest.raises(SetupError, match="has no runs yet: --resume"):
-        findings(campaign(servo()), folder, 0.95)
+        findings(campaign(pair()), folder, 0.95)
     with pytest.raises(ArgumentError):
-        findings(campaign(servo()), kept(campaign(servo(), runs=1), tmp_path / "one"), 1.0)
+        findings(campaign(pair()), kept(campaign(pair(), runs=1), tmp_path / "one"), 1.0)

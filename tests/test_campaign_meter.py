@@ -110,7 +110,7 @@ SYSTEMS = ["servo", "cart_pendulum", "arm", "two_link_arm"]
 
 
 @pytest.mark.parametrize("law", ["lqr", "grosmc"])
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", ["servo", "two_link_arm"])
 def test_meters_are_what_the_samples_say(name: str, law: str) -> None:
     asked = system(name)
     check(run(asked, law), asked, law)
@@ -142,7 +142,7 @@ def meaning(onset: float, duration: float) -> Meaning:
 @pytest.mark.parametrize(("duration", "onset"), [(6.0, 5.0), (6.0, 7.0), (6.0, 4.2), (3.0, 2.9)])
 def test_settling_is_that_of_the_recorded_run(duration: float, onset: float) -> None:
     asked = campaign(servo(laws=LQR, limits=""))
-    found = run(asked, "lqr", duration=duration, onset=onset)
+    found = run(asked, "lqr", "native", duration=duration, onset=onset)
     recorded = found.measured[0]["settling_time"].value
     # The servo settles at 4.02 s: too late to be sure of before 4.2 s, and not at all in 3 s.
     assert (recorded is None) == (onset < 5)

@@ -37,7 +37,7 @@ def relative(asked: Campaign, *values: float) -> float:
 @pytest.fixture(scope="module")
 def known() -> Worst:
     """The worst plant of a family in which the load fails at a fraction of its range."""
-    return worst(loads(1.0, BOTH), "lqr", list(range(8)), 512)
+    return worst(loads(1.0, BOTH), "lqr", list(range(8)), 256)
 
 
 def test_the_search_finds_the_known_worst_plant(known: Worst) -> None:
@@ -50,7 +50,7 @@ def test_the_search_finds_the_known_worst_plant(known: Worst) -> None:
     assert known.relative == pytest.approx(truth, rel=1e-12)
     assert known.relative == relative(asked, *known.values)
     assert known.relative <= min(known.random, known.samples)
-    assert known.evaluations == 512
+    assert known.evaluations == 256
 
 
 def test_the_shrunk_plant_fails_and_is_next_to_one_that_does_not(known: Worst) -> None:
@@ -79,7 +79,7 @@ def test_numbers_that_play_no_part_are_made_nominal() -> None:
 
 
 def test_a_search_is_the_same_each_time(known: Worst) -> None:
-    again = worst(loads(1.0, BOTH), "lqr", list(range(8)), 512)
+    again = worst(loads(1.0, BOTH), "lqr", list(range(8)), 256)
     assert again.values.tobytes() == known.values.tobytes()
     assert known.shrunk is not None
     assert again.shrunk is not None
