@@ -143,29 +143,12 @@ class Premises:
         return Promise(low, f"over {region}{left}")
 
 
-def promise(self) -> Promise:
-    """The largest scale of the uncertainty at which the premises hold, by bisection."""
-    if not self.holds(0.0):
-        return Promise(0.0, "the premises do not hold for the nominal plant")
-    most = min(MOST, self.campaign.family.largest_scale * (1 - 1e-9))
-    if self.holds(most):
-        return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
-    low, high = 0.0, most
-    while high - low > _TOLERANCE * max(low, _TOLERANCE):
-        middle = (low + high) / 2
-        low, high = (middle, high) if self.holds(middle) else (low, middle)
-    starts = "" if self._starts_inside(high) else "; beyond it starts leave the declared region"
-    return Promise(low, f"over {' x '.join(f'|z| <= {size:.3g}' for size in self.bound)}{starts}")
-
-
 def promise(campaign: Campaign, controller: str) -> Promise:
     """How far the premises of a controller reach, or why nobody knows."""
     found = Premises.of(campaign, controller)
     if isinstance(found, str):
         return Promise(None, found)
-    if not all(
-        np.all(np.isfinite(each.distribution.support)) for each in campaign.family.quantities
-    ):
+    if not campaign.family.bounded:
         return Promise(None, "the uncertainty has no end, so no premise covers all of it")
     try:
         return found.promise()
