@@ -22,7 +22,7 @@ from grosmc_mj.campaign.manifest import manifest_of, read_manifest
 from grosmc_mj.campaign.question import Question
 from grosmc_mj.campaign.running import missing, run_missing
 from grosmc_mj.campaign.shard import evaluate
-from grosmc_mj.campaign.work import open_campaign, run_shard
+from grosmc_mj.campaign.work import open_campaign, read_campaign, run_shard
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 
 FROZEN = Path(__file__).parent / "data" / "campaign_v1"
@@ -262,3 +262,16 @@ def test_findings_of_nothing(tmp_path: Path) -> None:
         findings(campaign(pair()), folder, 0.95)
     with pytest.raises(ArgumentError):
         findings(campaign(pair()), kept(campaign(pair(), runs=1), tmp_path / "one"), 1.0)
+
+
+def test_other_versions_read_a_complete_campaign_and_add_nothing_to_another(copy: Folder) -> None:
+    versions = {**read_manifest(copy.path)["versions"], "scipy": "0.1"}
+    changed(copy, versions=versions)
+    manifest = manifest_of(campaign(pair()))
+    (line,) = copy.begin(manifest, resume=True)
+    assert line.startswith("versions.scipy: 0.1 there, ")
+    assert line in told(run_shard, str(copy.path), 0)
+    _, others = read_campaign(str(copy.path))
+    assert others == (line,)
+    copy.part(1).unlink()
+    assert "install those to go on" in told(copy.begin, manifest, resume=True)

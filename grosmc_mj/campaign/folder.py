@@ -17,7 +17,13 @@ import pyarrow.parquet as pq
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.manifest import MANIFEST, SCHEMA_VERSION, differences, read_manifest
+from grosmc_mj.campaign.manifest import (
+    MANIFEST,
+    SCHEMA_VERSION,
+    differences,
+    outdated,
+    read_manifest,
+)
 from grosmc_mj.campaign.requirements import COMPLETES, MARGIN, METRICS
 from grosmc_mj.campaign.shard import Outcomes
 from grosmc_mj.errors import ArgumentError, SetupError
@@ -56,12 +62,15 @@ class Folder:
         """The file of a part."""
         return self.parts / f"part-{index:07d}.parquet"
 
-    def begin(self, manifest: Mapping[str, Any], *, resume: bool) -> None:
+    def begin(self, manifest: Mapping[str, Any], *, resume: bool) -> list[str]:
         """Write the manifest, or find the same one there.
 
+        Returns:
+            What to know of a complete campaign that was made with other versions.
+
         Raises:
-            ArgumentError: If the folder has another campaign, or has this one and ``resume`` is
-                not wanted.
+            ArgumentError: If the folder has another campaign, has this one and ``resume`` is not
+                wanted, or parts are missing that other versions would have to add.
             SetupError: If it cannot be written.
         """
         if not (self.path / MANIFEST).exists():
@@ -69,8 +78,9 @@ class Folder:
                 raise ArgumentError(f"{self.path} has parts without a {MANIFEST}: take another")
             write_json(self.path / MANIFEST, manifest)
             self._make(self.parts)
-            return
-        changed = differences(read_manifest(self.path), manifest)
+            return []
+        there = read_manifest(self.path)
+        changed = differences(there, manifest)
         if changed:
             raise ArgumentError(
                 f"{self.path} has another campaign: {'; '.join(changed)}; take another --out"
@@ -79,10 +89,21 @@ class Folder:
             raise ArgumentError(
                 f"{self.path} has this campaign already: --resume runs what is missing of it"
             )
+        if (others := outdated(there, manifest)) and not self._complete(there):
+            raise ArgumentError(
+                f"{self.path} is not complete and was begun with other versions: "
+                f"{'; '.join(others)}; install those to go on"
+            )
         self._make(self.parts)
         for left in self.parts.glob(".*.part"):
             with contextlib.suppress(OSError):
                 left.unlink()
+        return others
+
+    def _complete(self, manifest: Mapping[str, Any]) -> bool:
+        """Whether all parts are there."""
+        question = manifest["question"]
+        return all(map(self.done, range(-(-question["runs"] // question["shard"]))))
 
     def _make(self, path: Path) -> None:
         try:

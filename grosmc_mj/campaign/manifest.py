@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSION = 1
 # What a folder cannot be opened without.
 _NEEDED = ("hash", "question")
+# What must be the same for the same campaign.
+_DECIDING = ("configuration", "model", "sources")
 # Packages whose version may change a bit of the results.
 _DECISIVE = ("grosmc_mj", "mujoco", "numba", "numpy", "scipy")
 
@@ -71,8 +73,21 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def differences(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
-    """What of a campaign decides its results and is not the same, a line each."""
-    keys = ("configuration", "model", "sources", "versions")
+    """What of a campaign decides its results and is not the same, a line each.
+
+    Versions are left out, see ``outdated``; with others, the bytes of a model say nothing.
+    """
+    keys = ("configuration", "sources") if outdated(there, asked) else _DECIDING
+    return _changed(there, asked, keys)
+
+
+def outdated(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+    """The packages that have another version now, a line each: bits may differ."""
+    return _changed(there, asked, ("versions",))
+
+
+def _changed(there: Mapping[str, Any], asked: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
+    """The leaves under some keys that are not the same, a line each."""
     old, new = (dict(_flat({key: each.get(key) for key in keys})) for each in (there, asked))
     return [
         f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.folder import Counts, Folder, counts_of
-from grosmc_mj.campaign.manifest import differences, manifest_of, read_manifest
+from grosmc_mj.campaign.manifest import differences, manifest_of, outdated, read_manifest
 from grosmc_mj.campaign.question import Question
 from grosmc_mj.campaign.shard import evaluate
 from grosmc_mj.errors import ArgumentError
@@ -59,20 +59,33 @@ def run_shard(folder: str, index: int, threads: int = 0) -> ShardReport:
 
 
 def open_campaign(folder: str) -> Campaign:
-    """The campaign of a folder, designed once in a process.
+    """The campaign of a folder, designed once in a process, to add parts to it.
 
     Raises:
         GrosmcError: If there is none, or it would not be computed here as it was there.
+    """
+    campaign, others = read_campaign(folder)
+    if others:
+        raise ArgumentError(f"{folder} was begun with other versions: {'; '.join(others)}")
+    return campaign
+
+
+def read_campaign(folder: str) -> tuple[Campaign, tuple[str, ...]]:
+    """The campaign of a folder, and the packages that have other versions now, a line each.
+
+    Raises:
+        GrosmcError: If there is none, or its configuration cannot be had here.
     """
     # A worker may outlive a folder and meet another campaign under its name.
     return _opened(folder, read_manifest(Path(folder))["hash"])
 
 
 @lru_cache(maxsize=4)
-def _opened(folder: str, _hash: str) -> Campaign:
+def _opened(folder: str, _hash: str) -> tuple[Campaign, tuple[str, ...]]:
     """The campaign of a folder whose manifest has this hash."""
     manifest = read_manifest(Path(folder))
     campaign = Campaign.of(Question.of_document(manifest["question"]))
-    if changed := differences(manifest, manifest_of(campaign)):
+    now = manifest_of(campaign)
+    if changed := differences(manifest, now):
         raise ArgumentError(f"{folder} was begun with something else: {'; '.join(changed)}")
-    return campaign
+    return campaign, tuple(outdated(manifest, now))

@@ -48,8 +48,9 @@ def campaign(command: CampaignCommand) -> int:
     _check_axes(command, asked)
     executor = make_executor(command.executor, workers=command.workers, scheduler=command.scheduler)
     folder = Folder(command.out or FOLDER / asked.question.name)
-    folder.begin(manifest_of(asked), resume=command.resume)
     console = screen.console()
+    for line in folder.begin(manifest_of(asked), resume=command.resume):
+        console.print(f"{line}: the campaign was run with that", style="yellow")
     _run(console, asked, folder, executor)
     found = findings(asked, folder, command.confidence)
     _say(console, asked, found)

@@ -19,7 +19,7 @@ def replay(command: ReplayCommand) -> int:
     from grosmc_mj.campaign.document import replay_document
     from grosmc_mj.campaign.folder import Folder
     from grosmc_mj.campaign.replay import replay
-    from grosmc_mj.campaign.work import open_campaign
+    from grosmc_mj.campaign.work import read_campaign
     from grosmc_mj.rendering.figure import figure_written
     from grosmc_mj.simulation.simulate import Engine
     from grosmc_mj.validation import tables
@@ -28,7 +28,10 @@ def replay(command: ReplayCommand) -> int:
 
     if command.engine not in get_args(Engine):
         raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
-    campaign, console = open_campaign(str(command.campaign)), screen.console()
+    console = screen.console()
+    campaign, others = read_campaign(str(command.campaign))
+    for line in others:
+        console.print(f"{line}: bits may differ", style="yellow")
     found = replay(
         campaign,
         Folder(command.campaign),
