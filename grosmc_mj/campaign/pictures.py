@@ -14,7 +14,7 @@ from grosmc_mj.campaign.findings import ALL, Findings
 from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.margin_figure import MarginPanel, save_margins
 from grosmc_mj.campaign.pass_map_figure import AxisOf, Boundary, PassMap, Points, save_pass_map
-from grosmc_mj.campaign.premise import premise_grid
+from grosmc_mj.campaign.premise import premise_grid, speaks_of
 from grosmc_mj.campaign.radius import Radius
 from grosmc_mj.campaign.radius_figure import RadiusCurve, save_radius
 from grosmc_mj.campaign.sampled import NO_PROOF
@@ -60,7 +60,7 @@ def draw_map(
         columns = folder.columns([*names, "relative"], law, shards)
         x, y = columns[names[0]] * first, columns[names[1]] * second
         laws[law] = Points(x, y, columns["relative"])
-        grid = premise_grid(campaign, law, axes, _GRID) if _promised(axes) else None
+        grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
         if grid is not None:
             boundaries[law] = Boundary(grid[0] * first, grid[1] * second, grid[2])
     shown = PassMap(
@@ -79,8 +79,8 @@ def map_axes(
 ) -> tuple[Quantity, Quantity] | None:
     """The two numbers of the map: the named ones, or those that drive margins most.
 
-    Of the latter, numbers of the plant come first: over these, premises can be drawn. None where
-    only one number is uncertain.
+    Of the latter, those that premises speak of come first, since their boundary can be drawn over
+    these. None where only one number is uncertain.
     """
     by_name = {each.name: each for each in campaign.family.quantities}
     if names is not None:
@@ -89,7 +89,7 @@ def map_axes(
     for several in found.drivers.values():
         for each in several:
             shares[each.parameter] = max(shares.get(each.parameter, 0.0), each.share or 0.0)
-    ordered = sorted(by_name, key=lambda name: (not by_name[name].of_plant, -shares[name]))
+    ordered = sorted(by_name, key=lambda name: (not speaks_of(by_name[name]), -shares[name]))
     if len(ordered) < 2:
         return None
     first, second = sorted(ordered[:2], key=list(by_name).index)
@@ -117,11 +117,6 @@ def draw_radius(campaign: Campaign, found: Sequence[Radius], files: Sequence[Pat
 def shown_unit(unit: str) -> tuple[str, float]:
     """The unit that people read, and the factor to it."""
     return _SHOWN.get(unit, (unit, 1.0))
-
-
-def _promised(axes: tuple[Quantity, Quantity]) -> bool:
-    """Whether a premise can be computed over two numbers."""
-    return all(each.of_plant for each in axes)
 
 
 def _title(campaign: Campaign) -> str:

@@ -7,6 +7,7 @@ the operating region, on a plant with these numbers and under wrenches up to the
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -81,8 +82,13 @@ class Premises:
         assert isinstance(plant, MujocoPlant)
         return least_margin(self.law, plant.analytic(), self.bound, amplitude)
 
-    def amplitude(self, scale: float) -> Array:
-        """The largest wrenches of the family, scaled, (6 * bodies,): every profile reaches 1."""
+    def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:
+        """The largest wrenches of the family, scaled, (6 * bodies,): every profile reaches 1.
+
+        Args:
+            scale: Of the uncertainty.
+            known: Factors on disturbances, by their labels, that are not at their largest.
+        """
         campaign = self.campaign
         bodies = campaign.plant.system.bodies
         largest = np.zeros((len(bodies), 6))
@@ -91,6 +97,7 @@ class Premises:
             for each in campaign.family.quantities
             if each.quantity == "amplitude"
         }
+        factors.update(known or {})
         for each in campaign.experiment.case.disturbances:
             size = np.abs(each.wrench) * factors.get(each.label, 1.0)
             largest[bodies.index(each.body)] += size
@@ -143,6 +150,11 @@ class Premises:
         return Promise(low, f"over {region}{left}")
 
 
+def speaks_of(quantity: Quantity) -> bool:
+    """Whether premises depend on a number: on the plant's and on how large a disturbance is."""
+    return quantity.of_plant or quantity.quantity == "amplitude"
+
+
 def promise(campaign: Campaign, controller: str) -> Promise:
     """How far the premises of a controller reach, or why nobody knows."""
     found = Premises.of(campaign, controller)
@@ -159,12 +171,12 @@ def promise(campaign: Campaign, controller: str) -> Promise:
 def premise_grid(
     campaign: Campaign, controller: str, axes: tuple[Quantity, Quantity], points: int
 ) -> tuple[Array, Array, Array] | None:
-    """The premise over two numbers of the plant, with all other numbers at their worst.
+    """The premise over two numbers, with all other numbers at their worst.
 
     Args:
         campaign: The campaign.
         controller: Name of the controller.
-        axes: Two numbers that change the plant.
+        axes: Two numbers that premises speak of.
         points: On each axis.
 
     Returns:
@@ -174,14 +186,18 @@ def premise_grid(
     found = Premises.of(campaign, controller)
     if isinstance(found, str) or not campaign.family.bounded:
         return None
-    quantities, amplitude = campaign.family.quantities, found.amplitude(1.0)
+    quantities = campaign.family.quantities
     across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
-    i, j = (quantities.index(axis) for axis in axes)
-    unique = {tuple(np.delete(corner, [i, j])) for corner in found.corners(1.0)}
+    places = [quantities.index(axis) for axis in axes]
+    rest = [k for k in range(len(quantities)) if k not in places]
+    corners = {tuple(corner[rest]) for corner in found.corners(1.0)}
     grid = np.full((points, points), np.inf)
-    for rest, (row, y), (column, x) in itertools.product(unique, enumerate(up), enumerate(across)):
-        values = np.zeros(len(quantities))
-        values[[i, j]] = x, y
-        values[[k for k in range(len(quantities)) if k not in (i, j)]] = rest
-        grid[row, column] = min(grid[row, column], found.margin(values, amplitude))
+    for (row, y), (column, x) in itertools.product(enumerate(up), enumerate(across)):
+        pairs = zip(axes, (x, y), strict=True)
+        known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
+        amplitude = found.amplitude(1.0, known)
+        for corner in corners:
+            values = campaign.family.nominal
+            values[places], values[rest] = (x, y), corner
+            grid[row, column] = min(grid[row, column], found.margin(values, amplitude))
     return across, up, grid
