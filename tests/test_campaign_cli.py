@@ -85,6 +85,7 @@ def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
         (("--executor", "batch", "--workers", "2"), "workers"),
         (("--axes", "load amplitude", "mass"), "unknown uncertain number 'mass'"),
         (("--axes", "load amplitude", "load amplitude"), "twice: name two different numbers"),
+        (("--axes", "load amplitude"), "--axes names 1: name two uncertain numbers"),
         (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
         (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
         (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),

@@ -132,6 +132,8 @@ WRONG = [
     (mass("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"', "two are called 'a'"),
     (mass("[1, 2]", 'name = "deviation"'), "'deviation' is a column of the results"),
     (mass("[1, 2]", 'name = "margin input_below"'), "'margin input_below' is a column"),
+    (mass("[1, 2]", 'name = "a\\u001b"'), "'a\\x1b' is no name"),
+    (mass("[1, 2]", 'name = "  "'), "'  ' is no name"),
     ("", "nothing is uncertain: give it an [[uncertain]]"),
     ('[uncertain]\nbody = "rotor"', "[uncertain] is one of possibly several: write [[uncertain]]"),
     # Correlations.
@@ -141,7 +143,10 @@ WRONG = [
     ),
     (BOTH + correlated(*NAMES[:2], ""), "coefficient is missing"),
     (BOTH + correlated(NAMES[0], "load", "coefficient = 0.5"), "unknown number 'load'"),
-    (BOTH + correlated(NAMES[0], NAMES[0], "coefficient = 0.5"), "given twice"),
+    (
+        BOTH + correlated(NAMES[0], NAMES[0], "coefficient = 0.5"),
+        "correlation of rotor mass scale with itself",
+    ),
     (BOTH + 2 * correlated(*NAMES[:2], "coefficient = 0.5"), "given twice"),
     (
         BOTH
@@ -164,6 +169,7 @@ def test_wrong_uncertainty_is_told_in_one_line(tables: str, says: str) -> None:
 
 
 SHORT = '[[requirement]]\nsettles_within = "10 ms"\n'
+SECOND = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
 ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
 
 
@@ -187,6 +193,7 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
             {"sampler": "corners", "runs": 4},
             "corners: correlated numbers have none",
         ),
+        (plain(more=SECOND), {}, "two disturbances have the label 'load': give each its own"),
         (plain(more="[[requirement]]\ncost_ratio_below = 2\n"), {}, "leave it out"),
         (plain(more=SHORT.replace("10", "19")), {}, "there are 0.02 s before"),
         (plain(ONSET.format(0.001), SHORT), {}, "there are 0.001 s before"),

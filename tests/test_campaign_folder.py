@@ -212,6 +212,20 @@ def test_a_broken_part_is_named(copy: Folder, cut: int) -> None:
 
 
 @pytest.mark.parametrize(
+    "tampered",
+    [
+        lambda table: table.slice(0, 5),
+        lambda table: table.drop_columns(["relative"]),
+        lambda table: table.replace_schema_metadata({b"grosmc_mj": b"[]"}),
+        lambda table: table.replace_schema_metadata({b"grosmc_mj": b'{"counts": 3}'}),
+    ],
+)
+def test_a_part_that_lacks_something_is_named(copy: Folder, tampered: Any) -> None:
+    pq.write_table(tampered(pq.read_table(copy.part(1))), copy.part(1))
+    assert str(copy.part(1)) in told(findings, campaign(servo()), copy, 0.95)
+
+
+@pytest.mark.parametrize(
     ("content", "says"),
     [
         ({"schema_version": 2}, "is of schema 2; this grosmc_mj reads up to 1: update it"),

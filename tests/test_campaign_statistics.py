@@ -195,7 +195,16 @@ def test_share_of_the_only_parameter(runs, bins, sign):
     (found,) = drivers({"x": x}, sign * np.exp(x / runs))
     m = runs // bins
     assert found.share == pytest.approx(1 - m * (m + 1) / (runs * (runs + 1)), rel=1e-12)
-    assert (found.correlation, found.low, found.high) == pytest.approx((sign, sign, sign))
+    assert found.correlation == pytest.approx(sign)
+
+
+@pytest.mark.parametrize(("runs", "inner"), [(4, 0.9), (16, 1 - 6 / 4080)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_few_runs_that_agree_are_no_certainty(runs, inner, sign):
+    (found,) = drivers({"x": np.arange(runs)}, sign * np.arange(runs))
+    half = stats.norm.isf(0.025) * np.sqrt((1 + inner**2 / 2) / (runs - 3))
+    ends = sorted([sign, sign * np.tanh(np.arctanh(inner) - half)])
+    assert (found.low, found.high) == pytest.approx(ends, rel=1e-12)
 
 
 def test_share_sees_what_is_not_monotone():

@@ -165,6 +165,8 @@ def family_of(file: CaseFile, case: Case, plant: AnalyticPlant | MujocoPlant) ->
     names = [each.name for each in quantities]
     _refuse_twice(names, "called")
     for name in names:
+        if not (name.strip() and name.isprintable()):
+            raise ArgumentError(f"uncertain: {name!r} is no name: give it one that can be printed")
         if name in RESERVED or name.startswith(MARGIN):
             raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
@@ -242,6 +244,8 @@ def _of_disturbance(table: UncertainTable, case: Case, plant: Any) -> float:
             if named
             else f"no [[disturbance]] has the label {table.of!r}"
         )
+    if [each.label for each in case.disturbances].count(table.of) > 1:
+        raise ArgumentError(f"two disturbances have the label {table.of!r}: give each its own")
     profile = named[table.of].profile
     if table.quantity == "amplitude":
         return 0.0
@@ -289,7 +293,9 @@ def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Ar
             if name not in names:
                 raise ArgumentError(f"correlation: {unknown_name('number', name, names)}")
         i, j = (names.index(name) for name in table.between)
-        if i == j or found[i, j]:
+        if i == j:
+            raise ArgumentError(f"correlation of {names[i]} with itself: name two different ones")
+        if found[i, j]:
             raise ArgumentError(f"correlation between {' and '.join(table.between)}: given twice")
         found[i, j] = found[j, i] = table.coefficient
     if np.linalg.eigvalsh(found).min() < 1e-12:

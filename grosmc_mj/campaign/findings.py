@@ -68,7 +68,6 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     if not counts:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
     first = range(min(question.shards, -(-MOST // question.shard)))
-    words = {each.words: margin_column(each.key) for each in campaign.requirements}
     margins: dict[tuple[str, str], Array] = {}
     causes: dict[str, list[Driver]] = {}
     worst: dict[str, list[int]] = {}
@@ -81,7 +80,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
         causes[law] = drivers(columns, relative, confidence)
     for requirement in campaign.requirements:
         for law in requirement.of:
-            name = words[requirement.words]
+            name = margin_column(requirement.key)
             margins[requirement.words, law] = folder.columns([name], law, first)[name]
     runs = next(iter(counts.values()))["runs"]
     sampled = Sampled(runs, question.runs, question.sampler, question.seed)

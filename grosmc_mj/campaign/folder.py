@@ -145,7 +145,7 @@ class Folder:
         """Runs, and of them those that keep each requirement, by controller, over some parts."""
         total: dict[str, dict[str, int]] = {}
         for file in self.files(indices):
-            add(total, _noted(file)["counts"])
+            add(total, _noted(file))
         return total
 
     def columns(
@@ -234,21 +234,25 @@ def _table(index: int, ids: range, campaign: Campaign, found: Sequence[Outcomes]
     return table.replace_schema_metadata({_OURS: json.dumps(noted)})
 
 
-def _noted(file: Path) -> dict[str, Any]:
-    """What a part says of itself."""
+def _noted(file: Path) -> dict[str, dict[str, int]]:
+    """The counts that a part has noted."""
     try:
-        metadata = pq.read_schema(file).metadata
-        return json.loads(metadata[_OURS])
-    except (OSError, pa.ArrowInvalid, KeyError, TypeError, ValueError) as error:
+        counts = json.loads(pq.read_schema(file).metadata[_OURS])["counts"]
+        return {law: {key: int(n) for key, n in of.items()} for law, of in counts.items()}
+    except (OSError, pa.ArrowInvalid, KeyError, TypeError, ValueError, AttributeError) as error:
         raise _broken(file, error) from None
 
 
 def _read(file: Path, names: Sequence[str], controller: str) -> pa.Table:
     """Columns of one controller's rows in a part."""
+    runs = _noted(file).get(controller, {}).get("runs")
     try:
-        return pq.read_table(file, columns=list(names), filters=[("controller", "==", controller)])
+        found = pq.read_table(file, columns=list(names), filters=[("controller", "==", controller)])
     except (OSError, pa.ArrowInvalid, KeyError) as error:
         raise _broken(file, error) from None
+    if found.num_rows != runs:
+        raise _broken(file, IndexError())
+    return found
 
 
 def _broken(file: Path, error: Exception) -> SetupError:

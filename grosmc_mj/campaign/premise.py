@@ -63,7 +63,7 @@ class Premises:
             return f"{controller} does not switch: it promises nothing about uncertainty"
         plant = campaign.plant
         if not isinstance(plant, MujocoPlant) or plant.system.read_parameters is None:
-            return "the plant has no equations to compute premises from"
+            return "premises are computed for the package's own systems in MuJoCo only"
         if case.controllers not in REGIONS:
             return "no operating region is declared for this design"
         for each in campaign.family.quantities:

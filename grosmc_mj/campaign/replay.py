@@ -79,7 +79,7 @@ def _number(campaign: Campaign, which: str) -> int | None:
     if which in FOUND:
         return None
     runs = campaign.question.runs
-    if not which.isdecimal() or not int(which) < runs:
+    if not which.isdecimal() or len(which) > 18 or not int(which) < runs:
         raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(FOUND)}")
     return int(which)
 

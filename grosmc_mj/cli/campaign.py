@@ -74,7 +74,9 @@ def _check(command: CampaignCommand) -> None:
 
 def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
     """Refuse axes that are no uncertain numbers."""
-    for name in command.axes or ():
+    if command.axes and len(command.axes) != 2:
+        raise ArgumentError(f"--axes names {len(command.axes)}: name two uncertain numbers")
+    for name in command.axes:
         if name not in asked.family.names:
             raise ArgumentError(unknown_name("uncertain number", name, asked.family.names))
     if command.axes and command.axes[0] == command.axes[1]:
@@ -105,7 +107,7 @@ def _run(console: Console, asked: Campaign, folder: Folder, executor: Executor) 
                 done += runs
                 speed = done / (time.perf_counter() - began)
                 shares = ", ".join(f"{law} {100 * rate:.1f} %" for law, rate in rates.items())
-                advance(f"{speed:.0f} runs/s; kept so far: {shares}", runs)
+                advance(f"{speed:.3g} runs/s; kept so far: {shares}", runs)
 
             advance("designed; the first part takes a while", 0)
             again = run_missing(asked, folder, executor, _notice, told)
@@ -119,7 +121,7 @@ def _run(console: Console, asked: Campaign, folder: Folder, executor: Executor) 
     steps = left * asked.duration / asked.experiment.settings.timestep
     repeated = f"; {again} parts were run again" if again else ""
     console.print(
-        f"{left} runs of {asked.duration:g} s in {seconds:.1f} s: {left / seconds:.0f} runs and "
+        f"{left} runs of {asked.duration:g} s in {seconds:.1f} s: {left / seconds:.3g} runs and "
         f"{steps / seconds:.3g} physics steps a second{repeated}.",
         style="dim",
     )
@@ -162,7 +164,7 @@ def _write(
         margins, plane = both(folder.path / "margins"), both(folder.path / "map")
         draw_margins(asked, found, margins)
         files.append(margins[0])
-        axes = map_axes(asked, found, command.axes)
+        axes = map_axes(asked, found, command.axes or None)
         if axes is not None:
             draw_map(asked, folder, found, axes, plane)
             files.append(plane[0])

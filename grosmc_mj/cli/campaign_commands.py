@@ -73,9 +73,9 @@ class Campaign:
     evaluations: Annotated[int, arg(metavar="N")] = 1024
     radius: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     axes: Annotated[
-        tuple[str, str] | None,
+        tuple[str, ...],
         arg(metavar="X Y", help_behavior_hint="(default: those that drive margins most)"),
-    ] = None
+    ] = ()
     at_least: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint="")] = None
     figures: bool = True
 
