@@ -51,6 +51,16 @@ def test_rates_count_what_the_columns_have(folder: Folder, found: Findings, law:
     assert np.array_equal(found.margins[ALL, law], column(folder, "relative", law))
 
 
+def test_laws_may_be_asked_for_the_same_in_two_tables(tmp_path: Path) -> None:
+    both = "".join(f'{LIMIT}of = ["{law}"]\n' for law in ("lqr", "grosmc"))
+    asked = campaign(servo(limits=both))
+    split = findings(asked, kept(asked, tmp_path), 0.9)
+    words = "deviation below 3 mrad"
+    for law in ("lqr", "grosmc"):
+        assert split.rates[words, law].kept == (split.margins[words, law] >= 0).sum()
+    assert (words, "lqr", "grosmc") in split.differences
+
+
 def test_a_requirement_of_one_law_says_nothing_of_another(found: Findings) -> None:
     assert ("sliding below 0.02 A s", "grosmc") in found.rates
     assert ("sliding below 0.02 A s", "lqr") not in found.rates

@@ -27,7 +27,7 @@ _SHOWN = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 
 def draw_margins(campaign: Campaign, found: Findings, files: Sequence[Path]) -> None:
     """The distribution of each requirement's margin."""
-    requirements = [each.words for each in campaign.requirements] or [ALL]
+    requirements = list(dict.fromkeys(each.words for each in campaign.requirements)) or [ALL]
     panels = [
         MarginPanel(
             words,

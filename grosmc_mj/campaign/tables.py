@@ -135,7 +135,8 @@ def paired_table(
         sampled,
         f"Only: plants on which one law alone keeps the requirement. In brackets: "
         f"{_percent(confidence)} intervals, of the rates conservative (two Clopper-Pearson "
-        "intervals together), of the median by order statistics.",
+        "intervals together), of the median by order statistics. All requirements: of each law its "
+        "own.",
     )
 
 
