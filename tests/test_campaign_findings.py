@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_cases import AMPLITUDE, DEVIATION, LQR, begun, campaign, falling, kept, servo
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, PAIR, begun, campaign, falling, kept, servo
 from scipy.stats import binomtest
 
 from grosmc_mj.campaign.document import results_document
@@ -52,8 +52,8 @@ def test_rates_count_what_the_columns_have(folder: Folder, found: Findings, law:
 
 
 def test_laws_may_be_asked_for_the_same_in_two_tables(tmp_path: Path) -> None:
-    both = "".join(f'{LIMIT}of = ["{law}"]\n' for law in ("lqr", "grosmc"))
-    asked = campaign(servo(limits=both))
+    both = "".join(f'{DEVIATION}of = ["{law}"]\n' for law in ("lqr", "grosmc"))
+    asked = campaign(servo(laws=PAIR, limits=both))
     split = findings(asked, kept(asked, tmp_path), 0.9)
     words = "deviation below 3 mrad"
     for law in ("lqr", "grosmc"):

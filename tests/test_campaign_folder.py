@@ -222,7 +222,7 @@ def test_a_broken_part_is_named(copy: Folder, cut: int) -> None:
 )
 def test_a_part_that_lacks_something_is_named(copy: Folder, tampered: Any) -> None:
     pq.write_table(tampered(pq.read_table(copy.part(1))), copy.part(1))
-    assert str(copy.part(1)) in told(findings, campaign(servo()), copy, 0.95)
+    assert str(copy.part(1)) in told(findings, campaign(pair()), copy, 0.95)
 
 
 @pytest.mark.parametrize(

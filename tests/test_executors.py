@@ -133,7 +133,7 @@ def test_closing_the_iterator_ends_the_workers(tmp_path: Path) -> None:
     done = make_executor("processes", workers=2).run(work, range(1000), print)
     next(done)
     pids = begun(tmp_path)
-    done.close()  # pyright: ignore[reportAttributeAccessIssue]  it is a generator
+    done.close()
     assert pids
     assert not any(map(alive, pids))
 

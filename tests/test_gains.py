@@ -307,9 +307,7 @@ def test_region_of_another_size_than_the_error_state_is_refused(region: tuple[fl
 
 def test_authority_over_one_input_is_the_ratio_of_the_gains() -> None:
     R = np.array([[0.6]]) @ np.linalg.inv(np.array([[-3.0]]))
-    assert authority(R) == pytest.approx(
-        -0.2, rel=1e-15
-    )
+    assert authority(R) == pytest.approx(-0.2, rel=1e-15)
 
 
 def test_authority_over_several_inputs_is_what_the_worst_signs_leave() -> None:
@@ -321,10 +319,7 @@ def test_authority_over_several_inputs_is_what_the_worst_signs_leave() -> None:
             R = steered @ np.linalg.inv(believed)
             sides = [np.array(side) for side in itertools.product((-1.0, 1.0), repeat=m)]
             worst = min(float((side * (R @ side)).min()) for side in sides)
-            R = steered @ np.linalg.inv(believed)
-            assert authority(R) == pytest.approx(
-                worst, rel=1e-12, abs=1e-12
-            )
+            assert authority(R) == pytest.approx(worst, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(

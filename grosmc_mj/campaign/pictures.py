@@ -75,7 +75,7 @@ def draw_map(
 
 
 def map_axes(
-    campaign: Campaign, found: Findings, names: tuple[str, str] | None = None
+    campaign: Campaign, found: Findings, names: Sequence[str] = ()
 ) -> tuple[Quantity, Quantity] | None:
     """The two numbers of the map: the named ones, or those that drive margins most.
 
@@ -83,7 +83,7 @@ def map_axes(
     these. None where only one number is uncertain.
     """
     by_name = {each.name: each for each in campaign.family.quantities}
-    if names is not None:
+    if names:
         return by_name[names[0]], by_name[names[1]]
     shares: dict[str, float] = {}
     for several in found.drivers.values():

@@ -164,7 +164,7 @@ def _write(
         margins, plane = both(folder.path / "margins"), both(folder.path / "map")
         draw_margins(asked, found, margins)
         files.append(margins[0])
-        axes = map_axes(asked, found, command.axes or None)
+        axes = map_axes(asked, found, command.axes)
         if axes is not None:
             draw_map(asked, folder, found, axes, plane)
             files.append(plane[0])
