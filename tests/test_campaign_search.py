@@ -192,6 +192,16 @@ def test_premises_say_why_they_promise_nothing(table: str, why: str) -> None:
     assert why in found.note
 
 
+def test_a_profile_of_ones_own_may_exceed_1(tmp_path: Path) -> None:
+    (tmp_path / "squall.py").write_text("def squall(t):\n    return -5.0 if t > 0.01 else 1.0\n")
+    push = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "2 N m", "0 N m"]\nlabel = "push"\n'
+    force = f'{push}profile = "squall:squall"\n[[uncertain]]\ndisturbance = "push"\n'
+    text = case("servo", f"{force}amplitude = [-1, 3]\n", laws=LAWS)
+    premises = Premises.of(campaign(text, folder=str(tmp_path)), "grosmc")
+    assert isinstance(premises, Premises)
+    assert premises.amplitude(0.5)[4] == pytest.approx(0.5 * 3 * 2 * 5, rel=1e-15)
+
+
 @pytest.mark.slow
 def test_the_declared_family_is_promised_with_the_reaching_rate_to_spare() -> None:
     asked = asked_of(controllers=("grosmc",))

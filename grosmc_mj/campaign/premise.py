@@ -19,6 +19,7 @@ from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.claims.premises import REGIONS, least_margin
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
+from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # Scales are known to this part of themselves, up to the largest.
@@ -83,7 +84,7 @@ class Premises:
         return least_margin(self.law, plant.analytic(), self.bound, amplitude)
 
     def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:
-        """The largest wrenches of the family, scaled, (6 * bodies,): every profile reaches 1.
+        """The largest wrenches of the family, scaled, (6 * bodies,).
 
         Args:
             scale: Of the uncertainty.
@@ -99,9 +100,17 @@ class Premises:
         }
         factors.update(known or {})
         for each in campaign.experiment.case.disturbances:
-            size = np.abs(each.wrench) * factors.get(each.label, 1.0)
+            size = np.abs(each.wrench) * factors.get(each.label, 1.0) * self._peak(each.profile)
             largest[bodies.index(each.body)] += size
         return largest.ravel()
+
+    def _peak(self, profile: Profile) -> float:
+        """The largest magnitude of a profile: 1 of the package's own."""
+        if isinstance(profile, (Constant, Pulse, SineFrom)):
+            return 1.0
+        timestep = self.campaign.experiment.settings.timestep
+        steps = round(self.campaign.duration / timestep)
+        return max(abs(float(profile(step * timestep))) for step in range(steps))
 
     def corners(self, scale: float) -> list[Array]:
         """The extreme plants of the family, scaled: the corners of its numbers' ranges."""
@@ -114,12 +123,12 @@ class Premises:
 
     def holds(self, scale: float) -> bool:
         """Whether the premises hold for all extreme plants, and the starts lie in the region."""
-        if not self._starts_inside(scale):
+        if not self.starts_inside(scale):
             return False
         amplitude = self.amplitude(scale)
         return all(self.margin(values, amplitude) >= -_ROUNDING for values in self.corners(scale))
 
-    def _starts_inside(self, scale: float) -> bool:
+    def starts_inside(self, scale: float) -> bool:
         """Whether every start has its error state in the operating region."""
         campaign, law = self.campaign, self.law
         ends = [
@@ -146,7 +155,7 @@ class Premises:
             middle = (low + high) / 2
             low, high = (middle, high) if self.holds(middle) else (low, middle)
         region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
-        left = "" if self._starts_inside(high) else "; beyond it starts leave that region"
+        left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
         return Promise(low, f"over {region}{left}")
 
 
@@ -184,7 +193,7 @@ def premise_grid(
         is no premise to compute.
     """
     found = Premises.of(campaign, controller)
-    if isinstance(found, str) or not campaign.family.bounded:
+    if isinstance(found, str) or not campaign.family.bounded or not found.starts_inside(1.0):
         return None
     quantities = campaign.family.quantities
     across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
