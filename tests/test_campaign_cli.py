@@ -119,6 +119,7 @@ def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
         (servo('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n'), "must be positive"),
         (servo(""), "nothing is uncertain"),
         ("[plant", "no valid TOML"),
+        ('name = "../up"\n' + servo(laws=LQR, limits=DEVIATION), "names a folder"),
     ],
 )
 def test_a_wrong_file_gets_one_line(

@@ -212,6 +212,12 @@ def test_what_cannot_be_run_or_measured_is_refused_at_once(
     assert says in refusal(lambda: Campaign.of(question(text, **asked)))
 
 
+def test_a_disturbance_after_the_end_is_idle() -> None:
+    assert campaign(plain()).idle == []
+    assert campaign(plain(), duration=0.02).idle == ["load", "hum"]
+    assert campaign(plain(ONSET.format(0.01)), duration=0.02).idle == ["hum"]
+
+
 def test_an_analytic_plant_has_parameters_and_no_bodies(tmp_path: Path) -> None:
     own = '[plant]\nplant = "own:plant"\n[run]\nduration = "50 ms"\n[task]\nreference = ["0.5"]\n'
     own += 'Q = [100, 1]\nR = 1\n[[controller]]\nlaw = "fl-lqr"\n'

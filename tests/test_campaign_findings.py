@@ -52,13 +52,13 @@ def test_rates_count_what_the_columns_have(folder: Folder, found: Findings, law:
 
 
 def test_laws_may_be_asked_for_the_same_in_two_tables(tmp_path: Path) -> None:
-    both = "".join(f'{DEVIATION}of = ["{law}"]\n' for law in ("lqr", "grosmc"))
+    both = "".join(f'{DEVIATION}of = ["{law}"]\n' for law in ("lqr", "stiff"))
     asked = campaign(servo(laws=PAIR, limits=both))
     split = findings(asked, kept(asked, tmp_path), 0.9)
     words = "deviation below 3 mrad"
-    for law in ("lqr", "grosmc"):
+    for law in ("lqr", "stiff"):
         assert split.rates[words, law].kept == (split.margins[words, law] >= 0).sum()
-    assert (words, "lqr", "grosmc") in split.differences
+    assert (words, "lqr", "stiff") in split.differences
 
 
 def test_a_requirement_of_one_law_says_nothing_of_another(found: Findings) -> None:

@@ -17,6 +17,7 @@ from grosmc_mj.campaign.requirements import Requirement, afters, required
 from grosmc_mj.campaign.sampling import unit_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.validation.experiment import Experiment, experiment_of
@@ -111,6 +112,16 @@ class Campaign:
         """Of each run [s]."""
         return self.experiment.case.duration
 
+    @property
+    def idle(self) -> list[str]:
+        """Of each disturbance that begins after the end of every run: its label or body."""
+        disturbances = self.experiment.case.disturbances
+        return [
+            each.label or each.body
+            for each in disturbances
+            if _onset(each, self.family)[0] >= self.duration
+        ]
+
     def values(self, ids: range) -> Array:
         """The uncertain numbers of runs, (n, d)."""
         question, dimensions = self.question, len(self.family.quantities)
@@ -130,13 +141,18 @@ def _transient(experiment: Experiment, family: Family) -> float:
     """
     case, first = experiment.case, [experiment.case.duration]
     for disturbance in case.disturbances:
-        low = high = disturbance.window[0]
-        for each in family.quantities:
-            if (each.of, each.quantity) == (disturbance.label, "onset"):
-                low, high = each.distribution.support
+        low, high = _onset(disturbance, family)
         if high > 0:
             first.append(max(low, 0.0))
     return min(first)
+
+
+def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:
+    """When a disturbance begins at the earliest and at the latest [s]."""
+    for each in family.quantities:
+        if (each.of, each.quantity) == (disturbance.label, "onset"):
+            return each.distribution.support
+    return disturbance.window[0], disturbance.window[0]
 
 
 def _refuse_corners(question: Question, family: Family) -> None:

@@ -85,7 +85,7 @@ class Folder:
             raise ArgumentError(
                 f"{self.path} has another campaign: {'; '.join(changed)}; take another --out"
             )
-        if not resume:
+        if not resume and any(self.parts.glob("*.parquet")):
             raise ArgumentError(
                 f"{self.path} has this campaign already: --resume runs what is missing of it"
             )

@@ -131,7 +131,10 @@ def question_of(target: str, **asked: Any) -> Question:
     path = _found(target)
     given = {name: value for name, value in asked.items() if value is not None}
     question = Question(path.stem, read_text(path), str(path.parent.resolve()), **given)
-    return replace(question, name=question.file.name or path.stem)
+    name = question.file.name or path.stem
+    if Path(name).name != name:
+        raise ArgumentError(f"{path}: name = {name!r} names a folder: give one without a slash")
+    return replace(question, name=name)
 
 
 def campaign_files() -> dict[str, Path]:

@@ -62,8 +62,8 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
         notes.append(f"{LABELS.get(each.controller, each.controller)}: {promised.note}.")
     table.caption = escape(
         f"{found[0].plants} plants at each scale, up to {max(each.largest for each in found):.3g}. "
-        f"Promised: scale up to which the premises hold for every extreme plant, so that |s| does not "
-        f"grow in continuous time; of the requirements they say nothing. "
+        "Promised: scale up to which the premises hold for every extreme plant, so that |s| does "
+        "not grow in continuous time; of the requirements they say nothing. "
         f"{' '.join(notes)} {NO_PROOF}"
     )
     return table

@@ -51,6 +51,8 @@ def campaign(command: CampaignCommand) -> int:
     console = screen.console()
     for line in folder.begin(manifest_of(asked), resume=command.resume):
         console.print(f"{line}: the campaign was run with that", style="yellow")
+    for name in asked.idle:
+        console.print(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
     _run(console, asked, folder, executor)
     found = findings(asked, folder, command.confidence)
     _say(console, asked, found)
