@@ -94,7 +94,7 @@ class Replay:
             found.
         controller: Whose run; by default the campaign's last controller.
         engine: native or python.
-        film: Whether to film it in MuJoCo.
+        film: Whether to film it in MuJoCo: replays/films/RUN.mp4.
         figures: Whether to draw it.
     """
 

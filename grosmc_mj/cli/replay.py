@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, get_args
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.campaign_commands import Replay as ReplayCommand
-from grosmc_mj.cli.films import film_runs
+from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 if TYPE_CHECKING:
@@ -57,7 +57,9 @@ def replay(command: ReplayCommand) -> int:
         files.append(base.with_suffix(".png"))
     console.print(", ".join(map(str, files)), soft_wrap=True)
     if command.film:
-        film_runs(console, [result], campaign.experiment.settings, base.with_suffix(".mp4"))
+        # Its poster and its data have the names of the figure and of the result.
+        film = base.parent / FOLDER / f"{name}.mp4"
+        film_runs(console, [result], campaign.experiment.settings, film)
     if found.stored and not found.differences:
         console.print(
             f"Run {command.run} is what the campaign stored, bit for bit; engine {command.engine}.",
