@@ -36,7 +36,7 @@ def run(*arguments: str) -> int:
         (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
         (("validate", "--colour", "red"), "--colour"),
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
-        (("frobnicate",), "validate, run, new, claims, premises, film, list"),
+        (("frobnicate",), "validate, run, new, campaign, replay, claims, premises, film, list"),
         (("compare",), "SYSTEM"),
         (("compare", "arm", "--states", "0"), "1 or more"),
         (("compare", "arm", "--edits", "-1"), "0 or more"),
