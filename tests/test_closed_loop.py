@@ -17,6 +17,8 @@ from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.validation.cases import cases, find_case
 from grosmc_mj.validation.designs import chapter_controller
 
+pytestmark = pytest.mark.slow
+
 # The laws without switching; the servo's and the arm's are the optimal ones.
 CONTINUOUS = [
     ("servo", "lqr"),

@@ -36,6 +36,8 @@ from grosmc_mj.validation.cases import Case, cases, find_case
 from grosmc_mj.validation.metrics import compare_with_optimum, measure
 from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("dm_control")
 dm_env = pytest.importorskip("dm_env")
 test_utils = pytest.importorskip("dm_env.test_utils")

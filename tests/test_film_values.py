@@ -34,6 +34,8 @@ from grosmc_mj.validation.designs import TWO_LINK_CIRCLE, TWO_LINK_TIP, chapter_
 from grosmc_mj.validation.films import film_of, films_of
 from grosmc_mj.validation.runs import RunResult, Settings, run_case
 
+pytestmark = pytest.mark.slow
+
 SWING = Case(
     "cart_pendulum",
     "swing",

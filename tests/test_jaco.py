@@ -21,6 +21,8 @@ from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.validation.metrics import compare_with_optimum
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("dm_control")
 
 

@@ -26,6 +26,8 @@ from grosmc_mj.validation.cases import Case, find_case
 from grosmc_mj.validation.metrics import compare_with_optimum, measure
 from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
 
+pytestmark = pytest.mark.slow
+
 # One of each system, and both designs of the two-link arm.
 RUNS = [
     ("servo", "case2"),

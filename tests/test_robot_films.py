@@ -25,6 +25,8 @@ from grosmc_mj.validation.cases import Case, find_case
 from grosmc_mj.validation.films import film_digest, film_of
 from grosmc_mj.validation.runs import RunResult, Settings, run_case, run_on
 
+pytestmark = pytest.mark.slow
+
 LENGTHS = (0.5, 0.4, 0.3)
 N = len(LENGTHS)
 SMALL = Format(width=480, height=320, fps=10)

@@ -38,6 +38,8 @@ from grosmc_mj.validation.designs import (
 )
 from grosmc_mj.validation.runs import RunResult, Settings, run_case, run_on
 
+pytestmark = pytest.mark.slow
+
 PYTHON = Settings(engine="python")
 # Two links in the vertical plane, with limits of torques and of one joint.
 ARM = """
