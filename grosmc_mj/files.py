@@ -12,13 +12,17 @@ from grosmc_mj.errors import SetupError
 
 
 @contextlib.contextmanager
-def written_aside(path: Path) -> Iterator[Path]:
+def written_aside(path: Path, aside: str = "") -> Iterator[Path]:
     """A path to write to, renamed to the real one at the end and removed if that is not reached.
+
+    Args:
+        path: The real one.
+        aside: Name of the other, where several may write the same file at once.
 
     Raises:
         SetupError: If it cannot be written.
     """
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    part = path.with_name(aside or f".{path.stem}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():

@@ -18,8 +18,10 @@ from grosmc_mj.campaign.sampling import unit_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.simulation.undrawn import undrawn
 from grosmc_mj.validation.experiment import Experiment, experiment_of
 from grosmc_mj.validation.runs import PlantName
 
@@ -101,6 +103,11 @@ class Campaign:
         """The plant with the file's edits."""
         plants = self.experiment.subject.plants
         return plants.get("physics") or plants["corrected"]
+
+    @cached_property
+    def bare(self) -> Plant:
+        """The same without what is only drawn, which costs most of compiling a model."""
+        return undrawn(self.plant) if isinstance(self.plant, MujocoPlant) else self.plant
 
     @property
     def control_period(self) -> float:

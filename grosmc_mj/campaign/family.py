@@ -15,6 +15,7 @@ from scipy import stats
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.distributions import Distribution, distribution
 from grosmc_mj.campaign.requirements import MARGIN, METRICS
+from grosmc_mj.campaign.sampling import all_corners
 from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.casefile.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.casefile.units import number_in
@@ -122,6 +123,13 @@ class Family:
     def independent(self) -> bool:
         """Whether nothing is correlated."""
         return np.array_equal(self.correlation, np.eye(len(self.quantities)))
+
+    def corners(self, most: int) -> Array:
+        """The corners of the ranges as points of the unit cube, (2^d, d).
+
+        None, (0, d), where they have none or more than ``most``.
+        """
+        return all_corners(len(self.quantities), most if self.bounded and self.independent else 0)
 
     @cached_property
     def _mixing(self) -> Array:

@@ -12,8 +12,7 @@ from grosmc_mj.campaign.folder import EVERYTHING, Counts, Folder, margin_column
 from grosmc_mj.campaign.pairing import PairedDifference, paired
 from grosmc_mj.campaign.requirements import COMPLETES
 from grosmc_mj.campaign.sampled import Sampled
-from grosmc_mj.campaign.statistics import MarginSummary, margin_summary, pass_rate
-from grosmc_mj.campaign.statistics import PassRate as PassRate
+from grosmc_mj.campaign.statistics import MarginSummary, PassRate, margin_summary, pass_rate
 from grosmc_mj.errors import SetupError
 
 # Runs that distributions, differences and drivers are computed from; counts are of all.
@@ -68,20 +67,21 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     if not counts:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
     first = range(min(question.shards, -(-MOST // question.shard)))
-    margins: dict[tuple[str, str], Array] = {}
+    columns: dict[str, dict[str, Array]] = {}
     causes: dict[str, list[Driver]] = {}
     worst: dict[str, list[int]] = {}
-    looked = 0
     for law in campaign.laws:
-        columns = folder.columns(["id", "relative", *campaign.family.names], law, first)
-        looked, relative = len(columns["id"]), columns.pop("relative")
-        margins[ALL, law] = relative
-        worst[law] = columns.pop("id")[relative.argsort(kind="stable")[:_WORST]].tolist()
-        causes[law] = drivers(columns, relative, confidence)
-    for requirement in campaign.requirements:
-        for law in requirement.of:
-            name = margin_column(requirement.key)
-            margins[requirement.words, law] = folder.columns([name], law, first)[name]
+        asked = [margin_column(each.key) for each in campaign.requirements if law in each.of]
+        wanted = ["id", "relative", *campaign.family.names, *asked]
+        own = columns[law] = folder.columns(wanted, law, first)
+        order = own["relative"].argsort(kind="stable")
+        worst[law] = own["id"][order[:_WORST]].tolist()
+        values = {name: own[name] for name in campaign.family.names}
+        causes[law] = drivers(values, own["relative"], confidence)
+    margins = {(ALL, law): own["relative"] for law, own in columns.items()}
+    for each in campaign.requirements:
+        margins |= {(each.words, law): columns[law][margin_column(each.key)] for law in each.of}
+    looked = len(next(iter(columns.values()))["id"])
     runs = next(iter(counts.values()))["runs"]
     sampled = Sampled(runs, question.runs, question.sampler, question.seed)
     last = list(campaign.laws)[-1]

@@ -24,10 +24,11 @@ from grosmc_mj.campaign.manifest import (
     outdated,
     read_manifest,
 )
+from grosmc_mj.campaign.question import Question
 from grosmc_mj.campaign.requirements import COMPLETES, MARGIN, METRICS
 from grosmc_mj.campaign.shard import Outcomes
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.files import cannot_write
+from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.validation.results_file import write_json
 
 _PARTS = "parts"
@@ -102,8 +103,7 @@ class Folder:
 
     def _complete(self, manifest: Mapping[str, Any]) -> bool:
         """Whether all parts are there."""
-        question = manifest["question"]
-        return all(map(self.done, range(-(-question["runs"] // question["shard"]))))
+        return all(map(self.done, range(Question.of_document(manifest["question"]).shards)))
 
     def _make(self, path: Path) -> None:
         try:
@@ -124,18 +124,11 @@ class Folder:
         table = _table(index, ids, campaign, found)
         target = self.part(index)
         # A worker that was given up may still be at the same part.
-        aside = target.with_name(f".{target.name}.{socket.gethostname()}-{os.getpid()}.part")
-        try:
-            with aside.open("wb") as file:
-                pq.write_table(table, file, compression="zstd")
-                file.flush()
-                os.fsync(file.fileno())
-            aside.replace(target)
-        except OSError as error:
-            raise cannot_write(target, error) from error
-        finally:
-            with contextlib.suppress(OSError):
-                aside.unlink(missing_ok=True)
+        aside = f".{target.name}.{socket.gethostname()}-{os.getpid()}.part"
+        with written_aside(target, aside) as part, part.open("wb") as file:
+            pq.write_table(table, file, compression="zstd")
+            file.flush()
+            os.fsync(file.fileno())
 
     def files(self, indices: Sequence[int]) -> list[Path]:
         """The files of those parts that are there."""

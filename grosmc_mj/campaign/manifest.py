@@ -16,7 +16,8 @@ from grosmc_mj.campaign.question import Question
 from grosmc_mj.casefile.user_code import is_named
 from grosmc_mj.errors import SetupError
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.validation.results_file import git_revision, versions
+from grosmc_mj.validation.results_file import git_revision
+from grosmc_mj.versions import DECISIVE, installed
 
 MANIFEST = "manifest.json"
 SCHEMA_VERSION = 1
@@ -24,18 +25,16 @@ SCHEMA_VERSION = 1
 _NEEDED = ("hash", "question")
 # What must be the same for the same campaign.
 _DECIDING = ("configuration", "model", "sources")
-# Packages whose version may change a bit of the results.
-_DECISIVE = ("grosmc_mj", "mujoco", "numba", "numpy", "scipy")
 
 
 def manifest_of(campaign: Campaign) -> dict[str, Any]:
     """The manifest of a campaign, as plain values."""
-    question, found = campaign.question, versions()
+    question = campaign.question
     content = {
         "configuration": _configuration(campaign),
         "model": model_hash(campaign),
         "sources": _sources(question),
-        "versions": {name: found[name] for name in _DECISIVE},
+        "versions": installed(DECISIVE),
     }
     return {
         "schema_version": SCHEMA_VERSION,

@@ -80,13 +80,15 @@ def _edit(edits: list[Edit], quantity: Quantity, value: float) -> None:
             edits.append(AddedMass(quantity.of, value, quantity.at))
         return
     for index, each in enumerate(edits):
-        same = isinstance(each, BodyEdit) and (each.body, "body") == (quantity.of, quantity.owner)
-        same |= isinstance(each, JointEdit) and (each.joint, "joint") == (
-            quantity.of,
-            quantity.owner,
-        )
-        if same:
+        if _edited(each) == (quantity.owner, quantity.of):
             edits[index] = replace(each, **change)
             return
     made = BodyEdit if quantity.owner == "body" else JointEdit
     edits.append(made(quantity.of, **change))
+
+
+def _edited(edit: Edit) -> tuple[str, str] | None:
+    """Whose numbers an edit has, where further ones can be brought into it."""
+    if isinstance(edit, BodyEdit):
+        return "body", edit.body
+    return ("joint", edit.joint) if isinstance(edit, JointEdit) else None

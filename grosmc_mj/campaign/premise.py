@@ -79,7 +79,7 @@ class Premises:
             values: Of the uncertain numbers, (d,); those of disturbances and starts play no part.
             amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
         """
-        plant = self.campaign.member(values).plant(self.campaign.plant)
+        plant = self.campaign.member(values).plant(self.campaign.bare)
         assert isinstance(plant, MujocoPlant)
         return least_margin(self.law, plant.analytic(), self.bound, amplitude)
 

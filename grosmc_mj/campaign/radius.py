@@ -10,7 +10,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.premise import MOST, Promise, promise
-from grosmc_mj.campaign.sampling import all_corners, unit_points
+from grosmc_mj.campaign.sampling import unit_points
 from grosmc_mj.campaign.shard import evaluate
 
 # The radius is known to this part of itself; below the least scale it counts as none.
@@ -113,8 +113,7 @@ def radius(
 def _points(campaign: Campaign) -> Array:
     """Points of the unit cube: corners, if the ranges have some, and the first samples."""
     question, family = campaign.question, campaign.family
-    d = len(family.quantities)
-    corners = all_corners(d, _CORNERS if family.bounded and family.independent else 0)
+    d, corners = len(family.quantities), family.corners(_CORNERS)
     if question.sampler == "corners" and len(corners):
         return corners
     samples = min(question.runs, PLANTS - len(corners))

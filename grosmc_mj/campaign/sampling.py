@@ -92,7 +92,12 @@ def unit_points(sampler: str, dimensions: int, seed: int, first: int, count: int
         Points, (count, dimensions).
     """
     points = SAMPLERS[sampler](dimensions, seed, first, count)
-    return points if sampler == "corners" else np.clip(points, _EDGE, 1 - _EDGE)
+    return points if sampler == "corners" else inside(points)
+
+
+def inside(points: Array) -> Array:
+    """Points of the cube, moved off its faces."""
+    return np.clip(points, _EDGE, 1 - _EDGE)
 
 
 def all_corners(dimensions: int, most: int) -> Array:

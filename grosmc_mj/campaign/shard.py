@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,11 +15,9 @@ from grosmc_mj.campaign.member import Member
 from grosmc_mj.campaign.meter import metered
 from grosmc_mj.campaign.requirements import METRICS, Meaning, afters, relative
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.simulation.undrawn import undrawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,30 +49,41 @@ class Outcomes:
 
 
 def evaluate(campaign: Campaign, controller: str, values: Array, threads: int = 0) -> Outcomes:
-    """Run plants under one controller, as one batch, with nothing recorded.
+    """Run plants under one controller, as ``evaluate_all`` does."""
+    return evaluate_all(campaign, [controller], values, threads)[0]
+
+
+def evaluate_all(
+    campaign: Campaign, controllers: Iterable[str], values: Array, threads: int = 0
+) -> list[Outcomes]:
+    """Run the same plants under each controller, as one batch, with nothing recorded.
 
     Args:
         campaign: The campaign.
-        controller: Name of the controller.
+        controllers: Names of the controllers; their batches share the plants' compiled models.
         values: The uncertain numbers, (n, d).
         threads: 0 for all cores.
     """
     members = [campaign.member(row) for row in values]
-    law = campaign.laws[controller]
-    run = simulate(
-        plants_of(campaign, members),
-        [with_meters(campaign, law, member) for member in members],
-        np.array([member.case.x0 for member in members]),
-        duration=campaign.duration,
-        control_period=campaign.control_period,
-        timestep=campaign.experiment.settings.timestep,
-        disturbances=[list(member.case.disturbances) for member in members],
-        engine=campaign.experiment.settings.engine_for(law),
-        record=False,
-        threads=threads,
-    )
-    ends = (run.memory[:, -1], run.status, run.valid_until)
-    return outcomes(campaign, controller, values, members, *ends)
+    plants = plants_of(campaign, members)
+    found = []
+    for controller in controllers:
+        law = campaign.laws[controller]
+        run = simulate(
+            plants,
+            [with_meters(campaign, law, member) for member in members],
+            np.array([member.case.x0 for member in members]),
+            duration=campaign.duration,
+            control_period=campaign.control_period,
+            timestep=campaign.experiment.settings.timestep,
+            disturbances=[list(member.case.disturbances) for member in members],
+            engine=campaign.experiment.settings.engine_for(law),
+            record=False,
+            threads=threads,
+        )
+        ends = (run.memory[:, -1], run.status, run.valid_until)
+        found.append(outcomes(campaign, controller, values, members, *ends))
+    return found
 
 
 def outcomes(
@@ -132,9 +140,7 @@ def outcomes(
 
 def plants_of(campaign: Campaign, members: Sequence[Member], *, drawn: bool = False) -> list[Plant]:
     """The members' plants; those with the same edits are one, compiled once."""
-    like, made = campaign.plant, {}
-    if isinstance(like, MujocoPlant) and not drawn:
-        like = undrawn(like)
+    like, made = campaign.plant if drawn else campaign.bare, {}
     for member in members:
         key = (member.case.edits, member.scales)
         if key not in made:
@@ -144,10 +150,5 @@ def plants_of(campaign: Campaign, members: Sequence[Member], *, drawn: bool = Fa
 
 def with_meters(campaign: Campaign, law: Controller, member: Member) -> Controller:
     """A law with the meters that the requirements need."""
-    onset = member.case.onset
-    return metered(
-        law,
-        campaign.control_period,
-        afters(campaign.experiment.limits),
-        onset if 0 < onset < campaign.duration else math.inf,
-    )
+    after = afters(campaign.experiment.limits)
+    return metered(law, campaign.control_period, after, member.case.onset)

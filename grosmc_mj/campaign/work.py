@@ -12,7 +12,7 @@ from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.folder import Counts, Folder, counts_of
 from grosmc_mj.campaign.manifest import differences, manifest_of, outdated, read_manifest
 from grosmc_mj.campaign.question import Question
-from grosmc_mj.campaign.shard import evaluate
+from grosmc_mj.campaign.shard import evaluate_all
 from grosmc_mj.errors import ArgumentError
 
 
@@ -52,7 +52,7 @@ def run_shard(folder: str, index: int, threads: int = 0) -> ShardReport:
     campaign = open_campaign(folder)
     ids = campaign.question.ids(index)
     values = campaign.values(ids)
-    found = [evaluate(campaign, name, values, threads) for name in campaign.laws]
+    found = evaluate_all(campaign, campaign.laws, values, threads)
     kept.write(index, ids, campaign, found)
     seconds = time.perf_counter() - began
     return ShardReport(index, ids.start, len(ids), counts_of(found), seconds, os.getpid())

@@ -12,15 +12,15 @@ from scipy.optimize import differential_evolution
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.sampling import all_corners, unit_points
+from grosmc_mj.campaign.sampling import inside, unit_points
 from grosmc_mj.campaign.shard import Outcomes, evaluate
 from grosmc_mj.errors import ArgumentError
 
 # Plants of one generation, and how many of the first one are the worst samples and corners: what
 # leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
 _POPULATION, _FROM_SAMPLES, _CORNERS = 64, 16, 16
-# Points stay off the faces of the cube, where quantiles may be infinite.
-_EDGE = 2.0**-53
+# The fewest runs of a search: two generations.
+LEAST = 2 * _POPULATION
 # Of a run that ended at once; none that was completed comes near it.
 _CUT = 1e9
 # Points of one look along a line, and how often it is refined.
@@ -79,15 +79,14 @@ def worst(
     Raises:
         ArgumentError: If that is less than two generations.
     """
-    if evaluations < 2 * _POPULATION:
-        raise ArgumentError(f"--evaluations {evaluations} must be {2 * _POPULATION} or more")
+    if evaluations < LEAST:
+        raise ArgumentError(f"--evaluations {evaluations} must be {LEAST} or more")
     question, d = campaign.question, len(campaign.family.quantities)
     samples = np.concatenate(
         [unit_points(question.sampler, d, question.seed, i, 1) for i in ids[:_FROM_SAMPLES]]
     )
     search = _Search(campaign, controller, advance)
-    bounded = campaign.family.bounded and campaign.family.independent
-    corners = all_corners(d, _CORNERS if bounded else 0)
+    corners = campaign.family.corners(_CORNERS)
     left = _POPULATION - len(samples) - len(corners)
     rest = unit_points("lhs", d, question.seed + 1, 0, left)
     generations = evaluations // _POPULATION
@@ -136,7 +135,7 @@ class _Search:
         self.badness, self.values, self.runs = math.inf, np.zeros(0), 0
 
     def __call__(self, points: Array) -> Array:
-        values = self._campaign.family.values(np.clip(points, _EDGE, 1 - _EDGE))
+        values = self._campaign.family.values(inside(points))
         found = _badness(evaluate(self._campaign, self._controller, values))
         least = int(found.argmin())
         if found[least] < self.badness:

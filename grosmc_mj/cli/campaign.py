@@ -66,12 +66,14 @@ def campaign(command: CampaignCommand) -> int:
 
 
 def _check(command: CampaignCommand) -> None:
-    """Refuse shares that are none before anything is run."""
+    """Refuse shares that are none, and too short a search, before anything is run."""
+    from grosmc_mj.campaign.worst import LEAST
+
     for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
         if value is not None and not 0 < value < 1:
             raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
-    if command.worst and command.evaluations < 128:
-        raise ArgumentError(f"--evaluations {command.evaluations} must be 128 or more")
+    if command.worst and command.evaluations < LEAST:
+        raise ArgumentError(f"--evaluations {command.evaluations} must be {LEAST} or more")
 
 
 def _check_axes(command: CampaignCommand, asked: Campaign) -> None:

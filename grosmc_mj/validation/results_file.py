@@ -8,7 +8,6 @@ import platform
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from grosmc_mj.validation.cases import Case
 from grosmc_mj.validation.experiment import Experiment
 from grosmc_mj.validation.requirements import Judgement
 from grosmc_mj.validation.runs import RunResult, Settings
+from grosmc_mj.versions import installed
 
 SCHEMA_VERSION = 1
 _PACKAGES = ("mujoco", "dm_control", "numpy", "scipy", "control", "numba", "matplotlib")
@@ -128,13 +128,7 @@ def origin(seed: int | None) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that the numbers depend on."""
-    found = {"python": platform.python_version(), "grosmc_mj": grosmc_mj.__version__}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return {"python": platform.python_version(), **installed(_PACKAGES)}
 
 
 def git_revision() -> str | None:

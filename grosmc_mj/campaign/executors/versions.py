@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import functools
 import platform
-from importlib.metadata import PackageNotFoundError, version
 
-import grosmc_mj
-
-# Others differ without a change in the results.
-_PACKAGES = ("mujoco", "numba", "numpy", "scipy")
+from grosmc_mj.versions import DECISIVE, installed
 
 
 @functools.cache
 def versions() -> dict[str, str]:
     """Of Python, this package and those that compute; `missing` for one that is not there."""
     python = ".".join(platform.python_version_tuple()[:2])
-    found = {"python": python, "grosmc_mj": grosmc_mj.__version__}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+    return {"python": python, **installed(DECISIVE, "missing")}
 
 
 def differences(wanted: dict[str, str]) -> list[str]:
