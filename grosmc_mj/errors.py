@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
+
+# Characters of a value in a message.
+_SHOWN = 80
 
 
 class GrosmcError(Exception):
@@ -58,4 +61,15 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     names = list(valid)
     near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" did you mean {near[0]!r}?" if near else ""
-    return f"unknown {kind} {name!r}:{hint} valid: {', '.join(names)}"
+    return f"unknown {kind} {shown(name)}:{hint} valid: {', '.join(names)}"
+
+
+def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
+    """A value for a message: on one line, without control characters, cut off if it is long."""
+    try:
+        text = written(value)
+    # What is wrong with a value may be that it cannot even be written.
+    except Exception:
+        return f"a {type(value).__name__}"
+    text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in text[:_SHOWN])
+    return f"{text[: _SHOWN - 3]}..." if len(text) >= _SHOWN else text

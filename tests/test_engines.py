@@ -25,7 +25,7 @@ from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import SetupError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.compilation import fingerprint
+from grosmc_mj.simulation.compilation import compile_c, fingerprint
 from grosmc_mj.simulation.control_callback import installed
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
@@ -550,7 +550,7 @@ def test_fingerprint_follows_every_number_that_numba_freezes(make):
 def test_fingerprint_is_the_same_in_another_process():
     """Or nothing would ever be found in the cache on disk."""
     program = """
-from grosmc_mj.simulation.compilation import fingerprint
+from grosmc_mj.simulation.compilation import compile_c, fingerprint
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.validation.designs import chapter_controller
 plant = MujocoPlant.load("arm").analytic()
@@ -596,6 +596,31 @@ plant = MujocoPlant.load("servo").analytic()
 run = simulate(plant, Controller("k", law_of(k), Nothing()), [0.0, 0.0], duration=1e-3)
 print(run.command[0])
 """
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("content", [b"", b"cut", b"\x80\x05cos\nsystem\n"])
+def test_a_damaged_entry_of_the_cache_is_compiled_again(kind, content, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+    def compiled() -> float:
+        # What a law returns, compiled anew or taken from the disk.
+        function = compile_c(store_seven, numba.types.voidptr)
+        found = np.zeros(1)
+        function.ctypes(found.ctypes.data)
+        return found[0]
+
+    assert compiled() == 7.0
+    (entry,) = tmp_path.rglob(f"*.{kind}")
+    whole = entry.read_bytes()
+    entry.write_bytes(content or whole[: len(whole) // 2])
+    assert compiled() == 7.0
+    (entry,) = tmp_path.rglob(f"*.{kind}")
+    assert len(entry.read_bytes()) == len(whole)
+
+
+def store_seven(address: Any) -> None:
+    numba.carray(address, (1,), np.float64)[0] = 7.0
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,7 +95,7 @@ class Folder:
                 f"{'; '.join(others)}; install those to go on"
             )
         self._make(self.parts)
-        for left in self.parts.glob(".*.part"):
+        for left in self.parts.glob(".*.part.parquet"):
             with contextlib.suppress(OSError):
                 left.unlink()
         return others
@@ -123,9 +122,7 @@ class Folder:
         """
         table = _table(index, ids, campaign, found)
         target = self.part(index)
-        # A worker that was given up may still be at the same part.
-        aside = f".{target.name}.{socket.gethostname()}-{os.getpid()}.part"
-        with written_aside(target, aside) as part, part.open("wb") as file:
+        with written_aside(target) as part, part.open("wb") as file:
             pq.write_table(table, file, compression="zstd")
             file.flush()
             os.fsync(file.fileno())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.control.vectors import each
-from grosmc_mj.errors import ArgumentError, PremiseError
+from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.jitable import jitable
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
 
 TIME = sp.Symbol("t")
+# Operations of what is differentiated.
+_LONGEST = 500
 
 
 def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> ReferenceFunction:
@@ -33,6 +35,7 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
         degrees: Relative degrees r_i.
 
     Raises:
+        ArgumentError: If an output is no expression, or a derivative too long for the next one.
         PremiseError: If there is not one degree for each output.
     """
     if len(outputs) != len(degrees):
@@ -40,9 +43,9 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
             f"{len(outputs)} outputs with relative degrees {tuple(degrees)}: give one degree each"
         )
     rows = [
-        sp.diff(sp.sympify(output), TIME, order)
-        for output, degree in zip(outputs, degrees, strict=True)
-        for order in range(degree + 1)
+        row
+        for output, degree in zip(map(_expression, outputs), degrees, strict=True)
+        for row in _derivatives(output, degree)
     ]
     fields = {s for row in rows for s in row.free_symbols} - {TIME}
     places = {TIME: "t", **{s: f"p.{s}" for s in fields}}
@@ -51,6 +54,32 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
     function.degrees = tuple(degrees)
     function.moves = any(row.has(TIME) for row in rows)
     return function
+
+
+def _expression(output: Any) -> sp.Expr:
+    """An output, which is never text: sympy would execute it."""
+    try:
+        found = sp.sympify(output, strict=True)
+    except sp.SympifyError:
+        found = None
+    if not isinstance(found, sp.Expr):
+        raise ArgumentError(f"{shown(output)} must be an expression of sympy in TIME, or a number")
+    return found
+
+
+def _derivatives(output: sp.Expr, degree: int) -> Iterator[sp.Expr]:
+    """An output and its derivatives in time."""
+    yield output
+    for order in range(1, degree + 1):
+        # Each derivative is as many times longer than the one before as that has factors.
+        length = int(sp.count_ops(output))
+        if length > _LONGEST:
+            raise ArgumentError(
+                f"derivative {order - 1} of a reference has {length} operations, which is too long "
+                f"for another one: {_LONGEST} are allowed; take a simpler reference"
+            )
+        output = sp.diff(output, TIME)
+        yield output
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from grosmc_mj.errors import SetupError, unknown_name
+from grosmc_mj.files import private_cache, written_aside
 
 
 @dataclass(frozen=True)
@@ -139,13 +140,14 @@ def find_backend(wish: str | None = None, *, fresh: bool = False) -> Probe:
     """
     names = candidates(wish)
     kept = _cache_file(names)
-    if not fresh and (found := _read(kept)) is not None:
+    if not fresh and kept is not None and (found := _read(kept)) is not None:
         return found
     probes = []
     for name in names:
         probes.append(probe(name))
         if probes[-1].works:
-            _keep(kept, probes[-1])
+            if kept is not None:
+                _keep(kept, probes[-1])
             return probes[-1]
     reasons = "; ".join(f"{each.backend}: {each.reason}" for each in probes)
     remedy = next((each.remedy for each in probes if each.remedy), "")
@@ -156,9 +158,9 @@ def find_backend(wish: str | None = None, *, fresh: bool = False) -> Probe:
 
 def forget(wish: str | None = None) -> None:
     """Drop the kept answer, for instance because the backend failed since."""
-    kept = _cache_file(candidates(wish))
-    with contextlib.suppress(OSError):
-        kept.unlink(missing_ok=True)
+    if (kept := _cache_file(candidates(wish))) is not None:
+        with contextlib.suppress(OSError):
+            kept.unlink(missing_ok=True)
 
 
 def probe(name: str) -> Probe:
@@ -210,14 +212,13 @@ def _loads(library: str) -> bool:
     return True
 
 
-def _cache_file(names: list[str]) -> Path:
-    """Where the answer for these candidates is kept: one file for each set-up."""
+def _cache_file(names: list[str]) -> Path | None:
+    """Where the answer for these candidates is kept, if anywhere: one file for each set-up."""
     setup = [names, [os.environ.get(each) for each in _ENVIRONMENT]]
     setup += [sys.prefix, version("mujoco"), version("PyOpenGL")]
     digest = hashlib.sha256(json.dumps(setup).encode()).hexdigest()[:16]
-    # Unlike Path.home, this is no error for a user without a home.
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111
-    return Path(base) / "grosmc_mj" / f"backend-{digest}.json"
+    folder = private_cache()
+    return None if folder is None else folder / f"backend-{digest}.json"
 
 
 def _read(path: Path) -> Probe | None:
@@ -232,12 +233,6 @@ def _read(path: Path) -> Probe | None:
 
 def _keep(path: Path, found: Probe) -> None:
     """Keep an answer; without a place for it, the next film asks again."""
-    aside = path.with_name(f"{path.name}.{os.getpid()}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        answer = {"backend": found.backend, "renderer": found.renderer}
-        aside.write_text(json.dumps(answer), encoding="utf-8")
-        aside.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            aside.unlink(missing_ok=True)
+    answer = {"backend": found.backend, "renderer": found.renderer}
+    with contextlib.suppress(SetupError), written_aside(path) as part:
+        part.write_text(json.dumps(answer), encoding="utf-8")

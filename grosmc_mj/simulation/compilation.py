@@ -9,17 +9,26 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
 from collections.abc import Callable
 from enum import Enum, EnumMeta
+from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numba
 import numpy as np
 from numba.core import types
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
+
+from grosmc_mj.files import private_cache
 
 # Packages whose version stands for their source.
 _VERSIONED = ("math", "mujoco", "numba", "numpy")
@@ -93,12 +102,48 @@ def fingerprint(function: Callable[..., Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _cache() -> Path | None:
+    """The folder of compiled code, which numba's own setting moves."""
+    return private_cache(os.environ.get("NUMBA_CACHE_DIR"))
+
+
+class _PrivateFolder(_CacheLocator):
+    """Tells numba to keep its cache in the package's own: what it reads there it unpickles."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> _PrivateFolder | None:
+        """The place for any function, or None where there is none."""
+        folder = _cache()
+        return None if folder is None else cls(folder / "compiled")
+
+    def get_cache_path(self) -> Any:
+        """Where the files lie."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> None:
+        """Nothing: a fingerprint says whether an entry is fresh."""
+
+    def get_disambiguator(self) -> None:
+        """Nothing: a fingerprint tells functions of one name apart."""
+
+
+class _Reduced(CompileResultCacheImpl):
+    """How numba writes a compiled function, in our folder only."""
+
+    _locator_classes: ClassVar[list[type[_CacheLocator]]] = [_PrivateFolder]
+
+
 class _FingerprintCache(FunctionCache):
     """numba's disk cache with a file of its own for each fingerprint.
 
     numba keeps one index for all functions of one name and line, and processes that write it at
     once can swap entries: all the closed loops here have one name.
     """
+
+    _impl_class = _Reduced
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -112,21 +157,35 @@ class _FingerprintCache(FunctionCache):
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (sig, codegen.magic_tuple(), self._fingerprint)
 
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The entry, or None for one that cannot be read: it is compiled and written again.
+
+        It may be cut off, or name a module that has gone since.
+        """
+        try:
+            return super()._load_overload(sig, target_context)
+        except Exception:
+            with contextlib.suppress(OSError):
+                Path(self._cache_file._index_path).unlink()
+            return None
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        """Write an entry; on a full disk it is compiled anew each time."""
+        with contextlib.suppress(OSError):
+            super()._save_overload(sig, data)
+
 
 def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
     """Compile a function of the given numba argument types, returning nothing, to a C function.
 
     Division by zero gives an infinity, as in C: no exception can leave a C callback.
+
+    Raises:
+        SetupError: If the folder of the cache is not the user's own.
     """
     compiled: Any = CFunc(function, (arguments, types.void), {}, {"error_model": "numpy"})
-    cache = compiled._cache
-    # Without a folder that could hold a cache, or with a full disk, compile each time.
-    with contextlib.suppress(RuntimeError):
+    # Without a folder that could hold a cache, compile each time.
+    if _cache() is not None:
         compiled._cache = _FingerprintCache(function)
-    try:
-        compiled.compile()
-    # Besides a full disk: what is cached may name a module that has gone since.
-    except (OSError, ImportError, AttributeError):
-        compiled._cache = cache
-        compiled.compile()
+    compiled.compile()
     return compiled

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -12,10 +11,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-import sympy as sp
-from sympy.parsing.sympy_parser import parse_expr
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.casefile.formula import formula
 from grosmc_mj.casefile.schema import CaseFile, ControllerTable, TaskTable
 from grosmc_mj.casefile.user_code import blamed, is_named, load_named
 from grosmc_mj.control.controller import Controller
@@ -59,22 +57,6 @@ COMPUTED_TORQUE: Laws = {
 
 
 _WEIGHTS = ("Q", "R")
-# What a formula of a reference may have besides numbers.
-_FUNCTIONS = (
-    "sin",
-    "cos",
-    "tan",
-    "exp",
-    "log",
-    "sqrt",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asin",
-    "acos",
-    "atan",
-)
-_WORD = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass(frozen=True)
@@ -363,22 +345,8 @@ def _reference(
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
-    return reference([_formula(each) for each in formulas], degrees), Formulas()
-
-
-def _formula(text: str) -> sp.Expr:
-    """A formula in t, of known functions only: sympy's parser would run anything."""
-    valid = ("t", "pi", *_FUNCTIONS)
-    for word in _WORD.findall(text):
-        if word not in valid and not re.fullmatch(r"[eE]\d*", word):
-            raise ArgumentError(
-                f"task: reference: {text!r} has {word}, may have {', '.join(valid)} and numbers"
-            )
-    names = {name: getattr(sp, name) for name in valid[1:]}
     try:
-        output = sp.sympify(parse_expr(text, local_dict={"t": TIME, **names}))
-    except Exception:  # sympy's parser has no class of errors of its own
-        output = None
-    if not isinstance(output, sp.Expr) or not output.free_symbols <= {TIME}:
-        raise ArgumentError(f"task: reference: {text!r} is no formula in t")
-    return output
+        outputs = [formula(each, TIME) for each in formulas]
+    except ArgumentError as error:
+        raise ArgumentError(f"task: reference: {error}") from None
+    return reference(outputs, degrees), Formulas()

@@ -1,0 +1,194 @@
+"""Formulas in t as text, read by a grammar of their own: no part of one is ever executed.
+
+sympy's parser evaluates what it reads, so text never reaches it: Python's grammar makes a tree,
+and what is in the list below is built of it. Sizes are bounded on the way, since sympy computes
+exactly: ``9**9**9`` would not end.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import sympy as sp
+
+from grosmc_mj.errors import ArgumentError, shown
+
+# Of a formula: characters, parts, and how deep they are nested.
+_LONGEST, _MOST_PARTS, _DEEPEST = 1000, 200, 40
+# Of a number, and of all powers of a part together.
+_LARGEST, _LARGEST_POWER = 1e100, 64.0
+
+FUNCTIONS = (
+    "sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan",
+)  # fmt: skip
+_CONSTANTS = {"pi": (sp.pi, math.pi)}
+_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_SIGNS: dict[type[ast.unaryop], Callable[[Any], Any]] = {
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+
+
+class _Part(NamedTuple):
+    """A part of a formula.
+
+    Attributes:
+        exact: As sympy has it.
+        value: Its value, if it does not depend on the symbol.
+        power: The largest product of exponents that stand on each other in it.
+    """
+
+    exact: Any
+    value: float | None
+    power: float = 1.0
+
+
+def formula(text: str, symbol: sp.Symbol) -> sp.Expr:
+    """The expression that a text describes.
+
+    Args:
+        text: Numbers, ``pi``, the symbol, ``+ - * / **``, brackets and the functions of one
+            argument in ``FUNCTIONS``.
+        symbol: What may be in it.
+
+    Raises:
+        ArgumentError: If it has something else, is too large, or has no finite real value.
+    """
+    if len(text) > _LONGEST:
+        raise ArgumentError(
+            f"{shown(text)} has {len(text)} characters, a formula may have {_LONGEST}"
+        )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            tree = ast.parse(text.strip(), mode="eval").body
+    # Besides what is no Python: too many brackets, and what only warns, such as 1if.
+    except (SyntaxError, ValueError, MemoryError, RecursionError, Warning):
+        raise ArgumentError(f"{shown(text)} is no formula in {symbol}") from None
+    try:
+        return _Reading(symbol).part(tree, 0).exact
+    except _NoFormulaError as error:
+        raise ArgumentError(f"{shown(text)} {error}") from None
+    except (ArithmeticError, ValueError):
+        raise ArgumentError(f"{shown(text)} has no finite real value") from None
+
+
+class _NoFormulaError(Exception):
+    """What is wrong with a formula, after its text."""
+
+
+class _Reading:
+    """The building of one formula.
+
+    Args:
+        symbol: What may be in it.
+    """
+
+    def __init__(self, symbol: sp.Symbol) -> None:
+        self._symbol, self._parts = symbol, 0
+
+    def part(self, node: ast.AST, depth: int) -> _Part:
+        """A part of the tree, with all that it is made of."""
+        self._parts += 1
+        if self._parts > _MOST_PARTS or depth > _DEEPEST:
+            raise _NoFormulaError(
+                f"is too large: it may have {_MOST_PARTS} parts, nested {_DEEPEST} deep"
+            )
+        return _bounded(self._made(node, depth + 1))
+
+    def _made(self, node: ast.AST, depth: int) -> _Part:
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return _Part(sp.sympify(value, strict=True), float(value))
+            case ast.Name(id=name) if name == self._symbol.name:
+                return _Part(self._symbol, None)
+            case ast.Name(id=name) if name in _CONSTANTS:
+                return _Part(*_CONSTANTS[name])
+            case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
+                inner, signed = self.part(operand, depth), _SIGNS[type(sign)]
+                value = None if inner.value is None else signed(inner.value)
+                return _Part(signed(inner.exact), value, inner.power)
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                return _power(self.part(left, depth), self.part(right, depth))
+            case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATORS:
+                first, second = self.part(left, depth), self.part(right, depth)
+                return _combined(first, second, _OPERATORS[type(sign)])
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if (
+                name in FUNCTIONS and not isinstance(argument, ast.Starred)
+            ):
+                return _called(name, self.part(argument, depth))
+        raise self._unfit(node)
+
+    def _unfit(self, node: ast.AST) -> _NoFormulaError:
+        """What does not belong into a formula."""
+        match node:
+            case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS:
+                return _NoFormulaError(f"gives {name} other than one argument")
+            case ast.Call(func=ast.Name(id=name)) | ast.Name(id=name) | ast.Attribute(attr=name):
+                valid = ", ".join((self._symbol.name, *_CONSTANTS, *FUNCTIONS))
+                return _NoFormulaError(f"has {shown(name, str)}, may have {valid} and numbers")
+            case ast.BinOp(op=ast.BitXor()):
+                return _NoFormulaError("has ^: a power is written **")
+        return _NoFormulaError(f"is no formula in {self._symbol}")
+
+
+def _bounded(part: _Part) -> _Part:
+    """A part whose value, if it has one, is real and not too large to compute with."""
+    value = part.value
+    if value is None and part.exact.is_number:
+        # The symbol has dropped out of it.
+        value = float(part.exact) if part.exact.is_real else math.nan
+    if value is None or abs(value) <= _LARGEST:
+        return part._replace(value=value)
+    if math.isnan(value):
+        raise ValueError
+    raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
+
+
+def _combined(first: _Part, second: _Part, sign: Callable[[Any, Any], Any]) -> _Part:
+    """A sum, difference, product or quotient."""
+    value = None
+    if first.value is not None and second.value is not None:
+        # Divides by zero with an error, where sympy would go on with an infinity.
+        value = sign(first.value, second.value)
+    elif sign is operator.truediv and second.value == 0:
+        raise ValueError
+    return _Part(sign(first.exact, second.exact), value, max(first.power, second.power))
+
+
+def _power(base: _Part, exponent: _Part) -> _Part:
+    """A power, if no exact number of it grows beyond all bounds."""
+    power = max(base.power, exponent.power)
+    if exponent.value is not None:
+        power = max(power, base.power * abs(exponent.value))
+        if power > _LARGEST_POWER:
+            raise _NoFormulaError(f"has exponents of more than {_LARGEST_POWER:g} together")
+    value = None
+    if base.value is not None and exponent.value is not None:
+        value = math.pow(base.value, exponent.value)
+    elif base.value is not None and base.value <= 0:
+        raise _NoFormulaError(f"has a power of {base.value:g}, which must be positive")
+    return _Part(base.exact**exponent.exact, value, power)
+
+
+def _called(name: str, argument: _Part) -> _Part:
+    """A function of one argument; of a number its value, as exact ones may have no end."""
+    if argument.value is not None:
+        value = float(getattr(math, name)(argument.value))
+        return _Part(sp.Float(value), value)
+    if name == "exp" and argument.exact.has(sp.log):
+        # It would become a power, whose exponent nobody has looked at.
+        raise _NoFormulaError("has a log within exp: write a power")
+    power = argument.power / 2 if name == "sqrt" else argument.power
+    return _Part(getattr(sp, name)(argument.exact), None, max(1.0, power))

@@ -1,0 +1,89 @@
+"""Files are whole or not there, and nobody else decides where they are written."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from grosmc_mj.errors import SetupError
+from grosmc_mj.files import private_cache, written_aside
+
+
+def test_a_link_that_is_in_the_way_is_replaced_and_never_followed(tmp_path: Path):
+    elsewhere, target = tmp_path / "elsewhere", tmp_path / "results.json"
+    elsewhere.write_text("somebody's")
+    target.symlink_to(elsewhere)
+    with written_aside(target) as part:
+        part.write_text("ours")
+    assert not target.is_symlink()
+    assert (target.read_text(), elsewhere.read_text()) == ("ours", "somebody's")
+
+
+def test_the_name_of_the_file_aside_cannot_be_foretold(tmp_path: Path):
+    target = tmp_path / "results.json"
+    with written_aside(target) as first, written_aside(target) as second:
+        assert first != second
+        assert {first.parent, second.parent} == {tmp_path}
+        assert {first.suffix, second.suffix} == {".json"}
+        first.write_text("first")
+        second.write_text("second")
+    # The one that ends last counts.
+    assert target.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_name_that_was_planted_all_the_same_is_an_error(tmp_path: Path, monkeypatch):
+    elsewhere, target = tmp_path / "elsewhere", tmp_path / "results.json"
+    elsewhere.write_text("somebody's")
+    monkeypatch.setattr("grosmc_mj.files.secrets.token_hex", lambda size: "foretold")
+    (tmp_path / ".results.foretold.part.json").symlink_to(elsewhere)
+    with pytest.raises(SetupError, match="File exists"), written_aside(target) as part:
+        part.write_text("ours")
+    assert elsewhere.read_text() == "somebody's"
+    assert not target.exists()
+
+
+def test_files_have_the_mode_that_the_user_wants(tmp_path: Path):
+    before = os.umask(0o027)
+    try:
+        with written_aside(tmp_path / "results.json") as part:
+            part.write_text("ours")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "results.json").stat().st_mode & 0o777 == 0o640
+
+
+def test_the_cache_is_for_its_owner_alone(tmp_path: Path):
+    folder = private_cache(str(tmp_path))
+    assert folder is not None
+    assert folder.stat().st_mode & 0o777 == 0o700
+    # What others could only read is made private; what they could write to is not believed.
+    folder.chmod(0o755)
+    assert private_cache(str(tmp_path)) == folder
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o770)
+    with pytest.raises(SetupError, match=r"must be a folder of your own with mode 700.*mode 770"):
+        private_cache(str(tmp_path))
+
+
+def test_the_cache_of_somebody_else_is_refused(tmp_path: Path, monkeypatch):
+    assert private_cache(str(tmp_path))
+    monkeypatch.setattr(os, "getuid", lambda: 4_000_000_000)
+    with pytest.raises(SetupError, match=r"must be a folder of your own.*its owner is user \d+"):
+        private_cache(str(tmp_path))
+
+
+def test_a_link_in_place_of_the_cache_is_refused(tmp_path: Path):
+    (tmp_path / "private").mkdir(mode=0o700)
+    (tmp_path / "grosmc_mj").symlink_to(tmp_path / "private")
+    with pytest.raises(SetupError, match="must be a folder of your own"):
+        private_cache(str(tmp_path))
+
+
+def test_without_a_home_there_is_no_cache(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(os, "getuid", lambda: 4_000_000_000)  # no such user
+    assert private_cache() is None
+    assert not list(tmp_path.iterdir())
