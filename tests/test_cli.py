@@ -38,11 +38,11 @@ def run(*arguments: str) -> int:
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
         (("frobnicate",), "validate, run, new, campaign, replay, claims, premises, film, list"),
         (("compare",), "SYSTEM"),
-        (("compare", "arm", "--states", "0"), "1 or more"),
-        (("compare", "arm", "--edits", "-1"), "0 or more"),
-        (("compare", "arm", "--seed", "-1"), "0 or more"),
+        (("compare", "arm", "--states", "0"), "must be from 1 to 1000000"),
+        (("compare", "arm", "--edits", "-1"), "must be from 0 to"),
+        (("compare", "arm", "--seed", "-1"), "must be from 0 to"),
         (("compare", "leg"), "valid: servo, cart_pendulum, arm"),
-        (("bench", "--rounds", "0"), "1 or more"),
+        (("bench", "--rounds", "0"), "must be from 1 to 10000"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
         (("claims", "--json", "--self-test"), "--json is for the ledger"),
         (("claims", "servo", "--explain", "proof-3"), "leave out the system"),
@@ -209,4 +209,4 @@ def test_standard_output_on_a_full_disk_is_one_line() -> None:
             check=False,
         )
     assert done.returncode == cli.WRONG
-    assert done.stderr == "grosmc-mj: output: No space left on device\n"
+    assert done.stderr == "grosmc-mj: standard output: No space left on device\n"

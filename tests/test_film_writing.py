@@ -200,7 +200,7 @@ def test_an_interrupt_is_one_line_and_leaves_an_older_film_and_no_process(tmp_pa
             folder.mkdir()
             older = put_an_older_film(folder)
             runs[whom, moment] = stack.enter_context(Run(folder / "f.mp4", *LONG))
-            expected[whom, moment] = ((cli.WRONG, "", INTERRUPTED), older)
+            expected[whom, moment] = ((cli.INTERRUPTED, "", INTERRUPTED), older)
         for (whom, moment), run in runs.items():
             wait_for(run.workers if moment == "starting" else run.rendering)
             (os.killpg if whom == "group" else os.kill)(run.pid, signal.SIGINT)

@@ -175,7 +175,7 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False
     )
-    assert done.returncode == cli.WRONG
+    assert done.returncode == cli.INTERRUPTED
     assert "Traceback" not in done.stderr
     assert done.stderr.strip().splitlines()[-1].startswith("grosmc-mj: interrupted")
     document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))

@@ -1,6 +1,5 @@
 """The command line: the only place that prints, picks paths and exits."""
 
-from grosmc_mj.cli.program import main
-from grosmc_mj.cli.screen import DIFFERS, DONE, WRONG
+from grosmc_mj.cli.entry import DIFFERS, DONE, INTERRUPTED, WRONG, main
 
-__all__ = ["DIFFERS", "DONE", "WRONG", "main"]
+__all__ = ["DIFFERS", "DONE", "INTERRUPTED", "WRONG", "main"]

@@ -1,6 +1,6 @@
 """``python -m grosmc_mj.cli`` is ``grosmc-mj``."""
 
-from grosmc_mj.cli.program import main
+from grosmc_mj.cli.entry import main
 
 if __name__ == "__main__":
     main()

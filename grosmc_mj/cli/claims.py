@@ -41,12 +41,13 @@ def claims(command: Claims) -> int:
     )
     settings = Settings()
     if command.self_test:
-        return _self_test(settings, chosen)
+        return _self_test(settings, chosen, command.out)
     lab = Laboratory(settings)
     findings = judge_with_progress(lab, chosen)
     content = {**origin(0), "claims": documents(findings, lab)}
     console = Console(highlight=False, width=max(100, Console().width))
     if command.explain is not None:
+        write_json(command.out / "claims" / f"{findings[0].claim.id}.json", content)
         _explain(console, findings[0], lab, command.out)
         return _compare(console, findings, quiet=False)
     write_json(command.out / "claims.json", content)
@@ -146,14 +147,17 @@ def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> 
     console.print(f"  {'figure':<12}{path}", soft_wrap=True)
 
 
-def _self_test(settings: Any, chosen: Sequence[Claim]) -> int:
+def _self_test(settings: Any, chosen: Sequence[Claim], out: Path) -> int:
     """Faults, and who notices."""
     from grosmc_mj.claims.faults import FAULTS, self_test
     from grosmc_mj.claims.tables import caught_table
+    from grosmc_mj.validation.results_file import origin, write_json
 
     console = Console(highlight=False, width=max(100, Console().width))
     with screen.progress(len(FAULTS), "faults") as advance:
         found = list(self_test(settings, chosen, advance=advance))
+    noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
+    write_json(out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
     console.print(caught_table(found, chosen))
     missed = [caught.fault.name for caught in found if not caught.claims]
     noticed = {name for caught in found for name in caught.claims}
@@ -177,16 +181,15 @@ def premises(command: Premises) -> int:
     from grosmc_mj.validation.runs import Settings, select_cases
 
     lab = Laboratory(Settings())
+    cases = select_cases((command.system,), command.case)
+    audits = [audit(lab, case, command.controller) for case in cases]
+    target = command.out / f"premises_{command.system}.json"
+    write_json(target, {**origin(None), "premises": [audit_document(each) for each in audits]})
     console = Console(highlight=False, width=max(100, Console().width))
-    audits = []
-    for case in select_cases((command.system,), command.case):
-        found = audit(lab, case, command.controller)
-        audits.append(found)
+    for found in audits:
         console.print(audit_table(found))
         for line in worst_points(found):
             console.print(line, style="#D55E00", markup=False, soft_wrap=True)
-    target = command.out / f"premises_{command.system}.json"
-    write_json(target, {**origin(None), "premises": [audit_document(each) for each in audits]})
     console.print(
         "Margins are positive where the premise holds; over the declared operating region and "
         f"along the run. {target}",

@@ -121,8 +121,8 @@ class Claims:
 
     Every claim is measured on each plant that it can be asked of, at the control period and at half
     of it; a verdict that changes in between is inconclusive. A claim that fails because a premise
-    failed says so. Writes claims.json to --out. Exit code 1 if a verdict is not the one that the
-    repository expects.
+    failed says so. Writes claims.json to --out, with --explain claims/CLAIM.json, with --self-test
+    self_test.json. Exit code 1 if a verdict is not the one that the repository expects.
 
     Attributes:
         system: servo, cart_pendulum, arm or two_link_arm.
@@ -453,5 +453,6 @@ ABOUT = (
     "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
     "cart-pendulum, the 1-DOF arm and a two-link arm: printed equations, corrected ones and "
     "MuJoCo, side by side. "
-    "Exit codes: 0 done and as recorded, 1 a result differs, 2 wrong use or broken set-up."
+    "Exit codes: 0 done and kept, 1 something is not kept or not as recorded, 2 anything else that "
+    "is wrong, 130 interrupted. --debug adds the traceback of an error."
 )

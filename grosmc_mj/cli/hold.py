@@ -46,11 +46,9 @@ def hold(command: Hold) -> int:
     except OSError as error:
         raise cannot_write(target, error) from error
     console = screen.console()
-    with screen.progress(steps() + 1) as advance:
+    with screen.progress(steps()) as advance:
         found = study(settings, advance)
-        write_json(target, document(found))
-        advance("figure")
-        figure = write_holding_figure(found, command.out)
+    write_json(target, document(found))
     for table in (_runs(found), _projections(found), _parts(found)):
         console.print(table)
         console.print()
@@ -66,6 +64,7 @@ def hold(command: Hold) -> int:
             console.print(
                 f"{each.result.key}: {each.result.ended}", style="red", soft_wrap=True, markup=False
             )
+    figure = write_holding_figure(found, command.out)
     console.print(f"{target}, {figure}", soft_wrap=True)
     return screen.DONE
 

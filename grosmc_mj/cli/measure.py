@@ -8,6 +8,9 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import Bench, Compare
 from grosmc_mj.errors import ArgumentError
 
+# Of the states under each of the edits; a hundred thousand take a minute.
+_MOST_STATES, _MOST_EDITS, _MOST_ROUNDS = 10**6, 10**4, 10**4
+
 
 def compare(command: Compare) -> int:
     """Analytic against physics plants."""
@@ -15,19 +18,22 @@ def compare(command: Compare) -> int:
     from grosmc_mj.validation.agreement import AGREEMENT_BOUND, agreements, disagreements
     from grosmc_mj.validation.results_file import comparison_document, write_json
 
-    for name, value, least in (("states", command.states, 1), ("edits", command.edits, 0)):
-        if value < least:
-            raise ArgumentError(f"--{name} {value} must be {least} or more")
-    if command.seed < 0:
-        raise ArgumentError(f"--seed {command.seed} must be 0 or more")
+    ranges = (
+        ("states", command.states, 1, _MOST_STATES),
+        ("edits", command.edits, 0, _MOST_EDITS),
+        ("seed", command.seed, 0, 2**63 - 1),
+    )
+    for name, value, least, most in ranges:
+        if not least <= value <= most:
+            raise ArgumentError(f"--{name} {value} must be from {least} to {most}")
     rows = agreements(command.system, seed=command.seed, states=command.states, edits=command.edits)
     found = disagreements(rows)
+    target = command.out / f"compare_{command.system}.json"
+    write_json(target, comparison_document(rows, found, command.seed))
     console = screen.console()
     console.print(tables.agreement_table(rows))
     for line in found:
         console.print(f"differs: {line}", style="red", soft_wrap=True)
-    target = command.out / f"compare_{command.system}.json"
-    write_json(target, comparison_document(rows, found, command.seed))
     worst = max(row.acceleration for row in rows if row.variant == "corrected")
     console.print(
         f"Accelerations of the corrected equations and of MuJoCo differ by up to {worst:.1e} of "
@@ -42,8 +48,8 @@ def bench(command: Bench) -> int:
     from grosmc_mj.validation import tables
     from grosmc_mj.validation.benchmark import benchmark
 
-    if command.rounds is not None and command.rounds < 1:
-        raise ArgumentError(f"--rounds {command.rounds} must be 1 or more")
+    if command.rounds is not None and not 1 <= command.rounds <= _MOST_ROUNDS:
+        raise ArgumentError(f"--rounds {command.rounds} must be from 1 to {_MOST_ROUNDS}")
     if command.films:
         return _bench_films(command.rounds or 3)
     if command.campaign:

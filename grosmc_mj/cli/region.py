@@ -33,18 +33,18 @@ def region(command: RegionCommand) -> int:
     targets = [base.with_suffix(suffix) for suffix in (".json", ".png", ".svg")]
     # Opened before the work: a place that cannot be written is found out at once, and what is
     # there already stays until all of the new is complete.
-    with contextlib.ExitStack() as files:
-        parts = [files.enter_context(written_aside(target)) for target in targets]
+    with written_aside(targets[0]) as part:
         maps: list[RegionMap] = []
         with screen.progress(asked.batches, "batches") as advance:
             maps.extend(asked.maps(advance))
         content = region_document(asked, maps)
         text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
-        parts[0].write_text(text + "\n", encoding="utf-8")
-        save_figure(asked, maps, parts[1:])
+        part.write_text(text + "\n", encoding="utf-8")
     console = screen.console()
     console.print(_table(asked, maps))
     console.print(_legend(asked), style="dim", width=100)
+    with contextlib.ExitStack() as files:
+        save_figure(asked, maps, [files.enter_context(written_aside(each)) for each in targets[1:]])
     console.print(
         f"{len(maps)} maps of {question.points} x {question.points} starts in "
         f"{time.perf_counter() - began:.1f} s; {', '.join(str(target) for target in targets)}",

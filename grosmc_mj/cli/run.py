@@ -54,8 +54,6 @@ def run(command: Run) -> int:
         # What was computed is shown and kept, whatever happened since.
         judgements = judge_all(experiment.limits, results)
         if results:
-            _show(console, results)
-            _converted(console, experiment)
             content = experiment_document(
                 experiment,
                 results,
@@ -64,12 +62,13 @@ def run(command: Run) -> int:
                 premises=[audit_document(audit) for audit in found],
             )
             write_json(target, content)
+            _show(console, results)
+            _converted(console, experiment)
+    _requirements(console, experiment, judgements)
+    _premises(console, found)
     files = [target]
     if command.figures:
         files.append(_draw(results, command.out / f"{name}.png"))
-    console.print()
-    _requirements(console, experiment, judgements)
-    _premises(console, found)
     console.print(f"{len(results)} runs; {', '.join(map(str, files))}", soft_wrap=True)
     if command.film:
         film_runs(console, results, experiment.settings, command.out / FOLDER / f"{name}.mp4")

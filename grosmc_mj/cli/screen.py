@@ -8,7 +8,8 @@ from typing import Any
 
 from rich.console import Console
 
-DONE, DIFFERS, WRONG = 0, 1, 2
+from grosmc_mj.cli.entry import DIFFERS as DIFFERS
+from grosmc_mj.cli.entry import DONE as DONE
 
 # Wide enough for the table of results when standard output is no terminal.
 _WIDTH = 120

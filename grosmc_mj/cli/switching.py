@@ -30,7 +30,7 @@ def switching(command: Switching) -> int:
     by_time: list[Benchmark] = []
     by_ratio: list[Benchmark] = []
     cases: list[CaseRow] = []
-    with screen.progress(swept + len(planned) + 1, "runs") as advance:
+    with screen.progress(swept + len(planned), "runs") as advance:
         for row in chattering.sample_time_sweep():
             by_time.append(row)
             advance(f"scalar/{row.law} {row.h:g} s")
@@ -40,10 +40,8 @@ def switching(command: Switching) -> int:
         for experiment in planned:
             cases.append(chattering.measure_case(experiment))
             advance(experiment.key)
-        target = command.out / "switching.json"
-        write_json(target, document(by_time, by_ratio, cases))
-        figure = write_chattering_figure(by_time, by_ratio, cases, command.out)
-        advance(figure.name)
+    target = command.out / "switching.json"
+    write_json(target, document(by_time, by_ratio, cases))
     console = screen.console()
     console.print(_benchmark_table(by_time))
     console.print()
@@ -54,6 +52,7 @@ def switching(command: Switching) -> int:
     for row in cases:
         if row.ended:
             console.print(f"{row.experiment.key}: {row.ended}", style="red", soft_wrap=True)
+    figure = write_chattering_figure(by_time, by_ratio, cases, command.out)
     console.print(
         f"Tables at {1e3 * _SHOWN:g} ms; {target} and {figure} have every sample time.",
         style="dim", soft_wrap=True,

@@ -59,8 +59,7 @@ def validate(command: Validate) -> int:
     console, target = screen.console(), command.out / "validation.json"
     complete = False
     try:
-        pictures = len(drawable(selected)) if command.figures else 0
-        steps = len(plan(selected)) + len(systems) + len(claims) + pictures
+        steps = len(plan(selected)) + len(systems) + len(claims)
         with screen.progress(steps) as advance:
             for result in run_all(selected, settings):
                 results.append(result)
@@ -80,25 +79,26 @@ def validate(command: Validate) -> int:
             complete = True
             content = document(results, found, settings, selected, seed, differing, complete=True)
             write_json(target, {**content, "claims": documents(findings, lab)})
-            if command.figures:
-                for path in write_figures(results, command.out):
-                    figures.append(path)
-                    advance(path.name)
     finally:
-        # What was computed is shown and kept, whatever happened since.
-        if results:
-            _show(console, results, found)
+        # What was computed is kept and shown, whatever happened since.
         if results and not complete:
             write_json(
                 target, document(results, found, settings, selected, seed, None, complete=False)
             )
+        if results:
+            _show(console, results, found)
     if findings:
         print_refuted(console, findings)
+    code = _verdict(console, differing, len(results))
+    if command.figures:
+        with screen.progress(len(drawable(selected)), "figures") as advance:
+            for path in write_figures(results, command.out):
+                figures.append(path)
+                advance(path.name)
     console.print(
         f"{len(results)} runs, {len(findings)} claims and {len(figures)} figures in "
         f"{time.perf_counter() - started:.1f} s; {target}"
     )
-    code = _verdict(console, differing, len(results))
     if command.films:
         film_results(console, results, settings, command.out)
     return code

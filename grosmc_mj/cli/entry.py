@@ -1,0 +1,108 @@
+"""The program: from its start to its exit code, whatever happens in between.
+
+Nothing is imported here that takes long, so that Ctrl-C and errors of imports are answered too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+
+from grosmc_mj.cli.output import Output
+from grosmc_mj.errors import GrosmcError, shown
+
+PROGRAM = "grosmc-mj"
+DONE, DIFFERS, WRONG, INTERRUPTED = 0, 1, 2, 130
+_DEBUG = "--debug"
+# Characters of the one line; a message may list valid names, or have somebody's text in it.
+_LONGEST = 1000
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit.
+
+    Exit codes: 0 done and kept, 1 a verdict that something is not kept, 2 anything else that is
+    wrong, 130 interrupted. A reader of the output that has gone changes none of them.
+    """
+    _open_closed_descriptors()
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    debug = _DEBUG in given
+    given = [each for each in given if each != _DEBUG]
+    with Output.standard() as output:
+        with _quiet(debug or arguments is not None):
+            code = _code(given, debug)
+        output.finish()
+    if output.lost is not None:
+        code = _complain(f"standard output: {output.lost}")
+    sys.exit(code)
+
+
+def _code(arguments: Sequence[str], debug: bool) -> int:
+    """The exit code of a command, all of whose errors are one line."""
+    try:
+        from grosmc_mj.cli.program import execute
+
+        return execute(arguments)
+    except SystemExit as stop:  # --help has been printed
+        return int(stop.code or DONE)
+    except KeyboardInterrupt as stop:
+        _complain(str(stop) or "interrupted; run the same command again to start over")
+        return INTERRUPTED
+    except GrosmcError as error:
+        _trace(debug)
+        return _complain(str(error))
+    except OSError as error:
+        _trace(debug)
+        return _complain(f"{shown(error.filename or 'output', str)}: {error.strerror or error}")
+    # A defect of ours: one line too, for whoever runs this in a script.
+    except Exception as error:
+        _trace(debug)
+        said = f"unforeseen {type(error).__name__}: {shown(error, str)}"
+        return _complain(said if debug else f"{said}; {_DEBUG} shows where")
+
+
+def _complain(message: str) -> int:
+    """Say in one line what was wrong."""
+    line = " ".join(message.split())
+    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)
+    line = f"{line[: _LONGEST - 3]}..." if len(line) > _LONGEST else line
+    # Whoever closed standard error does not want to know.
+    with contextlib.suppress(OSError, ValueError):
+        print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
+    return WRONG
+
+
+def _trace(debug: bool) -> None:
+    """Print where an error came from, if that is asked for."""
+    if debug:
+        import traceback
+
+        traceback.print_exc()
+
+
+@contextlib.contextmanager
+def _quiet(loud: bool) -> Iterator[None]:
+    """Keep what libraries warn of from coming between our lines."""
+    if loud or sys.warnoptions:
+        yield
+        return
+    logging.disable(logging.WARNING)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _open_closed_descriptors() -> None:
+    """Give standard streams that were closed to the null device.
+
+    Otherwise the next file that is opened takes their number, and gets what is printed.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
