@@ -60,7 +60,7 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     """One line for a name that is not known: the nearest valid one, then all of them."""
     names = list(valid)
     near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f" did you mean {near[0]!r}?" if near else ""
+    hint = f" did you mean {shown(near[0])}?" if near else ""
     return f"unknown {kind} {shown(name)}:{hint} valid: {', '.join(names)}"
 
 

@@ -132,7 +132,7 @@ WRONG = [
     (mass("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"', "two are called 'a'"),
     (mass("[1, 2]", 'name = "deviation"'), "'deviation' is a column of the results"),
     (mass("[1, 2]", 'name = "margin input_below"'), "'margin input_below' is a column"),
-    (mass("[1, 2]", 'name = "a\\u001b"'), "'a\\x1b' is no name"),
+    (mass("[1, 2]", 'name = "a\\u001b"'), "has characters that cannot be printed"),
     (mass("[1, 2]", 'name = "  "'), "'  ' is no name"),
     ("", "nothing is uncertain: give it an [[uncertain]]"),
     ('[uncertain]\nbody = "rotor"', "[uncertain] is one of possibly several: write [[uncertain]]"),

@@ -10,8 +10,10 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from grosmc_mj.casefile.schema import CaseFile
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
+# Characters of a file, and how deep its tables and lists are nested.
+_LONGEST, _DEEPEST = 10**6, 10
 # What pydantic calls a wrong type, and what people do.
 _TYPES = {
     "float_type": "a number",
@@ -40,10 +42,14 @@ def read_text(path: Path) -> str:
         ArgumentError: If it cannot be read.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_LONGEST + 1)
     except (OSError, UnicodeDecodeError) as error:
         said = getattr(error, "strerror", None) or "it is no text in UTF-8"
         raise ArgumentError(f"{path}: cannot be read: {said}") from error
+    if len(text) > _LONGEST:
+        raise ArgumentError(f"{path}: a case file has {_LONGEST} characters at most")
+    return text
 
 
 def parse_case_file(text: str, path: Path) -> CaseFile:
@@ -54,13 +60,37 @@ def parse_case_file(text: str, path: Path) -> CaseFile:
     """
     try:
         content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        _refuse_odd(content, 0)
+    # A ValueError is TOML's own, or about integers of thousands of digits.
+    except (ValueError, RecursionError) as error:
         raise ArgumentError(f"{path}: no valid TOML: {error}") from error
     try:
         found = CaseFile.model_validate(content)
     except ValidationError as error:
         raise ArgumentError(f"{path}: {_in_words(error)}") from None
     return found if found.name else found.model_copy(update={"name": path.stem})
+
+
+def _refuse_odd(content: Any, depth: int) -> None:
+    """Refuse what no case file needs, and no reader of one expects.
+
+    Raises:
+        ValueError: If there are control characters, integers of more than 64 bits (which TOML does
+            not have), or tables in tables without end.
+    """
+    if depth > _DEEPEST:
+        raise ValueError(f"tables and lists are nested more than {_DEEPEST} deep")
+    if isinstance(content, str) and not content.isprintable():
+        raise ValueError(f"{shown(content)} has characters that cannot be printed")
+    if isinstance(content, int) and not -(2**63) <= content < 2**63:
+        raise ValueError(f"{shown(content)} has more than 64 bits")
+    if isinstance(content, dict):
+        for key, value in content.items():
+            _refuse_odd(key, depth)
+            _refuse_odd(value, depth + 1)
+    elif isinstance(content, list):
+        for value in content:
+            _refuse_odd(value, depth + 1)
 
 
 def _in_words(error: ValidationError) -> str:
@@ -83,7 +113,7 @@ def _in_words(error: ValidationError) -> str:
     if kind in {"too_short", "too_long"}:
         return f"{where}{key}: {first['msg'].removeprefix('List should have').strip()}"
     if kind in _TYPES:
-        return f"{where}{key} = {value!r} must be {_TYPES[kind]}"
+        return f"{where}{key} = {shown(value)} must be {_TYPES[kind]}"
     said = first["msg"].removeprefix("Value error, ")
     return f"{where}{key}: {said}"
 

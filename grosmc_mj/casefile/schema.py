@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from grosmc_mj.casefile.table import (
     Kilograms,
@@ -18,6 +18,9 @@ from grosmc_mj.casefile.table import (
     Three,
 )
 from grosmc_mj.casefile.uncertain import CorrelationTable, UncertainTable
+from grosmc_mj.errors import shown
+
+_LONGEST_NAME = 100
 
 
 def _weight(value: Any) -> Any:
@@ -25,8 +28,18 @@ def _weight(value: Any) -> Any:
     rows = value if isinstance(value, list) else [value]
     entries = [each for row in rows for each in (row if isinstance(row, list) else [row])]
     if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
-        raise ValueError(f"{value!r} must be a number, a list of numbers or a list of rows")
+        raise ValueError(f"{shown(value)} must be a number, a list of numbers or a list of rows")
     return value
+
+
+def _file_name(name: str) -> str:
+    """A name that folders and files may have: results are kept under it."""
+    if "/" in name or name in {".", ".."} or len(name) > _LONGEST_NAME:
+        raise ValueError(
+            f"{shown(name)} must be a name for files: no slash, no dots alone, "
+            f"{_LONGEST_NAME} characters at most"
+        )
+    return name
 
 
 Weight = Annotated[Any, BeforeValidator(_weight)]
@@ -266,7 +279,7 @@ class CaseFile(Table):
         correlation: Which of them vary together.
     """
 
-    name: str = ""
+    name: Annotated[str, AfterValidator(_file_name)] = ""
     title: str = ""
     source: str = ""
     plant: PlantTable

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 
 from grosmc_mj.casefile.table import Metres, Table, Three
-from grosmc_mj.errors import unknown_name
+from grosmc_mj.errors import shown, unknown_name
 
 # What may be uncertain, by what it belongs to, with the unit of its values; a state has its own,
 # and those of a joint are written without one, as in [[edit]].
@@ -54,7 +54,7 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
         return value
     if not isinstance(value, dict):
         raise ValueError(  # noqa: TRY004
-            f"{value!r} must be a range [least, most] or a table such as "
+            f"{shown(value)} must be a range [least, most] or a table such as "
             '{ distribution = "normal", mean = 0.1, deviation = 0.02 }'
         )
     for key in value:

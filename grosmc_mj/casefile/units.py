@@ -10,6 +10,8 @@ from typing import Any
 
 import pint
 
+from grosmc_mj.errors import shown
+
 # What to write instead, by the unit that was asked for.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
 # Units with powers of one digit: nothing that takes long to compute.
@@ -43,35 +45,37 @@ def number_in(value: Any, unit: str) -> float:
     example = _EXAMPLES.get(unit, f"1 {unit}")
     if unit in {"", "1", "%"}:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ValueError(f"{value!r} must be a number without a unit")
+            raise ValueError(f"{shown(value)} must be a number without a unit")
         return _finite(float(value), value)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         raise ValueError(f'{value} has no unit: write "{value} {unit}"')  # noqa: TRY004
     if not isinstance(value, str):
-        raise ValueError(f'{value!r} must be a number with a unit, such as "{example}"')  # noqa: TRY004
-    found = _NUMBER.fullmatch(value.strip())
+        raise ValueError(f'{shown(value)} must be a number with a unit, such as "{example}"')  # noqa: TRY004
+    found, text = _NUMBER.fullmatch(value.strip()), shown(value, str)
     if found is None:
-        raise ValueError(f'"{value}" is no number with a unit, such as "{example}"')
+        raise ValueError(f'"{text}" is no number with a unit, such as "{example}"')
     number, written = float(found[1]), found[2]
     if written and not _UNIT.fullmatch(written):
-        raise ValueError(f'"{value}": {written!r} is no unit; write it as in "{example}"')
+        raise ValueError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
     if not written:
-        raise ValueError(f'"{value}" has no unit: write "{value} {unit}"')
+        raise ValueError(f'"{text}" has no unit: write "{text} {unit}"')
     try:
         quantity = _registry().Quantity(number, _registry().parse_units(written))
         converted = float(quantity.to(unit).magnitude)
     except pint.DimensionalityError:
         raise ValueError(
-            f'"{value}" cannot be converted to {unit}: write it as in "{example}"'
+            f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
         ) from None
     # pint has no common class for what it cannot read.
     except Exception:
-        raise ValueError(f'"{value}": {written!r} is no unit; write it as in "{example}"') from None
+        raise ValueError(
+            f'"{text}": {shown(written)} is no unit; write it as in "{example}"'
+        ) from None
     return _finite(converted, value)
 
 
 def _finite(number: float, value: Any) -> float:
     """The number, if it is one."""
     if not math.isfinite(number):
-        raise ValueError(f"{value!r} must be finite")
+        raise ValueError(f"{shown(value)} must be finite")
     return number

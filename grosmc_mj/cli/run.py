@@ -13,7 +13,7 @@ from rich.console import Console
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import New, Run
 from grosmc_mj.cli.films import FOLDER, film_runs
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -150,7 +150,9 @@ def new(command: New) -> int:
 
     name = command.name.removesuffix(".toml")
     if not _NAME.fullmatch(name) or keyword.iskeyword(name) or name in sys.stdlib_module_names:
-        raise ArgumentError(f"{command.name!r} must be a name of letters, digits and underscores")
+        raise ArgumentError(
+            f"{shown(command.name)} must be a name of letters, digits and underscores"
+        )
     if command.like is not None and command.python:
         raise ArgumentError("--like copies a case, --python writes one: give one of them")
     files = {f"{name}.toml": starter()}

@@ -32,7 +32,7 @@ from grosmc_mj.control.feedback_linearization import feedback_linearization
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.switching import find_switching
-from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
@@ -137,7 +137,7 @@ def _ours(
         raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and np.ndim(value):
-            _refuse(f"{name} = {value!r} must be a number")
+            _refuse(f"{name} = {shown(value)} must be a number")
     return maker(task, **{name: _number(name, value) for name, value in numbers.items()})
 
 
@@ -214,9 +214,9 @@ def _number(name: str, value: Any) -> Any:
         return _uncertainty(value)
     entries = np.ravel(np.asarray(value, object)).tolist()
     if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
-        raise ArgumentError(f"{name} = {value!r} must be a number or the rows of a matrix")
+        raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
     if not all(map(math.isfinite, entries)):
-        raise ArgumentError(f"{name} = {value!r} must be finite")
+        raise ArgumentError(f"{name} = {shown(value)} must be finite")
     return float(value) if np.ndim(value) == 0 else np.array(value, float)
 
 
@@ -224,7 +224,7 @@ def _uncertainty(value: Any) -> Uncertainty:
     """A declared uncertainty."""
     keys = [each.name for each in fields(Uncertainty)]
     if not isinstance(value, dict):
-        raise ArgumentError(f"uncertainty = {value!r} must be a table with {', '.join(keys)}")
+        raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
     for key in value:
         if key not in keys:
             raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
@@ -234,10 +234,10 @@ def _uncertainty(value: Any) -> Uncertainty:
     for key, kind in kinds.items():
         if not isinstance(value[key], kind):
             what = {dict: "a table", list: "a list of numbers"}.get(kind, "a number")
-            raise ArgumentError(f"uncertainty: {key} = {value[key]!r} must be {what}")
+            raise ArgumentError(f"uncertainty: {key} = {shown(value[key])} must be {what}")
     for name, pair in value["scales"].items():
         if not (isinstance(pair, list) and len(pair) == 2):
-            raise ArgumentError(f"uncertainty: {name} = {pair!r} must be [least, largest]")
+            raise ArgumentError(f"uncertainty: {name} = {shown(pair)} must be [least, largest]")
     try:
         return Uncertainty(
             {name: (float(low), float(high)) for name, (low, high) in value["scales"].items()},

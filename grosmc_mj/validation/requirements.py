@@ -10,7 +10,7 @@ import numpy as np
 from grosmc_mj.casefile.schema import RequirementTable
 from grosmc_mj.casefile.units import number_in
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.validation.runs import RunResult
 
@@ -142,7 +142,7 @@ def _number(kind: str, value: Any, unit: str) -> float:
         return _ROUNDING
     number = float(value) if kind in _READ else number_in(value, unit)
     if not number > 0:
-        raise ValueError(f"{value!r} must be positive")
+        raise ValueError(f"{shown(value)} must be positive")
     return number
 
 
