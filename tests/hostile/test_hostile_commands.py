@@ -1,0 +1,86 @@
+"""Mutated command lines: kept, a verdict, or one line."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from mutation import NUMBERS, TEXTS
+from trial import trial
+
+pytestmark = pytest.mark.slow
+
+CASE = """
+[plant]
+system = "arm"
+compare = ["physics"]
+[run]
+duration = "0.01 s"
+[[controller]]
+law = "lqr"
+[[requirement]]
+input_below = "5 N m"
+"""
+# OUT and CASE become a folder and a file; whatever is left as it is takes well under a second.
+COMMANDS = (
+    "run CASE --no-figures --out OUT",
+    "run arm/case1 --out OUT --no-figures --film",
+    "new mine --like arm/case1",
+    "campaign CASE --runs 2 --shard 1 --seed 3 --sampler lhs --out OUT --no-figures",
+    "replay OUT 0 --controller lqr --engine python",
+    "claims arm --explain arm-eq-57 --out OUT",
+    "claims --page page.md",
+    "premises servo --case nominal --controller lqr --out OUT",
+    "film servo --case case9 --size 640x480 --fps 30 --speed 1 --from 0 --to 1 -o f.mp4",
+    "film arm --duration 0 --controllers lqr grosmc --switching sign --surface printed -o f.mp4",
+    "list",
+    "view arm --case case9 --controller lqr --speed 1",
+    "hold --switching sign --surface banana --out OUT",
+    "compare servo --states 1 --edits 0 --seed 1 --out OUT",
+    "region servo --case case9 --points 3 --duration 0.01 --angle 10 --rate 10 --out OUT",
+    "switching banana --out OUT",
+    "bench --integrator heun --rounds 1",
+    "validate servo --case case9 --engine native --control-period 0.001 --timestep 0.001 --out OUT",
+    "readme --readme nothing.md --results nothing.json",
+)  # fmt: skip
+_WORDS = (
+    "", "-", "--", "---", "-o", "--help", "--out", "--debug", "--nothing", "-1", "CASE/..", "OUT",
+    "\x1b[31m", "a\nb", "\udcff", "\U0001f600", "CASE", "arm", "lqr", "/dev/null", "/dev/full",
+)  # fmt: skip
+_TRIED = 24
+
+
+def mutated(words: list[str], rng: random.Random) -> list[str]:
+    """A command line with one word, or two, that should not be there."""
+    for _ in range(rng.randint(1, 2)):
+        index = rng.randrange(len(words) + 1)
+        new = rng.choice((rng.choice(_WORDS), rng.choice(TEXTS), rng.choice(NUMBERS)))
+        how = rng.choice(("replace", "insert", "remove", "double"))
+        if how == "insert" or index == len(words):
+            words = [*words[:index], new, *words[index:]]
+        elif how == "replace" and index > 0:
+            words = [*words[:index], new, *words[index + 1 :]]
+        elif how == "double":
+            words = [*words[:index], words[index], *words[index:]]
+        elif index > 0:
+            words = [*words[:index], *words[index + 1 :]]
+    return words
+
+
+def test_mutated_command_lines(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    rng, tried, case = random.Random(2), 0, tmp_path / "case.toml"
+    with trial(capfd, tmp_path) as hostile:
+        for command in COMMANDS:
+            for index in range(_TRIED):
+                case.write_text(CASE)
+                words = mutated(command.split(), rng)
+                places = {
+                    "CASE": str(case),
+                    "OUT": str(tmp_path / "out"),
+                    "f.mp4": "/dev/null/f.mp4",
+                }
+                given = [places.get(word, word.replace("\0", "")) for word in words]
+                hostile.run(f"{command} {index}: {given!r:.200}", *given)
+                tried += 1
+    hostile.finish(tried)
