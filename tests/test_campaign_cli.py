@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import AMPLITUDE, DEVIATION, LQR, servo
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, forged, replaced, servo
 
 from grosmc_mj import cli
 
@@ -39,7 +39,8 @@ def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_campaign_writes_what_it_says(folder: Path) -> None:
     names = {path.name for path in folder.iterdir()}
-    assert names == {"manifest.json", "parts", "results.json", "worst.json", "radius.json"}
+    documents = {"manifest.json", "results.json", "worst.json", "radius.json"}
+    assert names == {".lock", "parts", *documents}
     results = json.loads((folder / "results.json").read_text())
     assert results["sampled"]["words"] == "16 runs, sobol, seed 0"
     relative = pq.read_table(folder / "parts" / "part-0000000.parquet")["relative"].to_numpy()
@@ -171,12 +172,17 @@ def test_a_tampered_run_is_no_replay(
 ) -> None:
     assert run("campaign", file, "--runs", "2", "--out", tmp_path, "--no-figures") == cli.DONE
     part = tmp_path / "parts" / "part-0000000.parquet"
-    table = pq.read_table(part)
-    place = table.column_names.index("ended")
-    pq.write_table(table.set_column(place, table.field("ended"), [[0.05, 0.049]]), part)
+    table = replaced(pq.read_table(part), "ended", 1, 0.049)
+    forged(part, table)
     assert run("replay", tmp_path, "0", "--no-figures") == cli.DONE
     assert run("replay", tmp_path, "1", "--no-figures") == cli.DIFFERS
     assert "differs: ended: 0.049 was stored, 0.05 is found" in capsys.readouterr().out
+    pq.write_table(replaced(table, "ended", 1, 0.048), part)
+    assert run("replay", tmp_path, "0", "--no-figures") == cli.WRONG
+    said = capsys.readouterr().err
+    assert said.endswith(
+        f"{part}: has rows that its checksum is not of: remove it, and --resume runs it again\n"
+    )
 
 
 @pytest.mark.parametrize(
