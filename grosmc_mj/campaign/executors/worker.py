@@ -40,7 +40,8 @@ class Worker:
             target=_serve,
             args=(theirs, pickled, os.getpid()),
             daemon=True,
-            env=dict.fromkeys(_THREADS, str(threads)),
+            # No module of the folder that it starts in comes before others.
+            env={**dict.fromkeys(_THREADS, str(threads)), "PYTHONSAFEPATH": "1"},
         )
         with interrupts_held():
             self._process.start()
