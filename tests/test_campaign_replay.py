@@ -125,7 +125,7 @@ PLANT = {"rotor mass scale": 2.0, "load amplitude": 0.5}
         ("[]", "cannot be read: it is no table"),
         ("[" * 3000, "cannot be read: "),
         ('{"controllers": []}', "it has no table of grosmc"),
-        ('{"controllers": {}}', "it has no table of grosmc"),
+        ('{"controllers": {}}', "no plant was found that fails under grosmc"),
         ('{"controllers": {"grosmc": {"worst": null}}}', "no plant was found that fails under"),
         ('{"controllers": {"grosmc": 3}}', "it has no table of grosmc"),
         ({"rotor mass scale": 2.0}, "must have the numbers rotor mass scale, load amplitude"),

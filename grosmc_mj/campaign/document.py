@@ -122,10 +122,10 @@ def found_values(campaign: Campaign, folder: Path, which: str, controller: str) 
         found = read_json(path).get("controllers")
     except FileNotFoundError:
         raise SetupError(f"{folder} has no {path.name}: run the campaign with {how}") from None
-    for key in (controller, which):
+    for key, absent in ((controller, {}), (which, None)):
         if not isinstance(found, dict):
             raise SetupError(f"{path}: cannot be read: it has no table of {controller}")
-        found = found.get(key)
+        found = found.get(key, absent)
     if found is None:
         raise SetupError(f"{path}: no plant was found that fails under {controller}")
     if not isinstance(found, dict) or set(found) != set(campaign.family.names):
