@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.manifest import manifest_of
+from grosmc_mj.campaign.part import checksum
 from grosmc_mj.campaign.question import Question
-from grosmc_mj.campaign.work import run_shard
+from grosmc_mj.campaign.work import shards_of
 
 PLANT = """
 [plant]
@@ -135,13 +139,30 @@ def falling() -> Campaign:
 def kept(asked: Campaign, path: Path) -> Folder:
     """A campaign run to its end, part by part in this process, and its folder."""
     folder = begun(asked, path)
+    run = shards_of(asked, folder, 0)
     for index in range(asked.question.shards):
-        run_shard(str(path), index)
+        run(index)
     return folder
 
 
 def begun(asked: Campaign, path: Path) -> Folder:
     """A folder with a manifest, and no parts yet."""
     folder = Folder(path)
-    folder.begin(manifest_of(asked), resume=False)
+    folder.begin(asked, resume=False)
     return folder
+
+
+def replaced(table: pa.Table, column: str, row: int, value: Any) -> pa.Table:
+    """A part's rows with another value in one place."""
+    values, kind = table[column].to_pylist(), table.field(column).type
+    values[row] = value
+    place = table.column_names.index(column)
+    return table.set_column(place, table.field(column), pa.array(values, kind))
+
+
+def forged(file: Path, table: pa.Table, **noted: Any) -> None:
+    """Write other rows as a part, with a checksum that is theirs."""
+    said = {**json.loads(pq.read_schema(file).metadata[b"grosmc_mj"]), **noted}
+    del said["sha256"]
+    said["sha256"] = checksum(table, said)
+    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -55,3 +56,7 @@ def pid_and_threads(index: int) -> tuple[int, str]:
 
 def unpicklable(index: int) -> object:
     return threading.Lock()
+
+
+def safe_path(index: int) -> tuple[bool, str]:
+    return sys.flags.safe_path, os.environ["OMP_NUM_THREADS"]

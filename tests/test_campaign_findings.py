@@ -13,7 +13,7 @@ from scipy.stats import binomtest
 from grosmc_mj.campaign.document import results_document
 from grosmc_mj.campaign.findings import ALL, Findings, findings
 from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.work import run_shard
+from grosmc_mj.campaign.work import shards_of
 
 COMPLETES = "completes"
 
@@ -31,7 +31,7 @@ def found(folder: Folder) -> Findings:
 
 
 def column(folder: Folder, name: str, law: str) -> np.ndarray:
-    return folder.columns([name], law, range(2))[name]
+    return folder.columns(campaign(servo()), [name], range(2))[law][name]
 
 
 @pytest.mark.parametrize("law", ["lqr", "grosmc"])
@@ -85,7 +85,7 @@ def test_what_drives_a_margin_is_found(tmp_path: Path) -> None:
 def test_a_campaign_that_is_not_complete_says_so(tmp_path: Path) -> None:
     asked = campaign(servo())
     folder = begun(asked, tmp_path)
-    run_shard(str(tmp_path), 1)
+    shards_of(asked, folder, 0)(1)
     found = findings(asked, folder, 0.95)
     assert (found.sampled.runs, found.sampled.planned) == (4, 8)
     assert found.sampled.words == "4 of 8 runs, sobol, seed 0"
@@ -103,7 +103,7 @@ def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> No
     asked = falling()
     folder = kept(asked, tmp_path)
     found = findings(asked, folder, 0.95)
-    status = folder.columns(["status"], "fl-lqr", [0])["status"]
+    status = folder.columns(asked, ["status"], [0])["fl-lqr"]["status"]
     early = int((status == "undefined_law").sum())
     assert 0 < early < 16
     assert found.cut_short["fl-lqr"] == early

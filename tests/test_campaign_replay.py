@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import begun, campaign, falling, kept, servo
+from campaign_cases import begun, campaign, falling, forged, kept, replaced, servo
 
-from grosmc_mj.campaign.document import replay_document, worst_document
+from grosmc_mj.campaign.document import found_values, replay_document, worst_document
 from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.premise import MOST
 from grosmc_mj.campaign.replay import replay
 from grosmc_mj.campaign.worst import worst
 from grosmc_mj.errors import GrosmcError
@@ -50,7 +50,7 @@ def test_the_last_controller_is_the_default(folder: Folder) -> None:
 def test_a_run_that_ended_early_is_repeated_bit_for_bit(tmp_path: Path) -> None:
     asked = falling()
     folder = kept(asked, tmp_path)
-    status = folder.columns(["status"], "fl-lqr", [0])["status"]
+    status = folder.columns(asked, ["status"], [0])["fl-lqr"]["status"]
     early = np.flatnonzero(status != "completed")
     assert len(early)
     for engine in ENGINES:
@@ -68,13 +68,8 @@ def test_a_run_that_ended_early_is_repeated_bit_for_bit(tmp_path: Path) -> None:
 def test_a_tampered_row_is_named(folder: Folder, tmp_path: Path, column: str, value: Any) -> None:
     copy = Folder(Path(shutil.copytree(folder.path, tmp_path / "copy")))
     table = pq.read_table(copy.part(0))
-    values = table[column].to_pylist()
-    values[table["controller"].to_pylist().index("grosmc") + 2] = value
-    place = table.column_names.index(column)
-    pq.write_table(
-        table.set_column(place, table.field(column), pa.array(values, table.field(column).type)),
-        copy.part(0),
-    )
+    row = table["controller"].to_pylist().index("grosmc") + 2
+    forged(copy.part(0), replaced(table, column, row, value))
     found = replay(campaign(servo()), copy, "2", "grosmc", "native")
     assert len(found.differences) == 1
     assert found.differences[0].startswith(f"{column}: {value} was stored, ")
@@ -120,18 +115,51 @@ def test_what_cannot_be_replayed(
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"controllers": []}', '{"controllers": {}}'])
-def test_a_broken_worst_json_is_named(folder: Folder, tmp_path: Path, content: str) -> None:
-    copy = Folder(Path(shutil.copytree(folder.path, tmp_path / "copy")))
-    (copy.path / "worst.json").write_text(content)
+PLANT = {"rotor mass scale": 2.0, "load amplitude": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("{", "cannot be read: Expecting property name"),
+        ("[]", "cannot be read: it is no table"),
+        ("[" * 3000, "cannot be read: "),
+        ('{"controllers": []}', "it has no table of grosmc"),
+        ('{"controllers": {}}', "no plant was found that fails under grosmc"),
+        ('{"controllers": {"grosmc": {"worst": null}}}', "no plant was found that fails under"),
+        ('{"controllers": {"grosmc": 3}}', "it has no table of grosmc"),
+        ({"rotor mass scale": 2.0}, "must have the numbers rotor mass scale, load amplitude"),
+        ({**PLANT, "motor": 1.0}, "must have the numbers rotor mass scale, load amplitude"),
+        ({**PLANT, "load amplitude": True}, "load amplitude = True must be a number from -1 to 1"),
+        ({**PLANT, "load amplitude": "0.5"}, "load amplitude = 0.5 must be a number from -1 to 1"),
+        ({**PLANT, "load amplitude": None}, "load amplitude = None must be a number from -1"),
+        ({**PLANT, "load amplitude": float("nan")}, "Out of range float values"),
+        ({**PLANT, "load amplitude": 1.01}, "load amplitude = 1.01 must be a number from -1 to 1"),
+        ({**PLANT, "rotor mass scale": 10**400}, "must be a number from 1 to 3"),
+    ],
+)
+def test_a_plant_that_no_search_has_found_is_refused(
+    folder: Folder, tmp_path: Path, content: Any, says: str
+) -> None:
+    if isinstance(content, dict):
+        content = json.dumps({"controllers": {"grosmc": {"worst": content}}})
+    (tmp_path / "worst.json").write_text(content)
     with pytest.raises(GrosmcError) as refused:
-        replay(campaign(servo()), copy, "worst", None, "native")
-    assert str(copy.path / "worst.json") in str(refused.value)
+        found_values(campaign(servo()), tmp_path, "worst", "grosmc")
+    assert str(refused.value).startswith(f"{tmp_path / 'worst.json'}: ")
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
-def test_a_plant_of_another_family_is_named(folder: Folder, tmp_path: Path) -> None:
-    copy = Folder(Path(shutil.copytree(folder.path, tmp_path / "copy")))
-    content = {"controllers": {"grosmc": {"worst": {"rotor mass scale": 2.0}}}}
-    (copy.path / "worst.json").write_text(json.dumps(content))
-    with pytest.raises(GrosmcError, match="load amplitude"):
-        replay(campaign(servo()), copy, "worst", None, "native")
+def test_a_plant_outside_may_be_as_far_out_as_the_radius_looks(tmp_path: Path) -> None:
+    asked = campaign(servo())
+
+    def outside(scale: float) -> list[float]:
+        plant = dict(zip(PLANT, (1 + 2 * scale, -scale), strict=True))
+        content = {"controllers": {"lqr": {"outside": plant}}}
+        (tmp_path / "radius.json").write_text(json.dumps(content))
+        return found_values(asked, tmp_path, "outside", "lqr").tolist()
+
+    assert outside(MOST) == [1 + 2 * MOST, -MOST]
+    with pytest.raises(GrosmcError, match="rotor mass scale = "):
+        outside(1.01 * MOST)

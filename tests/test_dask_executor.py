@@ -19,7 +19,10 @@ import pytest
 
 pytest.importorskip("distributed")
 
+from distributed import Client, Security
+
 from grosmc_mj.campaign.executors import dask_workers, make_executor
+from grosmc_mj.campaign.executors.dask_cluster import cluster_client
 from grosmc_mj.errors import GainError, SetupError
 
 # Each starts a cluster or waits for one that does not answer.
@@ -197,3 +200,31 @@ def test_a_local_worker_that_dies_is_replaced_and_one_shard_too_deadly_ends_the_
     assert len([line for line in told if "was lost while it had shard" in line]) == 1
     with pytest.raises(SetupError, match=r"^shard 1 was with 3 Dask workers that died: "):
         list(executor.run(executor_work.die_always, [1], told.append))
+
+
+def test_workers_of_this_machine_are_closed_to_its_other_users() -> None:
+    """Loopback is everybody's: a scheduler that anybody may use runs anybody's code as us."""
+    with cluster_client(1, None) as client:
+        address = client.scheduler_info()["address"]
+        assert address.startswith("tls://127.0.0.1:")
+        (worker,) = client.scheduler_info()["workers"]
+        assert worker.startswith("tls://127.0.0.1:")
+        strangers = [
+            (address.replace("tls", "tcp"), None),
+            (worker.replace("tls", "tcp"), None),
+            (address, Security.temporary()),
+        ]
+        for reached, security in strangers:
+            with pytest.raises(OSError, match=r"TLS|SSL|Timed out|closed"):
+                Client(reached, security=security, timeout=3, set_as_default=False)
+        assert client.submit(executor_work.square, 3).result() == 9
+
+
+def test_workers_of_this_machine_import_nothing_from_where_they_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "distributed.py").write_text("raise SystemExit\n")
+    monkeypatch.chdir(tmp_path)
+    (done,) = make_executor("dask", workers=1).run(executor_work.safe_path, [0], print)
+    # With Dask's own defaults.
+    assert done.report == (True, "1")

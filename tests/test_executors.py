@@ -241,3 +241,13 @@ def test_the_other_executors_do_not_import_dask() -> None:
     assert importlib.util.find_spec("distributed"), "the test extra brings it"
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     assert subprocess.run([sys.executable, "-c", code], env=env, check=False).returncode == 0
+
+
+@pytest.mark.slow
+def test_workers_import_nothing_from_where_they_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "loky.py").write_text("raise SystemExit\n")
+    monkeypatch.chdir(tmp_path)
+    (done,) = make_executor("processes", workers=1).run(executor_work.safe_path, [0], print)
+    assert done.report[0]

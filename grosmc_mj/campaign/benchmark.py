@@ -17,10 +17,9 @@ from mujoco.batch import Batch
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.executors import make_executor
 from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.manifest import manifest_of
 from grosmc_mj.campaign.question import campaign_files, question_of
 from grosmc_mj.campaign.shard import plants_of, with_meters
-from grosmc_mj.campaign.work import run_shard
+from grosmc_mj.campaign.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.rendering.backends import without_graphics
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
@@ -188,9 +187,9 @@ def _rate(workers: int, duration: float) -> float:
             )
         )
         folder = Folder(Path(scratch) / "campaign")
-        folder.begin(manifest_of(campaign), resume=False)
+        folder.begin(campaign, resume=False)
         executor = make_executor("processes", workers=workers)
-        work = _Timed(str(folder.path))
+        work = _Timed(shards_of(campaign, folder, threads=1))
         spans = [each.report for each in executor.run(work, range(parts), lambda _: None)]
     # The first part of each worker has the design and the loading of compiled code in it.
     began = max(sorted(start for start, _ in spans)[:workers])
@@ -202,10 +201,10 @@ def _rate(workers: int, duration: float) -> float:
 class _Timed:
     """A part's work, which reports when it began and ended."""
 
-    def __init__(self, folder: str) -> None:
-        self.folder = folder
+    def __init__(self, shard: Callable[[int], object]) -> None:
+        self.shard = shard
 
     def __call__(self, index: int) -> tuple[float, float]:
         began = time.time()
-        run_shard(self.folder, index, threads=1)
+        self.shard(index)
         return began, time.time()

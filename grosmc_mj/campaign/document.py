@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.findings import Findings
-from grosmc_mj.campaign.manifest import SCHEMA_VERSION
+from grosmc_mj.campaign.manifest import read_json
+from grosmc_mj.campaign.premise import MOST
 from grosmc_mj.campaign.radius import Radius
 from grosmc_mj.campaign.sampled import NO_PROOF
 from grosmc_mj.campaign.worst import Worst
@@ -22,6 +22,8 @@ from grosmc_mj.errors import SetupError
 if TYPE_CHECKING:
     from grosmc_mj.campaign.replay import Replay
 
+# Of these documents; manifest and parts have their own.
+SCHEMA_VERSION = 1
 RESULTS, WORST, RADIUS = "results.json", "worst.json", "radius.json"
 # Plants that are not samples, by what they are called.
 FOUND = {"worst": WORST, "shrunk": WORST, "outside": RADIUS}
@@ -112,21 +114,38 @@ def found_values(campaign: Campaign, folder: Path, which: str, controller: str) 
         controller: For whom it was found.
 
     Raises:
-        SetupError: If there is no such plant.
+        SetupError: If there is no such plant, or one that the family cannot have.
     """
     path = folder / FOUND[which]
     how = {WORST: "--worst", RADIUS: "--radius"}[FOUND[which]]
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))["controllers"]
-        values = found.get(controller, {}).get(which)
-        plant = values and [float(values[name]) for name in campaign.family.names]
+        found = read_json(path).get("controllers")
     except FileNotFoundError:
         raise SetupError(f"{folder} has no {path.name}: run the campaign with {how}") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SetupError(f"{path}: cannot be read: {error}") from None
-    if plant is None:
+    for key, absent in ((controller, {}), (which, None)):
+        if not isinstance(found, dict):
+            raise SetupError(f"{path}: cannot be read: it has no table of {controller}")
+        found = found.get(key, absent)
+    if found is None:
         raise SetupError(f"{path}: no plant was found that fails under {controller}")
-    return np.array(plant)
+    if not isinstance(found, dict) or set(found) != set(campaign.family.names):
+        raise SetupError(
+            f"{path}: cannot be read: {which} of {controller} must have the numbers "
+            f"{', '.join(campaign.family.names)} and no others"
+        )
+    # Nothing was searched for farther from the nominal plant than that.
+    scale = min(MOST, campaign.family.largest_scale) if which == "outside" else 1.0
+    for quantity in campaign.family.quantities:
+        value, ends = found[quantity.name], (quantity.nominal, *quantity.ends(scale))
+        slack = 1e-9 * (1 + max(abs(end) for end in ends if math.isfinite(end)))
+        least, most = min(ends) - slack, max(ends) + slack
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (number and least <= value <= most and quantity.physical(value)):
+            raise SetupError(
+                f"{path}: cannot be read: {which} of {controller}: {quantity.name} = "
+                f"{str(value)[:40]} must be a number from {min(ends):g} to {max(ends):g}"
+            )
+    return np.array([float(found[name]) for name in campaign.family.names])
 
 
 def _named(campaign: Campaign, values: Array) -> dict[str, float]:

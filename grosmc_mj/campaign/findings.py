@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.drivers import Driver, drivers
-from grosmc_mj.campaign.folder import EVERYTHING, Counts, Folder, margin_column
+from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.pairing import PairedDifference, paired
+from grosmc_mj.campaign.part import EVERYTHING, Counts, margin_column
 from grosmc_mj.campaign.requirements import COMPLETES
 from grosmc_mj.campaign.sampled import Sampled
 from grosmc_mj.campaign.statistics import MarginSummary, PassRate, margin_summary, pass_rate
@@ -63,17 +64,15 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
         GrosmcError: If there are no runs, a part is broken, or the confidence is no share.
     """
     question = campaign.question
-    counts = folder.counts(range(question.shards))
+    counts = folder.counts(campaign, range(question.shards))
     if not counts:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
     first = range(min(question.shards, -(-MOST // question.shard)))
-    columns: dict[str, dict[str, Array]] = {}
+    asked = [margin_column(each.key) for each in campaign.requirements]
+    columns = folder.columns(campaign, ["id", "relative", *campaign.family.names, *asked], first)
     causes: dict[str, list[Driver]] = {}
     worst: dict[str, list[int]] = {}
-    for law in campaign.laws:
-        asked = [margin_column(each.key) for each in campaign.requirements if law in each.of]
-        wanted = ["id", "relative", *campaign.family.names, *asked]
-        own = columns[law] = folder.columns(wanted, law, first)
+    for law, own in columns.items():
         order = own["relative"].argsort(kind="stable")
         worst[law] = own["id"][order[:_WORST]].tolist()
         values = {name: own[name] for name in campaign.family.names}

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import json
+import errno
+import fcntl
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,27 +22,26 @@ from grosmc_mj.campaign.manifest import (
     MANIFEST,
     SCHEMA_VERSION,
     differences,
+    manifest_of,
     outdated,
     read_manifest,
 )
+from grosmc_mj.campaign.part import Counts, counts_of, read_part, rows_of
 from grosmc_mj.campaign.question import Question
-from grosmc_mj.campaign.requirements import COMPLETES, MARGIN, METRICS
-from grosmc_mj.campaign.shard import Outcomes
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.validation.results_file import write_json
 
-_PARTS = "parts"
-_OURS = b"grosmc_mj"
-# The count of runs that keep everything.
-EVERYTHING = "everything"
-# Counts by controller and requirement.
-Counts = Mapping[str, Mapping[str, int]]
-
-
-def margin_column(key: str) -> str:
-    """The column of a requirement's margin."""
-    return f"{MARGIN}{key}"
+_PARTS, _LOCK = "parts", ".lock"
+# What a part is called until it is whole, see `written_aside`.
+_LEFT = re.compile(r"\.part-\d{7,}\.[0-9a-f]{16}\.part\.parquet")
+# A file system that has no locks.
+_NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
+# Of a campaign that older versions have made.
+UNCHECKED = (
+    "is of schema 1: its parts carry no checksum, so that only their ids, columns and order can "
+    "be verified"
+)
 
 
 @dataclass(frozen=True)
@@ -62,19 +63,57 @@ class Folder:
         """The file of a part."""
         return self.parts / f"part-{index:07d}.parquet"
 
-    def begin(self, manifest: Mapping[str, Any], *, resume: bool) -> list[str]:
-        """Write the manifest, or find the same one there.
+    @property
+    def begun(self) -> bool:
+        """Whether a campaign is there."""
+        return (self.path / MANIFEST).exists()
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other processes from adding parts until the end; it ends with the process, too.
+
+        Raises:
+            SetupError: If another process holds it, or it cannot be written.
+        """
+        self._make(self.path)
+        path = self.path / _LOCK
+        try:
+            lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise cannot_write(path, error) from error
+        with os.fdopen(lock, "r+b", buffering=0) as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                pid = file.read(20)
+                whose = f" (process {int(pid)})" if pid.isdigit() else ""
+                raise SetupError(
+                    f"{self.path}: another grosmc-mj campaign{whose} adds parts to it: wait for "
+                    "its end, or take another --out"
+                ) from None
+            except OSError as error:
+                if error.errno not in _NO_LOCKS:
+                    raise cannot_write(path, error) from error
+            file.truncate(0)
+            file.write(str(os.getpid()).encode())
+            yield
+
+    def begin(self, campaign: Campaign, *, resume: bool) -> list[str]:
+        """Write the manifest, or find the same one there and verify all parts that are there.
 
         Returns:
-            What to know of a complete campaign that was made with other versions.
+            What to know of a complete campaign of other versions or of an older schema, a line
+            each.
 
         Raises:
             ArgumentError: If the folder has another campaign, has this one and ``resume`` is not
-                wanted, or parts are missing that other versions would have to add.
-            SetupError: If it cannot be written.
+                wanted, or parts are missing that other versions or another schema would have.
+            SetupError: If it cannot be written, or parts there are not those of the campaign.
         """
-        if not (self.path / MANIFEST).exists():
-            if self.path.exists() and any(self.parts.glob("*.parquet")):
+        manifest = manifest_of(campaign)
+        some = any(self.parts.glob("part-*.parquet"))
+        if not self.begun:
+            if some:
                 raise ArgumentError(f"{self.path} has parts without a {MANIFEST}: take another")
             write_json(self.path / MANIFEST, manifest)
             self._make(self.parts)
@@ -85,24 +124,30 @@ class Folder:
             raise ArgumentError(
                 f"{self.path} has another campaign: {'; '.join(changed)}; take another --out"
             )
-        if not resume and any(self.parts.glob("*.parquet")):
+        if not resume and some:
             raise ArgumentError(
                 f"{self.path} has this campaign already: --resume runs what is missing of it"
             )
-        if (others := outdated(there, manifest)) and not self._complete(there):
+        others, old = outdated(there, manifest), there["schema_version"] < SCHEMA_VERSION
+        if (others or old) and not self._complete(campaign.question):
             raise ArgumentError(
                 f"{self.path} is not complete and was begun with other versions: "
                 f"{'; '.join(others)}; install those to go on"
+                if others
+                else f"{self.path} is not complete and {UNCHECKED}: take another --out"
             )
+        self._verify(campaign, there)
         self._make(self.parts)
-        for left in self.parts.glob(".*.part.parquet"):
-            with contextlib.suppress(OSError):
-                left.unlink()
-        return others
+        for left in self.parts.iterdir():
+            if _LEFT.fullmatch(left.name):
+                with contextlib.suppress(OSError):
+                    left.unlink()
+        said = [f"{line}: the campaign was run with that" for line in others]
+        return [*said, f"{self.path} {UNCHECKED}."] if old else said
 
-    def _complete(self, manifest: Mapping[str, Any]) -> bool:
+    def _complete(self, question: Question) -> bool:
         """Whether all parts are there."""
-        return all(map(self.done, range(Question.of_document(manifest["question"]).shards)))
+        return all(map(self.done, range(question.shards)))
 
     def _make(self, path: Path) -> None:
         try:
@@ -110,48 +155,76 @@ class Folder:
         except OSError as error:
             raise cannot_write(path, error) from error
 
+    def _verify(self, campaign: Campaign, manifest: Mapping[str, Any]) -> None:
+        """Refuse parts that are not what they must be, all of them in one line."""
+        wrong: list[str] = []
+        for index in range(campaign.question.shards):
+            try:
+                if self.done(index):
+                    read_part(self.part(index), campaign, manifest, index)
+            except SetupError as error:
+                wrong.append(str(error))
+        if wrong:
+            several = f"{len(wrong)} parts are not what they must be, the first: "
+            raise SetupError(f"{several if len(wrong) > 1 else ''}{wrong[0]}")
+
     def done(self, index: int) -> bool:
         """Whether a part is there."""
         return self.part(index).exists()
 
-    def write(self, index: int, ids: range, campaign: Campaign, found: Sequence[Outcomes]) -> None:
+    def write(self, index: int, table: pa.Table) -> None:
         """Write a part aside and rename it.
 
         Raises:
             SetupError: If it cannot be written.
         """
-        table = _table(index, ids, campaign, found)
-        target = self.part(index)
-        with written_aside(target) as part, part.open("wb") as file:
+        # A worker that was given up may still be at the same part: each has a file of its own.
+        with written_aside(self.part(index)) as part, part.open("wb") as file:
             pq.write_table(table, file, compression="zstd")
             file.flush()
             os.fsync(file.fileno())
 
-    def files(self, indices: Sequence[int]) -> list[Path]:
-        """The files of those parts that are there."""
-        return [self.part(index) for index in indices if self.done(index)]
+    def tables(self, campaign: Campaign, indices: Sequence[int]) -> Iterator[pa.Table]:
+        """The rows of those parts that are there, each verified as it is read.
 
-    def counts(self, indices: Sequence[int]) -> Counts:
+        Raises:
+            SetupError: If a part is not what it must be.
+        """
+        manifest = read_manifest(self.path)
+        for index in indices:
+            if self.done(index):
+                yield read_part(self.part(index), campaign, manifest, index)
+
+    def counts(self, campaign: Campaign, indices: Sequence[int]) -> Counts:
         """Runs, and of them those that keep each requirement, by controller, over some parts."""
         total: dict[str, dict[str, int]] = {}
-        for file in self.files(indices):
-            add(total, _noted(file))
+        for table in self.tables(campaign, indices):
+            add(total, counts_of(campaign, table))
         return total
 
     def columns(
-        self, names: Sequence[str], controller: str, indices: Sequence[int]
-    ) -> dict[str, Array]:
-        """Columns of one controller's rows in some parts, by the number of the run.
+        self, campaign: Campaign, names: Sequence[str], indices: Sequence[int]
+    ) -> dict[str, dict[str, Array]]:
+        """Columns of some parts by controller and name, in the order of the runs.
 
         Raises:
-            SetupError: If a part cannot be read.
+            SetupError: If a part is not what it must be.
         """
-        tables = [_read(file, names, controller) for file in self.files(indices)]
+        found: dict[str, dict[str, list[Array]]] = {
+            law: {name: [] for name in names} for law in campaign.laws
+        }
+        for table in self.tables(campaign, indices):
+            wanted = table.select(list(names))
+            for law, columns in found.items():
+                rows = rows_of(campaign, wanted, law)
+                for name, pieces in columns.items():
+                    pieces.append(rows[name].to_numpy())
         return {
-            name: np.concatenate([table[name].to_numpy() for table in tables])
-            if tables
-            else np.zeros(0)
-            for name in names
+            law: {
+                name: np.concatenate(pieces) if pieces else np.zeros(0)
+                for name, pieces in columns.items()
+            }
+            for law, columns in found.items()
         }
 
 
@@ -161,92 +234,3 @@ def add(total: dict[str, dict[str, int]], more: Counts) -> None:
         own = total.setdefault(controller, {})
         for key, count in counts.items():
             own[key] = own.get(key, 0) + count
-
-
-def counts_of(found: Sequence[Outcomes]) -> dict[str, dict[str, int]]:
-    """Runs, and of them those that keep each requirement, by controller."""
-    return {
-        each.controller: {
-            "runs": len(each.values),
-            EVERYTHING: int(each.kept.sum()),
-            COMPLETES: sum(status == "completed" for status in each.status),
-            **{
-                key: int((margins >= 0).sum())
-                for key, margins in each.margins.items()
-                if not np.all(np.isnan(margins))
-            },
-        }
-        for each in found
-    }
-
-
-def _table(index: int, ids: range, campaign: Campaign, found: Sequence[Outcomes]) -> pa.Table:
-    """The rows of a part: the runs of one controller after those of another."""
-    tables = []
-    for each in found:
-        law = campaign.laws[each.controller]
-        assert law.error is not None
-        output = law.error.units[law.error.output_rows[0]]
-        units = {
-            "output": output,
-            "input": law.error.system.inputs[0].unit,
-            "sliding": "of the law's surface",
-        }
-        columns: list[tuple[str, Any, str]] = [
-            ("id", np.arange(ids.start, ids.stop), ""),
-            ("controller", pa.array([each.controller] * len(ids)), ""),
-        ]
-        columns += [
-            (quantity.name, each.values[:, i], quantity.unit)
-            for i, quantity in enumerate(campaign.family.quantities)
-        ]
-        columns += [
-            (name, values, units.get(METRICS[name][0], METRICS[name][0]))
-            for name, values in each.metrics.items()
-        ]
-        columns += [
-            (margin_column(requirement.key), each.margins[requirement.key], requirement.unit)
-            for requirement in campaign.requirements
-        ]
-        columns += [
-            ("relative", each.relative, "1"),
-            ("status", pa.array(list(each.status)), ""),
-            ("ended", each.ended, "s"),
-        ]
-        arrays = [pa.array(values) for _, values, _ in columns]
-        fields = [
-            pa.field(name, array.type, metadata={"unit": unit})
-            for (name, _, unit), array in zip(columns, arrays, strict=True)
-        ]
-        tables.append(pa.Table.from_arrays(arrays, schema=pa.schema(fields)))
-    noted = {"schema_version": SCHEMA_VERSION, "part": index, "counts": counts_of(found)}
-    table = pa.concat_tables(tables)
-    return table.replace_schema_metadata({_OURS: json.dumps(noted)})
-
-
-def _noted(file: Path) -> dict[str, dict[str, int]]:
-    """The counts that a part has noted."""
-    try:
-        counts = json.loads(pq.read_schema(file).metadata[_OURS])["counts"]
-        return {law: {key: int(n) for key, n in of.items()} for law, of in counts.items()}
-    except (OSError, pa.ArrowInvalid, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _broken(file, error) from None
-
-
-def _read(file: Path, names: Sequence[str], controller: str) -> pa.Table:
-    """Columns of one controller's rows in a part."""
-    runs = _noted(file).get(controller, {}).get("runs")
-    try:
-        found = pq.read_table(file, columns=list(names), filters=[("controller", "==", controller)])
-    except (OSError, pa.ArrowInvalid, KeyError) as error:
-        raise _broken(file, error) from None
-    if found.num_rows != runs:
-        raise _broken(file, IndexError())
-    return found
-
-
-def _broken(file: Path, error: Exception) -> SetupError:
-    """One line about a part that cannot be read."""
-    return SetupError(
-        f"{file}: cannot be read ({type(error).__name__}): remove it, and --resume runs it again"
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +13,29 @@ import numpy as np
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.question import Question
-from grosmc_mj.casefile.user_code import is_named
-from grosmc_mj.errors import SetupError
+from grosmc_mj.casefile.user_code import named_in, sources
+from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.validation.results_file import git_revision
 from grosmc_mj.versions import DECISIVE, installed
 
 MANIFEST = "manifest.json"
-SCHEMA_VERSION = 1
-# What a folder cannot be opened without.
-_NEEDED = ("hash", "question")
+# Of manifests and parts. Parts of schema 1 have neither a checksum nor the manifest's hash.
+SCHEMA_VERSION = 2
+# What a folder cannot be opened without, and of which type.
+_FIELDS: dict[str, type] = {
+    "hash": str,
+    "configuration": dict,
+    "model": str,
+    "sources": dict,
+    "versions": dict,
+    "question": dict,
+}
+_WORDS = {str: "text", dict: "table"}
+# What the hash is of: where a case file lies does not decide.
+_HASHED = ("configuration", "model", "sources", "versions")
+# Levels of tables and lists; our own files have six.
+_DEEPEST = 32
 # What must be the same for the same campaign.
 _DECIDING = ("configuration", "model", "sources")
 
@@ -33,12 +46,12 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
     content = {
         "configuration": _configuration(campaign),
         "model": model_hash(campaign),
-        "sources": _sources(question),
+        "sources": sources_of(question),
         "versions": installed(DECISIVE),
     }
     return {
         "schema_version": SCHEMA_VERSION,
-        "hash": _hash(content),
+        "hash": _hash(SCHEMA_VERSION, content),
         **content,
         "question": question.document(),
         "git_revision": git_revision(),
@@ -46,29 +59,83 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest in a folder.
+    """The manifest in a folder: all its fields of their types, and its hash that of its content.
 
     Raises:
-        SetupError: If there is none, or one that cannot be read.
+        SetupError: If there is none, or one that cannot be read or does not have its own hash.
     """
     path = folder / MANIFEST
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        version = int(content["schema_version"])
-        lacking = [key for key in _NEEDED if key not in content]
+        content = read_json(path)
     except FileNotFoundError:
         raise SetupError(f"{folder} is no campaign: it has no {MANIFEST}") from None
-    except OSError as error:
-        raise SetupError(f"{path}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise SetupError(f"{path}: cannot be read: {error}") from None
+    version = content.get("schema_version")
+    if type(version) is not int or not 0 < version < 10**6:
+        raise SetupError(f"{path}: cannot be read: it has no schema_version that is a number")
     if version > SCHEMA_VERSION:
         raise SetupError(
             f"{path} is of schema {version}; this grosmc_mj reads up to {SCHEMA_VERSION}: update it"
         )
-    if lacking:
+    if lacking := [key for key in _FIELDS if key not in content]:
         raise SetupError(f"{path}: cannot be read: it has no {' and no '.join(lacking)}")
+    for key, kind in _FIELDS.items():
+        if not isinstance(content[key], kind):
+            raise SetupError(f"{path}: cannot be read: {key} is no {_WORDS[kind]}")
+    for key in ("sources", "versions"):
+        if not all(isinstance(value, str) for value in content[key].values()):
+            raise SetupError(f"{path}: cannot be read: {key} has what is no text")
+    if content["hash"] != _hash(version, {key: content[key] for key in _HASHED}):
+        raise SetupError(f"{path}: its hash is not that of its content: it was changed")
+    try:
+        Question.of_document(content["question"])
+    except GrosmcError as error:
+        raise SetupError(f"{path}: {error}") from None
     return content
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON table that anybody may have written: finite numbers and texts that can be printed.
+
+    Raises:
+        FileNotFoundError: If there is none.
+        SetupError: If it cannot be read, or is something else.
+    """
+    if path.exists() and not path.is_file():
+        raise SetupError(f"{path}: is no file")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        _refuse_nesting(content)
+        # Numbers that are not finite, and halves of characters.
+        json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise SetupError(f"{path}: {error.strerror}") from None
+    except UnicodeError:
+        raise SetupError(f"{path}: cannot be read: it is no text in UTF-8") from None
+    except RecursionError:
+        raise SetupError(f"{path}: cannot be read: it is nested too deep") from None
+    except ValueError as error:
+        raise SetupError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(content, dict):
+        raise SetupError(f"{path}: cannot be read: it is no table")
+    return content
+
+
+def _refuse_nesting(content: Any) -> None:
+    """Refuse what would be too deep for whoever walks through it."""
+    level = [content]
+    for _ in range(_DEEPEST):
+        level = [item for each in level for item in _items(each)]
+    if level:
+        raise ValueError(f"it is nested more than {_DEEPEST} deep")
+
+
+def _items(value: Any) -> Iterable[Any]:
+    """What is one level below."""
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, list) else ()
 
 
 def differences(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
@@ -78,6 +145,21 @@ def differences(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]
     """
     keys = ("configuration", "sources") if outdated(there, asked) else _DECIDING
     return _changed(there, asked, keys)
+
+
+def refuse_other_code(folder: Path, there: Mapping[str, Any], question: Question) -> None:
+    """Refuse Python that is not the recorded one, before any of it is imported.
+
+    Args:
+        folder: Of the campaign.
+        there: Its manifest.
+        question: Whose case file would have it imported.
+
+    Raises:
+        ArgumentError: If a file is not the recorded one, or there are more or fewer.
+    """
+    if changed := _changed(there, {"sources": sources_of(question)}, ("sources",)):
+        raise ArgumentError(f"{folder} was begun with other Python: {'; '.join(changed)}")
 
 
 def outdated(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
@@ -125,16 +207,9 @@ def _configuration(campaign: Campaign) -> dict[str, Any]:
     }
 
 
-def _sources(question: Question) -> dict[str, str]:
-    """SHA-256 of the user's own Python that the file names, by file."""
-    folder, found = Path(question.folder), {}
-    for _, value in _flat(question.file.model_dump(exclude_none=True)):
-        if isinstance(value, str) and is_named(value):
-            path = folder.joinpath(*value.split(":")[0].split(".")).with_suffix(".py")
-            if path.is_file():
-                name = path.relative_to(folder).as_posix()
-                found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
-    return dict(sorted(found.items()))
+def sources_of(question: Question) -> dict[str, str]:
+    """SHA-256 of the user's own Python that the case file would import, by file."""
+    return sources(named_in(question.file), Path(question.folder))
 
 
 def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -149,7 +224,8 @@ def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield key, value
 
 
-def _hash(content: Any) -> str:
+def _hash(version: int, content: Mapping[str, Any]) -> str:
     """SHA-256 of plain values, whatever their order."""
-    text = json.dumps(content, sort_keys=True, ensure_ascii=False)
+    hashed = content if version == 1 else {"schema_version": version, **content}
+    text = json.dumps(hashed, sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()

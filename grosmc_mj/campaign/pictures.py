@@ -55,9 +55,8 @@ def draw_map(
     shards = range(min(campaign.question.shards, -(-_MOST_POINTS // campaign.question.shard)))
     (_, first), (_, second) = (shown_unit(each.unit) for each in axes)
     laws, boundaries = {}, {}
-    for law in campaign.laws:
-        names = [each.name for each in axes]
-        columns = folder.columns([*names, "relative"], law, shards)
+    names = [each.name for each in axes]
+    for law, columns in folder.columns(campaign, [*names, "relative"], shards).items():
         x, y = columns[names[0]] * first, columns[names[1]] * second
         laws[law] = Points(x, y, columns["relative"])
         grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None

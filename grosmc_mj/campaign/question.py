@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass, replace
+import dataclasses
+from dataclasses import MISSING, asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
 from grosmc_mj.campaign.sampling import SAMPLERS
 from grosmc_mj.casefile.reading import parse_case_file, read_text
-from grosmc_mj.casefile.schema import CaseFile
-from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+from grosmc_mj.casefile.schema import CaseFile, file_name
+from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.simulation.mujoco_plant import Integrator
 from grosmc_mj.validation.cases import shipped_files
 from grosmc_mj.validation.experiment import find_file
@@ -20,6 +20,29 @@ CAMPAIGNS = Path(__file__).resolve().parents[1] / "campaigns"
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
 SHARD = 512
 _MOST_RUNS = 10**12
+# Of one run [s]: eleven days.
+_LONGEST = 1e6
+# Types in a document; bool, which is an int to Python, is none of them.
+_TYPES: dict[str, tuple[type, ...]] = {
+    "name": (str,),
+    "text": (str,),
+    "folder": (str,),
+    "runs": (int,),
+    "seed": (int,),
+    "sampler": (str,),
+    "controllers": (list,),
+    "control_period": (float, int, type(None)),
+    "duration": (float, int, type(None)),
+    "integrator": (str, type(None)),
+    "shard": (int,),
+}
+_WORDS = {
+    str: "a text",
+    int: "a whole number",
+    float: "a number",
+    list: "a list",
+    type(None): "null",
+}
 
 
 @dataclass(frozen=True)
@@ -64,8 +87,19 @@ class Question:
             raise ArgumentError(unknown_name("integrator", self.integrator, get_args(Integrator)))
         for name in ("control_period", "duration"):
             value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ArgumentError(f"--{name.replace('_', '-')} {value:g} s must be positive")
+            if value is not None and not (0 < value <= _LONGEST):
+                # A whole number from a manifest may have thousands of digits.
+                said = f"{value:g}" if isinstance(value, float) else str(value)[:20]
+                raise ArgumentError(
+                    f"--{name.replace('_', '-')} {said} s must be positive and at most "
+                    f"{_LONGEST:g} s"
+                )
+        try:
+            file_name(self.name)
+        except ValueError as error:
+            raise ArgumentError(f"name: {error}") from None
+        if "\0" in self.folder:
+            raise ArgumentError(f"{shown(self.folder)} is no folder")
 
     @property
     def path(self) -> Path:
@@ -112,10 +146,27 @@ class Question:
         Raises:
             SetupError: If they are not those of a question.
         """
-        try:
-            return cls(**{**content, "controllers": tuple(content["controllers"])})
-        except (TypeError, KeyError) as error:
-            raise SetupError(f"the question of this campaign cannot be read: {error}") from None
+        fields = {each.name: each for each in dataclasses.fields(cls)}
+        for name, kinds in _TYPES.items():
+            if name not in content:
+                if fields[name].default is MISSING:
+                    raise SetupError(f"the question of this campaign cannot be read: no {name}")
+            elif type(content[name]) not in kinds:
+                raise SetupError(
+                    f"the question of this campaign cannot be read: {name} must be "
+                    f"{' or '.join(_WORDS[kind] for kind in kinds)}"
+                )
+        if unknown := [name for name in content if name not in _TYPES]:
+            raise SetupError(
+                "the question of this campaign cannot be read: "
+                f"{unknown_name('field', unknown[0], _TYPES)}"
+            )
+        controllers = content.get("controllers", [])
+        if not all(isinstance(each, str) for each in controllers):
+            raise SetupError(
+                "the question of this campaign cannot be read: controllers must be texts"
+            )
+        return cls(**{**content, "controllers": tuple(controllers)})
 
 
 def question_of(target: str, **asked: Any) -> Question:
@@ -132,9 +183,10 @@ def question_of(target: str, **asked: Any) -> Question:
     given = {name: value for name, value in asked.items() if value is not None}
     question = Question(path.stem, read_text(path), str(path.parent.resolve()), **given)
     name = question.file.name or path.stem
-    if Path(name).name != name:
-        raise ArgumentError(f"{path}: name = {name!r} names a folder: give one without a slash")
-    return replace(question, name=name)
+    try:
+        return replace(question, name=name)
+    except ArgumentError as error:
+        raise ArgumentError(f"{path}: {error}") from None
 
 
 def campaign_files() -> dict[str, Path]:

@@ -11,7 +11,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.document import FOUND, found_values
-from grosmc_mj.campaign.folder import Folder, margin_column
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.part import margin_column
 from grosmc_mj.campaign.requirements import METRICS
 from grosmc_mj.campaign.shard import Outcomes, outcomes, plants_of, with_meters
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
@@ -119,7 +120,8 @@ def _stored(
     """The row of a run; None if its part is not there."""
     index = number // campaign.question.shard
     names = [*METRICS, *(margin_column(each.key) for each in campaign.requirements)]
-    columns = folder.columns([*names, "relative", "ended", "status"], controller, [index])
+    wanted = [*names, "relative", "ended", "status"]
+    columns = folder.columns(campaign, wanted, [index])[controller]
     place = number - campaign.question.ids(index).start
     return {name: each[place] for name, each in columns.items()} if len(columns["ended"]) else None
 

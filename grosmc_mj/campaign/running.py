@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from functools import partial
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.executors import Executor, Notice
-from grosmc_mj.campaign.folder import EVERYTHING, Folder, add
-from grosmc_mj.campaign.work import ShardReport, run_shard
+from grosmc_mj.campaign.folder import Folder, add
+from grosmc_mj.campaign.part import EVERYTHING
+from grosmc_mj.campaign.work import ShardReport, shards_of
 
 # Number of runs done and, by law, the share of these that keeps everything so far.
 Advance = Callable[[int, dict[str, float]], object]
@@ -27,7 +27,7 @@ def run_missing(
 
     Args:
         campaign: The campaign.
-        folder: Where it is kept, with its manifest.
+        folder: Where it is kept, begun.
         executor: What runs them.
         notice: Told of workers that died.
         advance: Told after each part.
@@ -38,7 +38,7 @@ def run_missing(
     Raises:
         GrosmcError: If a part cannot be run; those that were finished stay.
     """
-    work = partial(run_shard, str(folder.path.resolve()), threads=executor.threads_per_worker)
+    work = shards_of(campaign, folder, executor.threads_per_worker)
     total: dict[str, dict[str, int]] = {}
     again = 0
     with closing(executor.run(work, missing(campaign, folder), notice)) as done:

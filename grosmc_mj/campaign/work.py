@@ -1,19 +1,35 @@
-"""The work of one part, wherever it is done: all it needs is the campaign's folder."""
+"""The work of one part, wherever it is done: it needs the question and the campaign's folder."""
 
 from __future__ import annotations
 
 import os
+import sys
 import time
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.folder import Counts, Folder, counts_of
-from grosmc_mj.campaign.manifest import differences, manifest_of, outdated, read_manifest
+from grosmc_mj.campaign.folder import UNCHECKED, Folder
+from grosmc_mj.campaign.manifest import (
+    SCHEMA_VERSION,
+    differences,
+    manifest_of,
+    outdated,
+    read_manifest,
+    refuse_other_code,
+)
+from grosmc_mj.campaign.part import Counts, counts_of, part_table
 from grosmc_mj.campaign.question import Question
 from grosmc_mj.campaign.shard import evaluate_all
+from grosmc_mj.casefile.reading import read_text
+from grosmc_mj.casefile.user_code import named_in
 from grosmc_mj.errors import ArgumentError
+
+# What this process has imported of the users' own Python for campaigns: of each module, which.
+_imported: dict[str, tuple[str, str]] = {}
 
 
 @dataclass(frozen=True)
@@ -37,55 +53,123 @@ class ShardReport:
     process: int
 
 
-def run_shard(folder: str, index: int, threads: int = 0) -> ShardReport:
+def shards_of(campaign: Campaign, folder: Folder, threads: int) -> partial[ShardReport]:
+    """The work of each part of a campaign that was begun in a folder, by its number.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it was begun.
+        threads: Of each worker; 0 for all cores.
+    """
+    bound_to = read_manifest(folder.path)["hash"]
+    path = str(folder.path.resolve())
+    return partial(run_shard, path, campaign.question, bound_to, threads=threads)
+
+
+def run_shard(
+    folder: str, question: Question, bound_to: str, index: int, threads: int = 0
+) -> ShardReport:
     """Run a part and write it.
 
     Args:
         folder: Of the campaign, under the same path for all that work at it.
+        question: What the campaign was begun with: nothing is built from what the folder says.
+        bound_to: Hash of its manifest, which the folder's must have.
         index: Number of the part.
         threads: 0 for all cores.
 
     Raises:
-        GrosmcError: If the folder is not that of a campaign, or cannot be written.
+        GrosmcError: If the folder is not that of the campaign, or cannot be written.
     """
-    began, kept = time.perf_counter(), Folder(Path(folder))
-    campaign = open_campaign(folder)
-    ids = campaign.question.ids(index)
-    values = campaign.values(ids)
-    found = evaluate_all(campaign, campaign.laws, values, threads)
-    kept.write(index, ids, campaign, found)
+    began = time.perf_counter()
+    campaign = open_campaign(folder, question, bound_to)
+    ids = question.ids(index)
+    found = evaluate_all(campaign, campaign.laws, campaign.values(ids), threads)
+    table = part_table(campaign, bound_to, index, found)
+    Folder(Path(folder)).write(index, table)
     seconds = time.perf_counter() - began
-    return ShardReport(index, ids.start, len(ids), counts_of(found), seconds, os.getpid())
+    counts = counts_of(campaign, table)
+    return ShardReport(index, ids.start, len(ids), counts, seconds, os.getpid())
 
 
-def open_campaign(folder: str) -> Campaign:
-    """The campaign of a folder, designed once in a process, to add parts to it.
+def open_campaign(folder: str, question: Question, bound_to: str) -> Campaign:
+    """The campaign of a question, designed once in a process, to add parts to its folder.
 
     Raises:
-        GrosmcError: If there is none, or it would not be computed here as it was there.
+        GrosmcError: If the folder is of another one, or it would not be computed here as it was
+            there.
     """
-    campaign, others = read_campaign(folder)
+    # A worker may outlive a folder and meet another campaign under its name.
+    manifest = read_manifest(Path(folder))
+    if manifest["hash"] != bound_to:
+        raise ArgumentError(f"{folder} has another campaign than the one that was begun in it")
+    if manifest["schema_version"] < SCHEMA_VERSION:
+        raise ArgumentError(f"{folder} {UNCHECKED}: take another --out")
+    return _opened(folder, question, bound_to)
+
+
+@lru_cache(maxsize=4)
+def _opened(folder: str, question: Question, _bound_to: str) -> Campaign:
+    """The campaign of a question, if it is that of a folder whose manifest has this hash."""
+    campaign, others = _built(Path(folder), read_manifest(Path(folder)), question)
     if others:
         raise ArgumentError(f"{folder} was begun with other versions: {'; '.join(others)}")
     return campaign
 
 
-def read_campaign(folder: str) -> tuple[Campaign, tuple[str, ...]]:
-    """The campaign of a folder, and the packages that have other versions now, a line each.
+def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign, list[str]]:
+    """The campaign that a folder describes, to read what it has.
+
+    The folder is data: no Python is imported but what lies beside the case file that the user
+    names, and that only if it is what the folder has recorded.
+
+    Args:
+        folder: Of the campaign.
+        case_file: Where its case file is now, with what it names.
+
+    Returns:
+        The campaign, and what to know of one of other versions or of an older schema, a line each.
 
     Raises:
         GrosmcError: If there is none, or its configuration cannot be had here.
     """
-    # A worker may outlive a folder and meet another campaign under its name.
-    return _opened(folder, read_manifest(Path(folder))["hash"])
+    manifest = read_manifest(folder)
+    question = Question.of_document(manifest["question"])
+    if case_file is not None:
+        if read_text(case_file) != question.text:
+            raise ArgumentError(
+                f"{case_file} is not the case file of {folder}: its text is another"
+            )
+        question = replace(question, folder=str(case_file.parent.resolve()))
+    elif named := named_in(question.file):
+        raise ArgumentError(
+            f"{folder}: its case file names Python, {', '.join(named)}, and a folder's is not "
+            "imported: give a case file of your own with the same text, beside which that lies, "
+            "by --case-file"
+        )
+    campaign, others = _built(folder, manifest, question)
+    said = [f"{line}: bits may differ" for line in others]
+    old = manifest["schema_version"] < SCHEMA_VERSION
+    return campaign, [*said, f"{folder} {UNCHECKED}."] if old else said
 
 
-@lru_cache(maxsize=4)
-def _opened(folder: str, _hash: str) -> tuple[Campaign, tuple[str, ...]]:
-    """The campaign of a folder whose manifest has this hash."""
-    manifest = read_manifest(Path(folder))
-    campaign = Campaign.of(Question.of_document(manifest["question"]))
+def _built(
+    folder: Path, manifest: Mapping[str, Any], question: Question
+) -> tuple[Campaign, list[str]]:
+    """The campaign of a question, if it is the manifest's, and what has other versions now."""
+    refuse_other_code(folder, manifest, question)
+    _forget_others(manifest["sources"], question.folder)
+    campaign = Campaign.of(question)
     now = manifest_of(campaign)
     if changed := differences(manifest, now):
         raise ArgumentError(f"{folder} was begun with something else: {'; '.join(changed)}")
-    return campaign, tuple(outdated(manifest, now))
+    return campaign, outdated(manifest, now)
+
+
+def _forget_others(sources: Mapping[str, str], folder: str) -> None:
+    """Have modules imported anew that a worker has kept from another campaign of its life."""
+    for file, content in sources.items():
+        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        if _imported.setdefault(name, (folder, content)) != (folder, content):
+            sys.modules.pop(name, None)
+            _imported[name] = folder, content

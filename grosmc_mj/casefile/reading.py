@@ -61,8 +61,10 @@ def parse_case_file(text: str, path: Path) -> CaseFile:
     try:
         content = tomllib.loads(text)
         _refuse_odd(content, 0)
-    # A ValueError is TOML's own, or about integers of thousands of digits.
-    except (ValueError, RecursionError) as error:
+    except RecursionError:
+        raise ArgumentError(f"{path}: no valid TOML: it is nested too deep") from None
+    # TOML's own errors, and one about integers of thousands of digits.
+    except ValueError as error:
         raise ArgumentError(f"{path}: no valid TOML: {error}") from error
     try:
         found = CaseFile.model_validate(content)

@@ -32,11 +32,16 @@ def _weight(value: Any) -> Any:
     return value
 
 
-def _file_name(name: str) -> str:
-    """A name that folders and files may have: results are kept under it."""
-    if "/" in name or name in {".", ".."} or len(name) > _LONGEST_NAME:
+def file_name(name: str) -> str:
+    """A name that folders and files may have: results are kept under it.
+
+    Raises:
+        ValueError: If it is another.
+    """
+    plain = name.isprintable() and "/" not in name and name not in {".", ".."}
+    if not plain or len(name) > _LONGEST_NAME:
         raise ValueError(
-            f"{shown(name)} must be a name for files: no slash, no dots alone, "
+            f"{shown(name)} must be a name for files: no slash, no dots alone, printable, "
             f"{_LONGEST_NAME} characters at most"
         )
     return name
@@ -279,7 +284,7 @@ class CaseFile(Table):
         correlation: Which of them vary together.
     """
 
-    name: Annotated[str, AfterValidator(_file_name)] = ""
+    name: Annotated[str, AfterValidator(file_name)] = ""
     title: str = ""
     source: str = ""
     plant: PlantTable

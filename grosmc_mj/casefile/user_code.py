@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import ast
+import hashlib
 import importlib
 import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import machinery
 from pathlib import Path
 from typing import Any
 
 from numba.core.errors import NumbaError
 
+from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -29,6 +33,84 @@ _REASON = re.compile(
 def is_named(text: str) -> bool:
     """Whether a text has the form ``module:name``."""
     return ":" in text
+
+
+def named_in(file: CaseFile) -> list[str]:
+    """Each ``module:name`` of a case file, which running it would import."""
+    reference = file.task.reference or []
+    texts = [
+        file.plant.plant or "",
+        *(table.profile for table in file.disturbance),
+        *(reference if len(reference) == 1 else ()),
+        *(table.law for table in file.controller),
+    ]
+    return list(dict.fromkeys(filter(is_named, texts)))
+
+
+def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
+    """SHA-256 of the folder's own files that importing what is named would run, by file.
+
+    These are the modules, the packages that they are in, and what all of them import from the
+    folder. Imports are read, not carried out: one that is computed while the module runs is
+    not seen.
+
+    Args:
+        named: Texts of the form ``module:name``; modules of installed packages have no file here.
+        folder: Where Python would look first.
+    """
+    folder = folder.resolve()
+    unseen = [text.split(":")[0] for text in named if _NAMED.fullmatch(text)]
+    seen, found = set(), {}
+    while unseen:
+        module = unseen.pop()
+        if module in seen:
+            continue
+        seen.add(module)
+        for name, file in _files(module, folder):
+            content = file.read_bytes()
+            found[file.relative_to(folder).as_posix()] = hashlib.sha256(content).hexdigest()
+            unseen += _imports(content, name, package=file.name == "__init__.py")
+    return dict(sorted(found.items()))
+
+
+def _files(module: str, folder: Path) -> Iterator[tuple[str, Path]]:
+    """The modules, with their files, that importing a module of the folder begins with."""
+    loaders: list[Any] = [
+        (machinery.ExtensionFileLoader, machinery.EXTENSION_SUFFIXES),
+        (machinery.SourceFileLoader, machinery.SOURCE_SUFFIXES),
+        (machinery.SourcelessFileLoader, machinery.BYTECODE_SUFFIXES),
+    ]
+    place, parts = str(folder), module.split(".")
+    for depth in range(1, len(parts) + 1):
+        name = ".".join(parts[:depth])
+        # As Python itself would find it, in its order: a package, a library, a file.
+        spec = machinery.FileFinder(place, *loaders).find_spec(name)
+        if spec is None:
+            return
+        if spec.loader is not None and spec.origin is not None:
+            yield name, Path(spec.origin)
+        if not spec.submodule_search_locations:
+            return
+        place = spec.submodule_search_locations[0]
+
+
+def _imports(content: bytes, module: str, *, package: bool) -> list[str]:
+    """Names that the text of a module imports, and that may be modules."""
+    try:
+        tree = ast.parse(content)
+    except (SyntaxError, ValueError, RecursionError):
+        # A library, or what Python will refuse as well.
+        return []
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            # One dot is the package that a module is in.
+            up = module.split(".")[: -node.level + package or None] if node.level else []
+            base = ".".join([*up, *filter(None, [node.module])])
+            found += [base, *(f"{base}.{alias.name}".lstrip(".") for alias in node.names)]
+    return [name for name in found if name]
 
 
 def load_named(text: str, folder: Path) -> Any:

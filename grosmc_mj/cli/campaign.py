@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,58 +12,71 @@ from rich.console import Console
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.campaign_commands import Campaign as CampaignCommand
-from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+from grosmc_mj.errors import ArgumentError, unknown_name
 
 if TYPE_CHECKING:
     from grosmc_mj.campaign.campaign import Campaign
     from grosmc_mj.campaign.executors import Executor
     from grosmc_mj.campaign.findings import Findings
     from grosmc_mj.campaign.folder import Folder
+    from grosmc_mj.campaign.radius import Radius
 
 FOLDER = Path("renders") / "campaigns"
+_MOST_EVALUATIONS = 10**7
 
 
 def campaign(command: CampaignCommand) -> int:
     """Run what is missing, say what is there, search where that is asked for."""
     from grosmc_mj.campaign.campaign import Campaign
+    from grosmc_mj.campaign.document import RADIUS, RESULTS, results_document
     from grosmc_mj.campaign.executors import make_executor
     from grosmc_mj.campaign.findings import findings
     from grosmc_mj.campaign.folder import Folder
-    from grosmc_mj.campaign.manifest import manifest_of
+    from grosmc_mj.campaign.manifest import read_manifest, refuse_other_code
     from grosmc_mj.campaign.question import question_of
+    from grosmc_mj.validation.results_file import write_json
 
     _check(command)
-    asked = Campaign.of(
-        question_of(
-            command.target,
-            runs=command.runs,
-            shard=command.shard,
-            seed=command.seed,
-            sampler=command.sampler,
-            controllers=command.controllers or None,
-            control_period=command.control_period,
-            duration=command.duration,
-            integrator=command.integrator,
-        )
+    question = question_of(
+        command.target,
+        runs=command.runs,
+        shard=command.shard,
+        seed=command.seed,
+        sampler=command.sampler,
+        controllers=command.controllers or None,
+        control_period=command.control_period,
+        duration=command.duration,
+        integrator=command.integrator,
     )
+    folder = Folder(command.out or FOLDER / question.name)
+    if folder.begun:
+        refuse_other_code(folder.path, read_manifest(folder.path), question)
+    asked = Campaign.of(question)
     _check_axes(command, asked)
     executor = make_executor(command.executor, workers=command.workers, scheduler=command.scheduler)
-    folder = Folder(command.out or FOLDER / asked.question.name)
     console = screen.console()
-    for line in folder.begin(manifest_of(asked), resume=command.resume):
-        console.print(f"{line}: the campaign was run with that", style="yellow")
-    for name in asked.idle:
-        console.print(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
-    _run(console, asked, folder, executor)
+    with folder.held():
+        for line in folder.begin(asked, resume=command.resume):
+            _notice(line)
+        for name in asked.idle:
+            _notice(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
+        done = _run(asked, folder, executor)
     found = findings(asked, folder, command.confidence)
+    files = [folder.path / RESULTS]
+    write_json(files[0], results_document(asked, found))
+    for line in done:
+        console.print(line, style="dim")
     _say(console, asked, found)
-    files = _write(command, asked, folder, found)
     if command.worst:
-        files += _search(console, command, asked, folder, found)
-    if command.radius:
-        files += _grow(console, command, asked, folder)
+        files.append(_search(console, command, asked, folder, found))
+    reached = _grow(console, asked, folder) if command.radius else []
+    if reached:
+        files.append(folder.path / RADIUS)
+    code = _verdict(console, command, found)
+    if command.figures:
+        files += _draw(command, asked, folder, found, reached)
     console.print(", ".join(map(str, files)), soft_wrap=True)
-    return _verdict(console, command, found)
+    return code
 
 
 def _check(command: CampaignCommand) -> None:
@@ -72,8 +86,11 @@ def _check(command: CampaignCommand) -> None:
     for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
         if value is not None and not 0 < value < 1:
             raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
-    if command.worst and command.evaluations < LEAST:
-        raise ArgumentError(f"--evaluations {command.evaluations} must be {LEAST} or more")
+    if command.worst and not LEAST <= command.evaluations <= _MOST_EVALUATIONS:
+        raise ArgumentError(
+            f"--evaluations {command.evaluations} must be {LEAST} or more, up to "
+            f"{_MOST_EVALUATIONS}"
+        )
 
 
 def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
@@ -87,21 +104,21 @@ def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
         raise ArgumentError(f"--axes {command.axes[0]!r} twice: name two different numbers")
 
 
-def _run(console: Console, asked: Campaign, folder: Folder, executor: Executor) -> None:
-    """Run what is missing, with a progress bar.
+def _run(asked: Campaign, folder: Folder, executor: Executor) -> list[str]:
+    """Run what is missing, with a progress bar; what to say of that, a line each.
 
     Raises:
-        SetupError: If it is interrupted.
+        KeyboardInterrupt: If it is interrupted, with what is done.
     """
     from grosmc_mj.campaign.running import missing, run_missing
 
     parts, shards = missing(asked, folder), asked.question.shards
-    laws = len(asked.laws)
-    left = sum(len(asked.question.ids(index)) for index in parts) * laws
+    left = sum(len(asked.question.ids(index)) for index in parts) * len(asked.laws)
+    lines = []
     if len(parts) < shards:
-        console.print(f"{shards - len(parts)} of {shards} parts are there already.", style="dim")
+        lines.append(f"{shards - len(parts)} of {shards} parts are there already.")
     if not parts:
-        return
+        return lines
     began, done = time.perf_counter(), 0
     try:
         with screen.progress(left, "runs") as advance:
@@ -117,22 +134,22 @@ def _run(console: Console, asked: Campaign, folder: Folder, executor: Executor) 
             again = run_missing(asked, folder, executor, _notice, told)
     except KeyboardInterrupt:
         there = shards - len(missing(asked, folder))
-        raise SetupError(
+        raise KeyboardInterrupt(
             f"interrupted: {there} of {shards} parts are done; the same command with --resume "
             "runs the others"
         ) from None
     seconds = time.perf_counter() - began
     steps = left * asked.duration / asked.experiment.settings.timestep
     repeated = f"; {again} parts were run again" if again else ""
-    console.print(
+    lines.append(
         f"{left} runs of {asked.duration:g} s in {seconds:.1f} s: {left / seconds:.3g} runs and "
-        f"{steps / seconds:.3g} physics steps a second{repeated}.",
-        style="dim",
+        f"{steps / seconds:.3g} physics steps a second{repeated}."
     )
+    return lines
 
 
 def _notice(line: str) -> None:
-    """Say what happened to a worker, beside the results."""
+    """Say what is no result, beside the results."""
     print(line, file=sys.stderr)
 
 
@@ -154,30 +171,9 @@ def _say(console: Console, asked: Campaign, found: Findings) -> None:
     console.print()
 
 
-def _write(
-    command: CampaignCommand, asked: Campaign, folder: Folder, found: Findings
-) -> list[Path]:
-    """Write results.json and the figures."""
-    from grosmc_mj.campaign.document import RESULTS, results_document
-    from grosmc_mj.campaign.pictures import both, draw_map, draw_margins, map_axes
-    from grosmc_mj.validation.results_file import write_json
-
-    files = [folder.path / RESULTS]
-    write_json(files[0], results_document(asked, found))
-    if command.figures:
-        margins, plane = both(folder.path / "margins"), both(folder.path / "map")
-        draw_margins(asked, found, margins)
-        files.append(margins[0])
-        axes = map_axes(asked, found, command.axes)
-        if axes is not None:
-            draw_map(asked, folder, found, axes, plane)
-            files.append(plane[0])
-    return files
-
-
 def _search(
     console: Console, command: CampaignCommand, asked: Campaign, folder: Folder, found: Findings
-) -> list[Path]:
+) -> Path:
     """Search for the worst plants."""
     from grosmc_mj.campaign.document import WORST, worst_document
     from grosmc_mj.campaign.search_tables import worst_table
@@ -200,15 +196,12 @@ def _search(
     write_json(folder.path / WORST, worst_document(asked, searched))
     console.print(worst_table(asked, searched))
     console.print()
-    return [folder.path / WORST]
+    return folder.path / WORST
 
 
-def _grow(
-    console: Console, command: CampaignCommand, asked: Campaign, folder: Folder
-) -> list[Path]:
+def _grow(console: Console, asked: Campaign, folder: Folder) -> list[Radius]:
     """Look how far the uncertainty may grow."""
     from grosmc_mj.campaign.document import RADIUS, radius_document
-    from grosmc_mj.campaign.pictures import both, draw_radius
     from grosmc_mj.campaign.radius import radius
     from grosmc_mj.campaign.search_tables import radius_table
     from grosmc_mj.validation.results_file import write_json
@@ -224,11 +217,29 @@ def _grow(
     write_json(folder.path / RADIUS, radius_document(asked, reached))
     console.print(radius_table(asked, reached))
     console.print()
-    files = [folder.path / RADIUS]
-    if command.figures:
-        drawn = both(folder.path / "radius")
-        draw_radius(asked, reached, drawn)
-        files.append(drawn[0])
+    return reached
+
+
+def _draw(
+    command: CampaignCommand,
+    asked: Campaign,
+    folder: Folder,
+    found: Findings,
+    reached: Sequence[Radius],
+) -> list[Path]:
+    """Draw the figures; returns one file of each."""
+    from grosmc_mj.campaign.pictures import both, draw_map, draw_margins, draw_radius, map_axes
+
+    margins, plane, grown = (both(folder.path / name) for name in ("margins", "map", "radius"))
+    draw_margins(asked, found, margins)
+    files = [margins[0]]
+    axes = map_axes(asked, found, command.axes)
+    if axes is not None:
+        draw_map(asked, folder, found, axes, plane)
+        files.append(plane[0])
+    if reached:
+        draw_radius(asked, reached, grown)
+        files.append(grown[0])
     return files
 
 

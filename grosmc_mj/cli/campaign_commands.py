@@ -84,7 +84,8 @@ class Campaign:
 class Replay:
     """Repeat one run of a campaign, recorded, and say whether it is the same to the last bit.
 
-    Writes its figure and RUN.json to the campaign's folder, in replays.
+    Writes RUN.json, the figure and the film to replays in the campaign's folder, or to --out. The
+    folder is data: no Python is imported from it.
 
     Exit code 1 if the run is not what the campaign stored.
 
@@ -94,7 +95,10 @@ class Replay:
             found.
         controller: Whose run; by default the campaign's last controller.
         engine: native or python.
-        film: Whether to film it in MuJoCo: replays/films/RUN.mp4.
+        case_file: The campaign's case file, if that names Python, which is imported from beside it
+            if it is what the campaign recorded; a model is taken from there too.
+        out: Where to write instead.
+        film: Whether to film it in MuJoCo: films/RUN.mp4.
         figures: Whether to draw it.
     """
 
@@ -102,5 +106,7 @@ class Replay:
     run: Annotated[Positional[str], arg(metavar="ID", name="id")]
     controller: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     engine: Annotated[str, arg(metavar="native|python")] = "native"
+    case_file: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    out: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     figures: bool = True

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, get_args
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+from rich.console import Console
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.campaign_commands import Replay as ReplayCommand
 from grosmc_mj.cli.films import FOLDER, film_runs
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 
 if TYPE_CHECKING:
     from grosmc_mj.campaign.campaign import Campaign
     from grosmc_mj.campaign.replay import Replay
+
+_ODD = re.compile(r"[^\w.+-]+")
 
 
 def replay(command: ReplayCommand) -> int:
@@ -20,18 +26,13 @@ def replay(command: ReplayCommand) -> int:
     from grosmc_mj.campaign.folder import Folder
     from grosmc_mj.campaign.replay import replay
     from grosmc_mj.campaign.work import read_campaign
-    from grosmc_mj.rendering.figure import figure_written
     from grosmc_mj.simulation.simulate import Engine
     from grosmc_mj.validation import tables
-    from grosmc_mj.validation.experiment_figure import SIZE, draw_experiment
-    from grosmc_mj.validation.results_file import write_json
 
     if command.engine not in get_args(Engine):
         raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
     console = screen.console()
-    campaign, others = read_campaign(str(command.campaign))
-    for line in others:
-        console.print(f"{line}: bits may differ", style="yellow")
+    campaign, notices = read_campaign(command.campaign, command.case_file)
     found = replay(
         campaign,
         Folder(command.campaign),
@@ -40,8 +41,10 @@ def replay(command: ReplayCommand) -> int:
         command.engine,  # pyright: ignore[reportArgumentType]
     )
     result = found.result
-    name = f"{command.run}_{result.controller.name}"
-    base = command.campaign / "replays" / name
+    base = (command.out or command.campaign / "replays") / _file_name(command, found)
+    unwritten = _written(command, base, replay_document(campaign, found, command.engine))
+    for line in notices:
+        console.print(line, style="yellow", soft_wrap=True)
     for line in _plant(campaign, found):
         console.print(line, soft_wrap=True)
     console.print(tables.results_table([result]))
@@ -49,17 +52,6 @@ def replay(command: ReplayCommand) -> int:
     for line in tables.endings([result]):
         console.print(line, style="red", soft_wrap=True)
     console.print(_margins(campaign, found), soft_wrap=True)
-    files = [base.with_suffix(".json")]
-    write_json(files[0], replay_document(campaign, found, command.engine))
-    if command.figures:
-        with figure_written(base.with_suffix(".png"), SIZE) as figure:
-            draw_experiment(figure, [result])
-        files.append(base.with_suffix(".png"))
-    console.print(", ".join(map(str, files)), soft_wrap=True)
-    if command.film:
-        # Its poster and its data have the names of the figure and of the result.
-        film = base.parent / FOLDER / f"{name}.mp4"
-        film_runs(console, [result], campaign.experiment.settings, film)
     if found.stored and not found.differences:
         console.print(
             f"Run {command.run} is what the campaign stored, bit for bit; engine {command.engine}.",
@@ -67,7 +59,54 @@ def replay(command: ReplayCommand) -> int:
         )
     for line in found.differences:
         console.print(f"differs: {line}", style="bold red", soft_wrap=True)
+    if unwritten:
+        console.print(f"Nothing is written: {unwritten}; --out DIR keeps it.", soft_wrap=True)
+    else:
+        _draw(console, command, campaign, found, base)
     return screen.DIFFERS if found.differences else screen.DONE
+
+
+def _file_name(command: ReplayCommand, found: Replay) -> str:
+    """What its files are called: a controller's name may have anything in it."""
+    return f"{command.run}_{_ODD.sub('_', found.result.controller.name)}"
+
+
+def _written(command: ReplayCommand, base: Path, content: Any) -> str:
+    """Write the JSON; why it cannot be written, where the user has named no place for it.
+
+    Raises:
+        SetupError: If it cannot be written where the user wants it.
+    """
+    from grosmc_mj.validation.results_file import write_json
+
+    if command.out is None and base.parent.is_symlink():
+        return f"{base.parent} leads elsewhere"
+    try:
+        write_json(Path(f"{base}.json"), content)
+    except SetupError as error:
+        if command.out is not None:
+            raise
+        return str(error).split(";")[0]
+    return ""
+
+
+def _draw(
+    console: Console, command: ReplayCommand, campaign: Campaign, found: Replay, base: Path
+) -> None:
+    """The figure and the film, and where all is."""
+    from grosmc_mj.rendering.figure import figure_written
+    from grosmc_mj.validation.experiment_figure import SIZE, draw_experiment
+
+    files = [Path(f"{base}.json")]
+    if command.figures:
+        files.append(Path(f"{base}.png"))
+        with figure_written(files[-1], SIZE) as figure:
+            draw_experiment(figure, [found.result])
+    console.print(", ".join(map(str, files)), soft_wrap=True)
+    if command.film:
+        # Its poster and its data have the names of the figure and of the result.
+        film = base.parent / FOLDER / f"{base.name}.mp4"
+        film_runs(console, [found.result], campaign.experiment.settings, film)
 
 
 def _plant(campaign: Campaign, found: Replay) -> list[str]:

@@ -13,7 +13,7 @@ from rich.console import Console
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import New, Run
 from grosmc_mj.cli.films import FOLDER, film_runs
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,6 +35,7 @@ def run(command: Run) -> int:
     from grosmc_mj.validation.results_file import experiment_document, write_json
 
     experiment = prepare(find_file(command.file))
+    _check_uncertain(experiment)
     # A case of the package is called system/case, a file by its own name.
     shipped = command.file in shipped_files()
     name = command.file.replace("/", "_") if shipped else Path(command.file).stem
@@ -74,6 +75,17 @@ def run(command: Run) -> int:
         film_runs(console, results, experiment.settings, command.out / FOLDER / f"{name}.mp4")
     ended = not experiment.limits and any(result.ended for result in results)
     return screen.DIFFERS if ended or failed(judgements) else screen.DONE
+
+
+def _check_uncertain(experiment: Experiment) -> None:
+    """Refuse wrong [[uncertain]] tables, as a campaign would; a single run does not need them."""
+    from grosmc_mj.campaign.family import family_of
+
+    if experiment.file.uncertain:
+        try:
+            family_of(experiment.file, experiment.case, experiment.subject.nominal)
+        except GrosmcError as error:
+            raise ArgumentError(f"{experiment.path}: {error}") from error
 
 
 def _show(console: Console, results: list[RunResult]) -> None:

@@ -25,6 +25,7 @@ from grosmc_mj.errors import SetupError
 # How long a scheduler may take to answer [s].
 _PATIENCE = 10.0
 
+_ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
 _SETTINGS = {
     # Deaths that a shard survives.
     "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
@@ -57,13 +58,26 @@ def cluster_client(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 
 def _local_cluster(workers: int) -> LocalCluster:
-    """Workers on this machine."""
+    """Workers on this machine.
+
+    Whoever reaches a scheduler's port can run code in its workers, and loopback is open to every
+    user of the machine: both sides show certificates that were made for this cluster alone.
+    """
     try:
-        with dask.config.set(_SETTINGS), interrupts_held():
+        security = Security.temporary()
+    except ImportError:
+        raise SetupError(
+            "workers on this machine need cryptography: pip install 'grosmc_mj[dask]'"
+        ) from None
+    # Before they start, so that no module of the folder that they start in comes before others.
+    environment = {**dask.config.get(_ENVIRONMENT), "PYTHONSAFEPATH": "1"}
+    try:
+        with dask.config.set({**_SETTINGS, _ENVIRONMENT: environment}), interrupts_held():
             return LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 processes=True,
+                security=security,
                 # None would still take port 8787, if it were free.
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,

@@ -11,6 +11,9 @@ from grosmc_mj.campaign.executors.interface import Executor
 from grosmc_mj.campaign.executors.processes import Processes
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 
+# On one machine.
+_MOST_WORKERS = 1024
+
 EXECUTORS = ("batch", "processes", "dask")
 
 
@@ -33,8 +36,8 @@ def make_executor(
     """
     if name not in EXECUTORS:
         raise ArgumentError(unknown_name("executor", name, EXECUTORS))
-    if workers is not None and workers < 1:
-        raise ArgumentError(f"workers = {workers} must be 1 or more")
+    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
+        raise ArgumentError(f"workers = {workers} must be 1 or more, up to {_MOST_WORKERS}")
     if scheduler is not None and name != "dask":
         raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
     if workers is not None and (name == "batch" or scheduler is not None):
