@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,6 +32,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])
+
+
+def hear_interrupts() -> None:
+    """The ``preexec_fn`` of every child that a test interrupts: Ctrl-C ends it.
+
+    A process that was started in the background ignores SIGINT, and so do its children: Python
+    raises KeyboardInterrupt only where it finds the default handler.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @dataclass(frozen=True)

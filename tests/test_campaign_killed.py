@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from campaign_cases import DEVIATION, LQR, servo
+from conftest import hear_interrupts
 
 from grosmc_mj import cli
 
@@ -63,6 +64,7 @@ def test_a_killed_campaign_goes_on_as_if_nothing_had_been(
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        preexec_fn=hear_interrupts,
     ) as process:
         deadline = time.monotonic() + 60
         while len(list((out / "parts").glob("part-*"))) < 2:
