@@ -11,6 +11,10 @@ ARGS ?=
 # A file's tests share what they ran; tests/conftest.py orders the files.
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
+# Emulated by what the libraries read from the environment; the oldest first.
+MACHINES := nehalem haswell
+AS := $(BIN)/python tests/emulated_machine.py
+
 GALLERY := renders/films/gallery
 
 # Films need these; nothing else does.
@@ -20,10 +24,10 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast lint format typecheck bench gallery page clean
+.PHONY: help setup validate record test test-fast portable portable-fast lint format typecheck bench gallery page clean
 
 help:  ## List the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-10s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 	@echo 'Variables: ARGS (more arguments), PYTHON (interpreter), WORKERS (test processes)'
 
 setup:  ## Create .venv with the pinned packages; install the system libraries for films
@@ -41,6 +45,15 @@ test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
 	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
+
+portable: $(INSTALLED)  ## Fast tests and validate as on older machines than this one
+	@for machine in $(MACHINES); do \
+	  $(MAKE) portable-fast MACHINES=$$machine && \
+	  $(AS) $$machine $(BIN)/grosmc-mj validate --no-figures --out build/portable/$$machine || exit; \
+	done
+
+portable-fast: $(INSTALLED)  ## The fast tests alone, as on the oldest of them
+	$(AS) $(firstword $(MACHINES)) $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .
