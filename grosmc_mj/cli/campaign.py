@@ -51,6 +51,7 @@ def campaign(command: CampaignCommand) -> int:
     console = screen.console()
     for line in folder.begin(manifest_of(asked), resume=command.resume):
         console.print(f"{line}: the campaign was run with that", style="yellow")
+    _say_integrator(console, asked)
     for name in asked.idle:
         console.print(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
     _run(console, asked, folder, executor)
@@ -85,6 +86,21 @@ def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
             raise ArgumentError(unknown_name("uncertain number", name, asked.family.names))
     if command.axes and command.axes[0] == command.axes[1]:
         raise ArgumentError(f"--axes {command.axes[0]!r} twice: name two different numbers")
+
+
+def _say_integrator(console: Console, asked: Campaign) -> None:
+    """One line if the physics steps otherwise than its model says."""
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+    plant = asked.plant
+    if not isinstance(plant, MujocoPlant):
+        return
+    if int(plant.model.opt.integrator) != int(plant.spec.option.integrator):
+        console.print(
+            f"Steps by {asked.experiment.settings.integrator} instead of the model's own "
+            "integrator, which may judge some plants otherwise.",
+            style="yellow",
+        )
 
 
 def _run(console: Console, asked: Campaign, folder: Folder, executor: Executor) -> None:
