@@ -10,9 +10,10 @@ ARGS ?=
 
 # A file's tests share what they ran; tests/conftest.py orders the files.
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+FAST = $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
 
-# Emulated by what the libraries read from the environment; the oldest first.
-MACHINES := nehalem haswell
+# The file says what it emulates, and how.
+OLDER := nehalem haswell
 AS := $(BIN)/python tests/emulated_machine.py
 
 GALLERY := renders/films/gallery
@@ -24,7 +25,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast portable portable-fast lint format typecheck bench gallery page clean
+.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast lint format typecheck bench gallery page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -44,16 +45,16 @@ test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
-	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
+	$(FAST)
 
-portable: $(INSTALLED)  ## Fast tests and validate as on older machines than this one
-	@for machine in $(MACHINES); do \
-	  $(MAKE) portable-fast MACHINES=$$machine && \
-	  $(AS) $$machine $(BIN)/grosmc-mj validate --no-figures --out build/portable/$$machine || exit; \
-	done
+portable: $(OLDER:%=portable-%)  ## Fast tests and validate as on older machines than this one
 
-portable-fast: $(INSTALLED)  ## The fast tests alone, as on the oldest of them
-	$(AS) $(firstword $(MACHINES)) $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
+$(OLDER:%=portable-%): portable-%: $(INSTALLED)
+	$(AS) $* $(FAST)
+	$(AS) $* $(BIN)/grosmc-mj validate --no-figures --out build/portable/$*
+
+portable-fast: $(INSTALLED)  ## The fast tests with an older machine's libraries
+	$(AS) nehalem-libraries $(FAST)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .

@@ -35,8 +35,12 @@ MACHINES = {
         "NPY_DISABLE_CPU_FEATURES": "X86_V4",
     },
 }
-# What NumPy says that it computes exp with.
-LEVELS = {"nehalem": "baseline(X86_V2)", "haswell": "X86_V3"}
+# Nehalem's libraries beside laws compiled for this machine: nothing is compiled anew for it.
+MACHINES["nehalem-libraries"] = {
+    name: value for name, value in MACHINES["nehalem"].items() if not name.startswith("NUMBA")
+}
+# What NumPy says that it computes exp with, by OpenBLAS's kernels.
+LEVELS = {"Nehalem": "baseline(X86_V2)", "Haswell": "X86_V3"}
 
 
 def main(arguments: list[str]) -> NoReturn:
@@ -46,10 +50,11 @@ def main(arguments: list[str]) -> NoReturn:
     name, *command = arguments
     machine = MACHINES[name]
     found, here = seen(machine), seen({})
+    core = machine["OPENBLAS_CORETYPE"]
     wanted = {
-        "OpenBLAS": 2 * [machine["OPENBLAS_CORETYPE"]],
-        "NumPy": LEVELS[name],
-        "numba": machine["NUMBA_CPU_NAME"],
+        "OpenBLAS": [core, core],
+        "NumPy": LEVELS[core],
+        "numba": machine.get("NUMBA_CPU_NAME", here["numba"]),
     }
     wrong = [f"{what} is {found[what]}, not {each}" for what, each in wanted.items()
              if found[what] != each]  # fmt: skip
