@@ -10,6 +10,11 @@ ARGS ?=
 
 # A file's tests share what they ran; tests/conftest.py orders the files.
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+FAST = $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
+
+# The file says what it emulates, and how.
+OLDER := nehalem haswell
+AS := $(BIN)/python tests/emulated_machine.py
 
 GALLERY := renders/films/gallery
 
@@ -20,10 +25,10 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast lint format typecheck bench gallery page clean
+.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast lint format typecheck bench gallery page clean
 
 help:  ## List the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-10s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 	@echo 'Variables: ARGS (more arguments), PYTHON (interpreter), WORKERS (test processes)'
 
 setup:  ## Create .venv with the pinned packages; install the system libraries for films
@@ -40,7 +45,16 @@ test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
-	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
+	$(FAST)
+
+portable: $(OLDER:%=portable-%)  ## Fast tests and validate as on older machines than this one
+
+$(OLDER:%=portable-%): portable-%: $(INSTALLED)
+	$(AS) $* $(FAST)
+	$(AS) $* $(BIN)/grosmc-mj validate --no-figures --out build/portable/$*
+
+portable-fast: $(INSTALLED)  ## The fast tests with an older machine's libraries
+	$(AS) nehalem-libraries $(FAST)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .

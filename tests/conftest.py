@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import signal
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -22,6 +24,13 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 # Python does by itself takes a tenth of the time of a derivation or a compilation.
 gc.set_threshold(100_000, 20, 100)
 
+# Hypothesis fails an example that takes 200 ms, and data that are slow to draw: a busy machine
+# would have another verdict.
+hypothesis.settings.register_profile(
+    "any machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("any machine")
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with the most slow tests first.
@@ -31,6 +40,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])
+
+
+def hear_interrupts() -> None:
+    """The ``preexec_fn`` of every child that a test interrupts: Ctrl-C ends it.
+
+    A process that was started in the background ignores SIGINT, and so do its children: Python
+    raises KeyboardInterrupt only where it finds the default handler.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @dataclass(frozen=True)

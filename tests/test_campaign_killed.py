@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from campaign_cases import DEVIATION, LQR, servo
+from conftest import hear_interrupts
 
 from grosmc_mj import cli
 
@@ -79,6 +80,7 @@ def ended(end: signal.Signals, file: Path, out: Path) -> tuple[int, bytes, int]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        preexec_fn=hear_interrupts,
     ) as process:
         deadline = time.monotonic() + 120
         while len(list((out / "parts").glob("part-*"))) < 2 and process.poll() is None:

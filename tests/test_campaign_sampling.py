@@ -28,7 +28,7 @@ def correlation(points: Array) -> float:
 
 
 @pytest.mark.parametrize("sampler", [*INDEPENDENT, "corners"])
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_a_point_is_the_same_whoever_asks(sampler: str, data: st.DataObject) -> None:
     most = 8 if sampler == "corners" else 400

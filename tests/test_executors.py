@@ -17,6 +17,7 @@ from typing import Any
 
 import executor_work
 import pytest
+from conftest import hear_interrupts
 from loky import cpu_count
 
 from grosmc_mj.campaign.executors import make_executor
@@ -193,6 +194,7 @@ def test_no_worker_outlives_its_parent(how: signal.Signals, tmp_path: Path) -> N
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         start_new_session=True,
+        preexec_fn=hear_interrupts,
         text=True,
     ) as program:
         try:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import hear_interrupts
 
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
@@ -142,8 +143,7 @@ class Run:
             stderr=errors,
             text=True,
             start_new_session=True,
-            # A process that was started in the background ignores it, and so do its children.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            preexec_fn=hear_interrupts,
         )
         self.pid = self._run.pid
 

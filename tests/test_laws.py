@@ -106,7 +106,7 @@ def test_sgn_is_the_sign_as_printed(s):
 
 @each_system
 @given(data=st.data())
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_surface_is_exactly_zero_at_any_start(system, data):
     """s(0) = 0: there is no reaching phase, wherever the run starts."""
     ctl = controller(system, "grosmc")

@@ -113,7 +113,7 @@ def test_nominal_designs_are_those_of_the_reference(row):
 
 
 @given(q1=st.floats(1e-3, 1e3), q2=st.floats(0, 1e3), r=st.floats(1e-2, 1e2))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_gain_of_the_integrator_chain_is_the_closed_form(q1, q2, r):
     """Eq. (6) for z'' = v: K1 = sqrt(q1/r), K2 = sqrt(q2/r + 2 K1)."""
     K1 = np.sqrt(q1 / r)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import hear_interrupts
 
 from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
@@ -297,8 +298,7 @@ def test_an_interrupted_command_leaves_the_old_files_and_nothing_else(tmp_path: 
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ,
-        # A process that was started in the background ignores it, and so do its children.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=hear_interrupts,
     ) as process:
         deadline = time.monotonic() + 60
         while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import hear_interrupts
 
 from grosmc_mj import cli
 from grosmc_mj.validation import expected
@@ -160,7 +161,6 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
     """Interrupted after the first runs: one line, exit code 2, a document that says so."""
     program = (
         "import os, signal, threading, grosmc_mj.validation.runs as runs, grosmc_mj.cli as cli\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background\n"
         "original = runs.run_case\n"
         "count = 0\n"
         "def counted(*args):\n"
@@ -173,7 +173,12 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
         f"cli.main(['validate', 'servo', '--no-figures', '--out', {str(tmp_path)!r}])\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        preexec_fn=hear_interrupts,
     )
     assert done.returncode == cli.INTERRUPTED
     assert "Traceback" not in done.stderr

@@ -163,6 +163,8 @@ def _text() -> str:
 def scalings(workers: Sequence[int], duration: float = 2.0) -> list[Scaling]:
     """The rate of worker processes, four parts of 256 plants for each; the first is the baseline.
 
+    With implicitfast: the shorter a step, the more what surrounds it costs.
+
     Args:
         workers: Numbers of processes.
         duration: Of each run [s].
@@ -183,7 +185,12 @@ def _rate(workers: int, duration: float) -> float:
         file.write_text(_text(), encoding="utf-8")
         campaign = Campaign.of(
             question_of(
-                str(file), runs=parts * size, shard=size, controllers=(_LAW,), duration=duration
+                str(file),
+                runs=parts * size,
+                shard=size,
+                controllers=(_LAW,),
+                duration=duration,
+                integrator="implicitfast",
             )
         )
         folder = Folder(Path(scratch) / "campaign")

