@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -47,8 +48,14 @@ class Trial:
         """Exists once something was executed."""
         return self.folder.parent / "canary-was-executed"
 
-    def run(self, what: str, *arguments: Any) -> str:
-        """Run a command; ``what`` names it where it ends badly."""
+    def run(self, what: str, *arguments: Any, leaves: bool = False) -> str:
+        """Run a command; ``what`` names it where it ends badly.
+
+        Args:
+            what: Words for it.
+            arguments: Of the command line.
+            leaves: Whether it may leave files in the working folder, which then are removed.
+        """
         self.capture.readouterr()
         began, code = time.process_time(), None
         try:
@@ -63,7 +70,10 @@ class Trial:
             self.canary.unlink()
             return self._bad(what, "it was executed")
         if new := set(self.folder.iterdir()) - self._files:
-            return self._bad(what, f"it left {new} behind")
+            for path in new:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+            if not leaves:
+                return self._bad(what, f"it left {new} behind")
         if seconds > _LONGEST_TIME:
             return self._bad(what, f"it took {seconds:.0f} s")
         if _CONTROL.search(said.out + said.err):
