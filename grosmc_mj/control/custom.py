@@ -68,33 +68,33 @@ class _Fresh:
 def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
     """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45).
 
-    What it returns has the law itself as ``own``.
+    What it returns has the law itself as ``own``, and (t, x, memory, p, u) that notes as ``note``:
+    Python looks at u between the two.
     """
     own, m = jitable(law), error.inputs
     store = algebra(m).store
     vector = _as_vector(m)
-    if not linearizing:
+    if linearizing:
+        assert isinstance(error, OutputCoordinates)
+        weigh = error.driven
 
-        def noting_u(t: float, x: Any, memory: Any, p: Any) -> Any:
-            u = own(t, x, memory, p)
+        @jitable
+        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+            store(memory.v, weigh(t, x, vector(u), memory, p))
+
+    else:
+
+        @jitable
+        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
             store(memory.v, vector(u))
-            return u
 
-        return _of(noting_u, law)
-    assert isinstance(error, OutputCoordinates)
-    weigh = error.driven
-
-    def noting_v(t: float, x: Any, memory: Any, p: Any) -> Any:
+    def noting(t: float, x: Any, memory: Any, p: Any) -> Any:
         u = own(t, x, memory, p)
-        store(memory.v, weigh(t, x, vector(u), memory, p))
+        note(t, x, memory, p, u)
         return u
 
-    return _of(noting_v, law)
-
-
-def _of(noting: Any, law: Law) -> Law:
-    """The law that notes, with the one that it asks."""
-    noting.own = law
+    made: Any = noting
+    made.own, made.note = own, note
     return noting
 
 

@@ -86,8 +86,10 @@ class ClosedLoop:
         if self._system.singular(self.x):
             return Status.SINGULAR_PLANT
         t = self.steps // self._stride * self._period
-        ask(self.controller, t, self.x, self.memory, self.u)
-        return Status.UNDEFINED_LAW if self.memory.undefined else Status.COMPLETED
+        finite = ask(self.controller, t, self.x, self.memory, self.u)
+        if self.memory.undefined:
+            return Status.UNDEFINED_LAW
+        return Status.COMPLETED if finite else Status.UNDEFINED_INPUT
 
 
 def _stepper(plant: Plant, x0: Array, h: float) -> Stepper:

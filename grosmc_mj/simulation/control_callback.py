@@ -27,7 +27,7 @@ from grosmc_mj.simulation.inputs import written_inputs
 from grosmc_mj.simulation.mjdata import mjdata_dtype
 from grosmc_mj.simulation.native_pushes import write_wrenches
 from grosmc_mj.simulation.problem import FAILED, Problem
-from grosmc_mj.simulation.quiet import warnings_counted_only
+from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
 from grosmc_mj.simulation.trajectory import Status
 
@@ -64,6 +64,7 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
+    undefined_input = Status.UNDEFINED_INPUT.value
     completed, failed = float(Status.COMPLETED.value), float(FAILED)
 
     def control(model: Any, data_address: Any) -> None:
@@ -98,10 +99,11 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         else:
             t = header.samples * header.control_period
             header.stop = failed
-            inputs(ctrl, law(t, x, memory, userdata.parameters))
-            header.stop = completed
+            finite = inputs(ctrl, law(t, x, memory, userdata.parameters))
+            header.stop = completed if finite else undefined_input
             if memory.undefined != 0.0:
                 header.stop = undefined_law
+            if header.stop != completed:
                 for i in range(m):
                     ctrl[i] = 0.0
         header.samples += 1.0
@@ -139,7 +141,7 @@ def installed(callback: Any) -> Iterator[None]:
         refuse_foreign_callback()
         mujoco.set_mjcb_control(callback)
         try:
-            with warnings_counted_only():
+            with warnings_counted_only(), callback_errors_ignored():
                 yield
         finally:
             mujoco.set_mjcb_control(None)

@@ -1,0 +1,76 @@
+"""Arguments told apart: what is a number, an array of numbers, or something else."""
+
+from __future__ import annotations
+
+import numbers
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, GrosmcError
+
+# Characters of a value in a message.
+_LONGEST = 60
+
+
+def real(value: Any) -> float:
+    """A real number as a float; NaN for whatever is none: a text, a truth value, an array."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iuf":
+        value = value.item()
+    if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        return float("nan")
+    try:
+        return float(value)
+    except OverflowError:  # an integer beyond every float
+        return float("inf") if value > 0 else float("-inf")
+
+
+def reals(value: Any) -> Array:
+    """An array of real numbers, a new one; a single NaN without axes for whatever is none.
+
+    Texts, complex numbers, dates, truth values, rows of different lengths and masked arrays are
+    none: NumPy would take some of them for numbers that nobody has meant.
+    """
+    nothing = np.full((), np.nan)
+    if isinstance(value, np.ma.MaskedArray):
+        return nothing
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        return nothing
+    if array.dtype.kind == "O" and array.size:
+        entries = [real(entry) for entry in array.ravel()]
+        return np.reshape(entries, array.shape) if array.ndim else nothing
+    return array.astype(float) if array.dtype.kind in "iuf" else nothing
+
+
+def shown(value: Any) -> str:
+    """A value in a message: a number in short, anything else as Python writes it, cut off."""
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        return f"{real(value):g}"
+    said = " ".join(repr(value.tolist() if isinstance(value, np.ndarray) else value).split())
+    return said if len(said) <= _LONGEST else f"{said[: _LONGEST - 3]}..."
+
+
+def require(
+    what: str,
+    value: Any,
+    kinds: type | tuple[type, ...],
+    wanted: str,
+    error: type[GrosmcError] = ArgumentError,
+) -> None:
+    """Refuse a value of another class.
+
+    Args:
+        what: Name of the argument.
+        value: What was given.
+        kinds: Classes that it may have.
+        wanted: What it must be, in words.
+        error: Raised if it is something else.
+
+    Raises:
+        GrosmcError: Of that class.
+    """
+    if not isinstance(value, kinds):
+        raise error(f"{what} = {shown(value)} must be {wanted}")
