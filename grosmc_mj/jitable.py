@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any, TypeVar, cast
 
 from numba.extending import register_jitable
@@ -24,12 +25,33 @@ def jitable(function: Function) -> Function:
     """
     function = source_of(function)
     register = cast(Any, register_jitable)
-    return register(boundscheck=True)(function) if is_own(function) else register(function)
+    if not is_own(function):
+        return register(function)
+    _check_helpers(function)
+    return register(boundscheck=True)(function)
 
 
 def source_of(function: Any) -> Any:
     """A function that numba has compiled stands for its source."""
     return getattr(function, "py_func", function)
+
+
+def _check_helpers(function: Any) -> None:
+    """Have the compiled functions that one of the user's own calls check their indices too."""
+    block = getattr(function, "__code__", None)
+    if block is None:
+        return
+    found = [function.__globals__.get(name) for name in block.co_names]
+    for cell in function.__closure__ or ():
+        with contextlib.suppress(ValueError):  # a cell that is still empty
+            found.append(cell.cell_contents)
+    for helper in found:
+        options, source = getattr(helper, "targetoptions", None), source_of(helper)
+        if isinstance(options, dict) and is_own(source) and not options.get("boundscheck"):
+            options["boundscheck"] = True
+            if helper.signatures:  # pyright: ignore[reportOptionalMemberAccess]
+                helper.recompile()  # pyright: ignore[reportOptionalMemberAccess]
+            _check_helpers(source)
 
 
 def is_own(function: Any) -> bool:

@@ -94,8 +94,9 @@ def _not_compiled(name: str, error: Exception) -> str:
     found = [(file, int(line)) for file, line in _COMPILED.findall(page)]
     place = _own_place(found)
     if not isinstance(error, NumbaError) or not place:
-        first = (page.splitlines() or [""])[0]
-        return f"numba cannot compile the law: {type(error).__name__}: {first} ({name})"
+        lines = _REASON.findall(page) or page.splitlines() or [""]
+        said = lines[-1 if isinstance(error, NumbaError) else 0].strip()
+        return f"numba cannot compile the law: {type(error).__name__}: {said} ({name})"
     marks = [each for each in _COMPILED.finditer(page) if Path(each[1]).suffix == ".py"]
     reason = (_REASON.findall(page[: marks[0].start()]) or page.splitlines())[-1].strip()
     return f"{place}numba cannot compile this: {reason}"

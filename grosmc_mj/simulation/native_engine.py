@@ -36,7 +36,8 @@ def run_native(problem: Problem) -> Record:
     if is_own(law):
         # Compiled code would take a truth value for a number, and says nothing of other kinds.
         memory, _kept_alive = controller.begin()
-        ask(controller, 0.0, problem.x0[0].copy(), memory, np.zeros(len(problem.system.inputs)))
+        with np.errstate(all="ignore"):
+            ask(controller, 0.0, problem.x0[0].copy(), memory, np.zeros(len(problem.system.inputs)))
     try:
         if isinstance(problem.plants[0], AnalyticPlant):
             return _run_analytic(problem)

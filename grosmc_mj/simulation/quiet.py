@@ -58,6 +58,6 @@ def callback_errors_ignored() -> Iterator[None]:
 
 
 def _unless_of_a_callback(unraisable: Any) -> None:
-    """Pass on what is not from a C callback of numba's, which is known by its name."""
-    if "Numba C callback" not in str(unraisable.object):
+    """Pass on what is not from compiled code: there numba stands in for the object."""
+    if "numba" not in str(unraisable.object).lower():
         _before(unraisable)
