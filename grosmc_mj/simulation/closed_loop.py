@@ -114,7 +114,7 @@ def _analytic_stepper(plant: AnalyticPlant, x0: Array, h: float) -> Stepper:
 
 
 def _physics_stepper(plant: MujocoPlant, x0: Array) -> Stepper:
-    model, system = plant.model, plant.system
+    model, system = plant.model_with_userdata(0), plant.system
     data, x, n = mujoco.MjData(model), x0.copy(), system.degrees_of_freedom
     data.qpos, data.qvel = x0[:n], x0[n:]
     bodies = [model.body(name).id for name in system.bodies]

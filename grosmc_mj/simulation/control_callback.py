@@ -115,19 +115,25 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     return callback
 
 
+# MuJoCo's callbacks that have a part in the motion.
+_CALLBACKS = ("control", "passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor")
+
+
 def refuse_foreign_callback() -> None:
-    """Refuse to run while somebody else's callback would set the control.
+    """Refuse to run while somebody else's callback would set the control or add forces.
 
     Raises:
         SetupError: If one is installed.
     """
     # Under the lock, so that it is not our own callback of another thread.
     with _lock:
-        if mujoco.get_mjcb_control() is not None:
-            raise SetupError(
-                "a MuJoCo control callback is already installed in this process and would "
-                "overrule the law: remove it with mujoco.set_mjcb_control(None)"
-            )
+        for kind in _CALLBACKS:
+            if getattr(mujoco, f"get_mjcb_{kind}")() is not None:
+                does = "overrule the law" if kind == "control" else "change the plant"
+                raise SetupError(
+                    f"a MuJoCo {kind} callback is already installed in this process and would "
+                    f"{does}: remove it with mujoco.set_mjcb_{kind}(None)"
+                )
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import real, reals, shown
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.models import compile_spec
@@ -60,9 +61,11 @@ class AddedMass:
 
     def __post_init__(self) -> None:
         _require(f"load on {self.body!r}", "mass", self.mass, positive=True)
-        if np.shape(self.position) != (3,) or not np.all(np.isfinite(self.position)):
+        position = reals(self.position)
+        if position.shape != (3,) or not np.all(np.isfinite(position)):
             raise ModelError(
-                f"load on {self.body!r}: position = {self.position} must be three finite numbers"
+                f"load on {self.body!r}: position = {shown(self.position)} must be three finite "
+                "numbers"
             )
 
     def __str__(self) -> str:
@@ -102,9 +105,10 @@ Edit = BodyEdit | AddedMass | JointEdit
 
 def _require(owner: str, name: str, value: float, *, positive: bool = False) -> None:
     """Refuse a number that is not finite, or negative."""
-    if not (math.isfinite(value) and (value > 0 or (value == 0 and not positive))):
+    number = real(value)
+    if not (math.isfinite(number) and (number > 0 or (number == 0 and not positive))):
         wanted = "finite and positive" if positive else "finite and not negative"
-        raise ModelError(f"{owner}: {name} = {value:g} must be {wanted}")
+        raise ModelError(f"{owner}: {name} = {shown(value)} must be {wanted}")
 
 
 def apply_edits(

@@ -8,9 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import reals, require, shown
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
 
 # Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
 # by a root finder passes, a state that is merely near one does not.
@@ -50,18 +52,19 @@ def linearize(
         ArgumentError: If x or u has a wrong shape or is not finite, or the plant does not rest
             there.
     """
+    require("plant", plant, MujocoPlant, "a plant in MuJoCo, such as MujocoPlant.load(...)")
+    require_unchanged([plant])
+    refuse_foreign_callback()
     system, n = plant.system, len(plant.system.states)
-    state = np.zeros(n) if x is None else np.asarray(x, float)
+    state = np.zeros(n) if x is None else reals(x)
     if state.shape != (n,) or not np.all(np.isfinite(state)):
         names = ", ".join(f"{signal.symbol} [{signal.unit}]" for signal in system.states)
-        raise ArgumentError(
-            f"x = {state.tolist()} must be {n} finite numbers for {system.name}: {names}"
-        )
-    inputs = np.asarray(u, float)
+        raise ArgumentError(f"x = {shown(x)} must be {n} finite numbers for {system.name}: {names}")
+    inputs = reals(u)
     if inputs.shape not in {(), (len(system.inputs),)} or not np.all(np.isfinite(inputs)):
         units = ", ".join(signal.unit for signal in system.inputs)
-        raise ArgumentError(f"u = {u!r} must be {len(system.inputs)} finite numbers [{units}]")
-    model = copy.copy(plant.model)
+        raise ArgumentError(f"u = {shown(u)} must be {len(system.inputs)} finite numbers [{units}]")
+    model = copy.copy(plant.model_with_userdata(0))
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     # It would be implicit in the damping, and v+ no longer v + h a.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
