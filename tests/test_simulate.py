@@ -75,7 +75,7 @@ def start_servo(**changes: Any) -> Trajectory:
     [
         ({"engine": "nativ"}, r"unknown engine 'nativ': did you mean 'native'\? valid: native, py"),
         ({"x0": [0.0, 0.0, 0.0]}, r"must be 2 finite numbers for servo: θ \[rad\], θ̇ \[rad/s\]"),
-        ({"x0": 0.0}, r"x0 = 0\.0 must be 2 finite numbers"),
+        ({"x0": 0.0}, r"x0 = 0 must be 2 finite numbers"),
         ({"x0": []}, r"x0 = \[\] must be 2 finite numbers"),
         ({"x0": [0.0, math.nan]}, r"x0 = \[0\.0, nan\] must be 2 finite .* θ̇ \[rad/s\]"),
         ({"x0": [[0.0, 0.0], [math.inf, 0.0]]}, r"\[inf, 0\.0\]\] must be 2 finite"),
@@ -379,13 +379,14 @@ def test_controller_is_refused_at_another_control_period_than_its_own(engine: En
 
 @each_engine
 def test_law_without_an_answer_is_a_divergence(engine: Engine):
-    """A law that returns no number ends the run at that sample."""
-    ctl = controller("servo", "lqr")
-    law = replace(ctl, parameters=replace(ctl.parameters, K=np.full((1, 2), np.nan)))
+    """A law that returns no number ends the run at that sample, and says so."""
+    law = Controller("inf", constant, Gain(math.inf))
     for kind in ("corrected", "physics"):
         with pytest.raises(DivergenceError) as info:
             start_servo(plant=plant_of("servo", kind), controller=law, engine=engine)
         assert info.value.time == 0
+        assert "returned no finite number at x = (0, 0)" in str(info.value)
+        assert info.value.trajectory.status is Status.UNDEFINED_INPUT
         assert_finite(info.value.trajectory)
 
 

@@ -96,8 +96,8 @@ class Disturbance:
 
         if not callable(self.profile):
             raise ArgumentError(
-                f"profile of the disturbance on {self.body!r} is {shown(self.profile)}, must be a "
-                "function of t [s], such as Pulse(0.1, 0.2)"
+                f"profile of the disturbance on {self.body!r} must take t [s] and return a number, "
+                f"is {shown(self.profile)}"
             )
 
     @property

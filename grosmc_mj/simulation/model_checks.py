@@ -103,33 +103,22 @@ def fingerprint(model: mujoco.MjModel) -> str:
 
 # What of an editable model the motion depends on most, by the kind of its parts.
 _WRITTEN = {
-    "bodies": (
-        "name",
-        "mass",
-        "inertia",
-        "fullinertia",
-        "ipos",
-        "iquat",
-        "pos",
-        "quat",
-        "gravcomp",
-    ),
-    "joints": ("name", "axis", "pos", "range", "ref", "springref", "stiffness", "damping")
-    + ("armature", "frictionloss", "actfrcrange"),
-    "geoms": ("mass", "density", "size", "pos", "contype", "conaffinity"),
-    "actuators": ("name", "target", "gear", "gainprm", "biasprm", "ctrlrange", "forcerange"),
+    "bodies": "name mass inertia fullinertia ipos iquat pos quat gravcomp",
+    "joints": "name axis pos range ref springref stiffness damping armature frictionloss "
+    "actfrcrange",
+    "geoms": "mass density size pos contype conaffinity",
+    "actuators": "name target gear gainprm biasprm ctrlrange forcerange",
 }
-_WRITTEN_OPTIONS = ("timestep", "integrator", "gravity", "disableflags", "density", "viscosity")
+_WRITTEN_OPTIONS = "timestep integrator gravity disableflags density viscosity"
 
 
 def spec_fingerprint(spec: mujoco.MjSpec) -> str:
     """Hash of what a model that is not compiled says of its motion."""
-    said = hashlib.sha256()
-    for kind, names in _WRITTEN.items():
-        for part in getattr(spec, kind):
-            said.update(b"".join(_bytes(getattr(part, name)) for name in names))
-    said.update(b"".join(_bytes(getattr(spec.option, name)) for name in _WRITTEN_OPTIONS))
-    return said.hexdigest()
+    said = [_bytes(getattr(spec.option, name)) for name in _WRITTEN_OPTIONS.split()]
+    for kind, written in _WRITTEN.items():
+        names = written.split()
+        said += [_bytes(getattr(part, name)) for part in getattr(spec, kind) for name in names]
+    return hashlib.sha256(b"".join(said)).hexdigest()
 
 
 def _bytes(value: Any) -> bytes:
