@@ -74,3 +74,26 @@ def require(
     """
     if not isinstance(value, kinds):
         raise error(f"{what} = {shown(value)} must be {wanted}")
+
+
+def require_each(
+    what: str,
+    values: Any,
+    kinds: type | tuple[type, ...],
+    wanted: str,
+    error: type[GrosmcError] = ArgumentError,
+) -> None:
+    """Refuse what is no list or tuple of these classes.
+
+    Args:
+        what: Name of the argument.
+        values: What was given.
+        kinds: Classes that every entry may have.
+        wanted: What it must be, in words.
+        error: Raised if it is something else.
+
+    Raises:
+        GrosmcError: Of that class.
+    """
+    if not isinstance(values, (list, tuple)) or not all(isinstance(v, kinds) for v in values):
+        raise error(f"{what} = {shown(values)} must be {wanted}")

@@ -55,7 +55,8 @@ class UndefinedLawError(DivergenceError):
 
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     """One line for a name that is not known: the nearest valid one, then all of them."""
-    names = list(valid)
+    names, said = list(valid), " ".join(repr(name).split())
+    said = said if len(said) <= 60 else f"{said[:57]}..."
     near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" did you mean {near[0]!r}?" if near else ""
-    return f"unknown {kind} {name!r}:{hint} valid: {', '.join(names)}"
+    return f"unknown {kind} {said}:{hint} valid: {', '.join(names)}"

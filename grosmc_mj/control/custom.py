@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arguments import require, shown
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Coordinates, Law
 from grosmc_mj.control.memory import Memory
@@ -33,11 +34,21 @@ def custom_controller(
     Raises:
         ArgumentError: If ``like`` has no optimum.
     """
+    require("name", name, str, "a text")
+    require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
+    require("numbers", {} if numbers is None else numbers, Mapping, "numbers by their names")
+    if not callable(law):
+        raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
     if like.error is None or like.lqr is None:
         raise ArgumentError(f"{like.name} has no optimum that {name} could be compared with")
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
     for key in numbers or {}:
-        if not key.isidentifier() or keyword.iskeyword(key) or key in given:
+        if (
+            not isinstance(key, str)
+            or not key.isidentifier()
+            or keyword.iskeyword(key)
+            or key in given
+        ):
             raise ArgumentError(f"{key!r} cannot be the name of a law's number: take another")
     fields = {**given, **(numbers or {})}
     parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)

@@ -12,6 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import require_each, shown
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.control.vectors import each
@@ -22,6 +23,7 @@ from grosmc_mj.jitable import jitable
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
 
 TIME = sp.Symbol("t")
+_HIGHEST = 20
 
 
 def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> ReferenceFunction:
@@ -35,15 +37,25 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
     Raises:
         PremiseError: If there is not one degree for each output.
     """
+    require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
+    if not isinstance(outputs, (list, tuple)) or not all(1 <= r <= _HIGHEST for r in degrees):
+        raise ArgumentError(
+            f"outputs = {shown(outputs)} with degrees {shown(degrees)} must be a list of "
+            f"expressions in TIME, each with a relative degree from 1 to {_HIGHEST}"
+        )
     if len(outputs) != len(degrees):
         raise PremiseError(
             f"{len(outputs)} outputs with relative degrees {tuple(degrees)}: give one degree each"
         )
-    rows = [
-        sp.diff(sp.sympify(output), TIME, order)
-        for output, degree in zip(outputs, degrees, strict=True)
-        for order in range(degree + 1)
-    ]
+    try:
+        rows = [
+            sp.diff(sp.sympify(output), TIME, order)
+            for output, degree in zip(outputs, degrees, strict=True)
+            for order in range(degree + 1)
+        ]
+    except (sp.SympifyError, TypeError, ValueError, AttributeError) as error:
+        said = " ".join(str(error).split())
+        raise ArgumentError(f"outputs = {shown(outputs)} cannot be read: {said}") from error
     fields = {s for row in rows for s in row.free_symbols} - {TIME}
     places = {TIME: "t", **{s: f"p.{s}" for s in fields}}
     function: Any = generate("reference", rows, "t, p", places)
@@ -64,9 +76,14 @@ class Setpoint:
     value: float = 0.0
 
 
-@cache
 def constant(*degrees: int) -> ReferenceFunction:
     """A setpoint for one output of any relative degree, or ``value1``, ``value2`` ... for more."""
+    require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
+    return _constant(*degrees)
+
+
+@cache
+def _constant(*degrees: int) -> ReferenceFunction:
     if len(degrees) == 1:
         return reference([sp.Symbol("value")], degrees)
     return reference([sp.Symbol(f"value{i + 1}") for i in range(len(degrees))], degrees)

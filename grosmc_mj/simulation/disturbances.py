@@ -59,7 +59,7 @@ class SineFrom:
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(real(x)) for x in (self.frequency, self.onset, self.phase)):
-            raise ArgumentError(f"{self} must have finite frequency, onset and phase")
+            raise ArgumentError(f"{shown(self)} must have finite frequency, onset and phase")
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals, shown
+from grosmc_mj.arguments import real, reals, require, shown
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.models import compile_spec
@@ -38,6 +38,7 @@ class BodyEdit:
     length_scale: float = 1.0
 
     def __post_init__(self) -> None:
+        require("body", self.body, str, "the name of a body", ModelError)
         for name in ("mass_scale", "length_scale"):
             _require(f"edit of {self.body!r}", name, getattr(self, name), positive=True)
 
@@ -60,6 +61,7 @@ class AddedMass:
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        require("body", self.body, str, "the name of a body", ModelError)
         _require(f"load on {self.body!r}", "mass", self.mass, positive=True)
         position = reals(self.position)
         if position.shape != (3,) or not np.all(np.isfinite(position)):
@@ -89,6 +91,7 @@ class JointEdit:
     armature: float | None = None
 
     def __post_init__(self) -> None:
+        require("joint", self.joint, str, "the name of a joint", ModelError)
         for name in ("damping", "friction", "armature"):
             value = getattr(self, name)
             if value is not None:

@@ -13,6 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.simulation.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
+from grosmc_mj.simulation.quiet import warnings_counted_only
 
 # Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
 # by a root finder passes, a state that is merely near one does not.
@@ -71,9 +72,10 @@ def linearize(
     model.opt.timestep = 1.0
     data, m = mujoco.MjData(model), system.degrees_of_freedom
     data.qpos[:], data.qvel[:], data.ctrl[:] = state[:m], state[m:], inputs
-    _require_rest(plant, model, data)
     transition, response = np.zeros((n, n)), np.zeros((n, len(system.inputs)))
-    mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
+    with warnings_counted_only():
+        _require_rest(plant, model, data)
+        mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
     to_rates = np.eye(n) - np.eye(n, k=m)
     return to_rates @ (transition - np.eye(n)), to_rates @ response
 
@@ -84,10 +86,13 @@ def _require_rest(plant: MujocoPlant, model: mujoco.MjModel, data: mujoco.MjData
     Raises:
         ArgumentError: With x' at that state.
     """
+    given = np.concatenate([data.qpos, data.qvel, data.ctrl]).tolist()
     mujoco.mj_forward(model, data)
+    # MuJoCo sets an input beyond its own bound to zero.
+    if np.any(data.warning.number):
+        raise ArgumentError(f"{plant.system.name}: MuJoCo cannot compute x' at [x, u] = {given}")
     rates = np.concatenate([data.qvel, data.qacc])
     if np.abs(rates).max() > _AT_REST:
-        given = np.concatenate([data.qpos, data.qvel, data.ctrl]).tolist()
         raise ArgumentError(
             f"{plant.system.name}: [x, u] = {given} is no equilibrium: x' = {rates.tolist()}, "
             f"must be zero within {_AT_REST:g}"

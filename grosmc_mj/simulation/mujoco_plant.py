@@ -82,6 +82,7 @@ class MujocoPlant:
         system, path = find_system(name), model_path(name)
         changed = max(file.stat().st_mtime_ns for file in path.parent.glob("*.xml"))
         spec = _nominal_spec(system.name, path, changed)
+        require("edits", edits, (list, tuple), "a tuple of edits", ModelError)
         return cls(system, spec, tuple(edits), timestep, integrator)
 
     def __post_init__(self) -> None:
@@ -95,6 +96,7 @@ class MujocoPlant:
             raise ArgumentError(
                 f"timestep {shown(self.timestep)} s must lie between 0 and 1 s, at least 1e-09 s"
             )
+        require("integrator", self.integrator, (str, type(None)), "a name", ModelError)
         if self.integrator is not None and self.integrator not in get_args(Integrator):
             raise ModelError(unknown_name("integrator", self.integrator, get_args(Integrator)))
         if self.spec not in _as_made:
