@@ -268,7 +268,6 @@ def test_law_that_returns_something_else_is_told(
     assert error.count("\n") == 1
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_compiled_law_that_raises_later_points_to_its_line(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ):
@@ -276,7 +275,9 @@ def test_compiled_law_that_raises_later_points_to_its_line(
     python = PYTHON.replace("return p.plant", later, 1)
     native = CASE.replace('"python"', '"native"')
     assert run("run", own(folder, native, python), "--no-figures") == 2
-    assert f"own.py:{line_of(python, 'raise ValueError')}: too late" in capfd.readouterr().err
+    error = capfd.readouterr().err
+    assert f"own.py:{line_of(python, 'raise ValueError')}: too late (law at t = 0.101 s)" in error
+    assert error.count("\n") == 1
 
 
 def test_law_that_numba_has_compiled_stands_for_its_source(folder: Path):

@@ -144,11 +144,18 @@ class Task:
         require_analytic("plant", self.plant)
         require("error", self.error, OutputCoordinates, "error coordinates of the plant")
         require("realization", self.realization, Realization, "a Realization")
-        for name, weight in (("Q", self.Q), ("R", self.R)):
-            if not np.all(np.isfinite(reals(weight))):
-                raise GainError(f"{name} = {shown(weight)} must be a matrix of finite numbers")
         # The relative degrees of outputs and reference must agree before anything is made of them.
         degrees = self.error.linearization.relative_degree
+        for name, given, size in (
+            ("Q", self.Q, self.error.size),
+            ("R", self.R, self.error.inputs),
+        ):
+            weight = reals(given)
+            number = weight.ndim == 0 and (name == "R" or size == 1)
+            if not np.all(np.isfinite(weight)) or not (number or weight.shape == (size, size)):
+                raise GainError(
+                    f"{name} = {shown(given)} must be a matrix of {size} x {size} finite numbers"
+                )
         try:
             values = self.error.reference(0.0, self.reference)
         except (ArithmeticError, ValueError) as error:

@@ -54,7 +54,7 @@ class Uncertainty:
             raise ArgumentError(f"uncertainty: the wrench {shown(self.wrench)} must be finite")
         if not 0 < real(self.reaching_rate) < math.inf:
             raise ArgumentError(
-                f"reaching rate {shown(self.reaching_rate)} must be finite and positive"
+                f"reaching rate {shown(self.reaching_rate)} must be positive and finite"
             )
         if region.ndim != 1 or not np.all((region > 0) & (region < math.inf)):
             raise ArgumentError(

@@ -90,7 +90,7 @@ def answer(controller: Controller, t: float, x: Array, memory: Any, m: int) -> A
     if not _fits(given, m):
         wanted = "a number" if m == 1 else f"a tuple of {m} numbers"
         raise LawError(
-            f"{controller.name} returned {shown(given)} at t = {t:g} s, must be {wanted}"
+            f"{controller.name} returned {shown(given)} at t = {t:g} s, must return {wanted}"
         )
     return given
 

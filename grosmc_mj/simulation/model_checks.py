@@ -35,7 +35,7 @@ _SHORTEST, _LONGEST = 1e-9, 1.0
 def _arrays() -> tuple[str, ...]:
     """Names of the arrays of numbers that the motion depends on."""
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    return tuple(
+    found = (
         name
         for name in dir(model)
         if _owner(name) in _OWNERS
@@ -43,6 +43,8 @@ def _arrays() -> tuple[str, ...]:
         and isinstance(getattr(model, name), np.ndarray)
         and getattr(model, name).dtype.kind == "f"
     )
+    # What MuJoCo derives at the reference position comes after what it derives it from.
+    return tuple(sorted(found, key=lambda name: name.endswith("0")))
 
 
 def _owner(array: str) -> str:
@@ -75,7 +77,7 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
         return
     for each in _arrays():
         values = getattr(model, each)
-        rows = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+        rows = np.unique(np.argwhere(~np.isfinite(values))[:, 0])
         if len(rows):
             raise ModelError(
                 f"{name}: {_named(model, each, int(rows[0]))}: {each.partition('_')[2] or each} = "
