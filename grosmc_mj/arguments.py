@@ -20,10 +20,11 @@ def real(value: Any) -> float:
         value = value.item()
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         return float("nan")
+    number: Any = value
     try:
-        return float(value)
+        return float(number)
     except OverflowError:  # an integer beyond every float
-        return float("inf") if value > 0 else float("-inf")
+        return float("inf") if number > 0 else float("-inf")
 
 
 def reals(value: Any) -> Array:

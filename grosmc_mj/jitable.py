@@ -49,8 +49,8 @@ def _check_helpers(function: Any) -> None:
         options, source = getattr(helper, "targetoptions", None), source_of(helper)
         if isinstance(options, dict) and is_own(source) and not options.get("boundscheck"):
             options["boundscheck"] = True
-            if helper.signatures:  # pyright: ignore[reportOptionalMemberAccess]
-                helper.recompile()  # pyright: ignore[reportOptionalMemberAccess]
+            if helper.signatures:
+                helper.recompile()
             _check_helpers(source)
 
 

@@ -489,6 +489,24 @@ def test_wrong_files_of_robots(
     assert error.count("\n") == 1
 
 
+def test_a_robot_of_one_joint_is_run_and_audited(folder: Path, capsys: pytest.CaptureFixture[str]):
+    """A law of one input returns a number, and a trajectory of one input has no axis for it."""
+    lower = ROBOT.index('<body name="shank"')
+    one = ROBOT[:lower] + ROBOT[ROBOT.index("</body>", lower) + len("</body>") :]
+    one = "\n".join(line for line in one.splitlines() if 'joint="knee"' not in line)
+    case = ROBOT_CASE.replace('["0.3*sin(2*t)", "-1"]', '["0.3*sin(2*t)"]')
+    case = case.replace("[100, 1, 100, 1]", "[100, 1]").replace('"shank"', '"thigh"')
+    case = case.replace('"1 s"', '"0.1 s"')
+    path = robot(folder, case, one)
+    (folder / "own.py").write_text(
+        "def law(t, x, memory, p):\n    return -p.stiffness * x[0] - x[1]\n"
+    )
+    assert run("run", path, "--no-figures") in (0, 1)
+    said = capsys.readouterr()
+    assert "torque headroom" in said.out
+    assert not said.err
+
+
 def test_broken_robot_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
     for bad in (
         ROBOT.replace("<worldbody>", "<worldbod>"),

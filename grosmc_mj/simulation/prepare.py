@@ -230,8 +230,9 @@ def _check_disturbances(problem: Problem) -> None:
 
 def _sequence(items: Item | Sequence[Item]) -> tuple[Item, ...]:
     """A tuple of what may be one item or several; a text is one, and a wrong one."""
-    several = isinstance(items, Sequence) and not isinstance(items, (str, bytes))
-    return tuple(items) if several else (items,)  # pyright: ignore[reportReturnType]
+    if isinstance(items, Sequence) and not isinstance(items, (str, bytes)):
+        return tuple(items)
+    return (items,)  # pyright: ignore[reportReturnType]
 
 
 def _repeat(items: tuple[Item, ...], count: int) -> tuple[Item, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,7 @@ class Problem:
 FAILED = -1
 
 
-def refuse_failed(problem: Problem, status: Array) -> None:
+def refuse_failed(problem: Problem, status: NDArray[Any]) -> None:
     """Refuse to go on after a law that raised an error in compiled code.
 
     Args:
