@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import numbers
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -65,11 +66,19 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
 
 
 def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
-    """A value for a message: on one line, without control characters, cut off if it is long."""
+    """A value for a message: on one line, without control characters, cut off if it is long.
+
+    Args:
+        value: A number is shown in short, an array as its list.
+        written: How anything else is written.
+    """
     try:
-        text = written(value)
+        if isinstance(value, numbers.Real) and not isinstance(value, bool):
+            return format(value, "g")
+        text = written(value.tolist() if hasattr(value, "tolist") else value)
     # What is wrong with a value may be that it cannot even be written.
     except Exception:
         return f"a {type(value).__name__}"
-    text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in text[:_SHOWN])
-    return f"{text[: _SHOWN - 3]}..." if len(text) >= _SHOWN else text
+    line = " ".join(text[: 2 * _SHOWN].split())
+    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)
+    return line if len(line) <= _SHOWN and len(text) <= 2 * _SHOWN else f"{line[: _SHOWN - 3]}..."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any, TypeVar, cast
 
 from numba.extending import register_jitable
@@ -15,5 +16,44 @@ def jitable(function: Function) -> Function:
     The function must keep to what both Python and numba understand in the same way: floats,
     tuples of floats, 1-D arrays, the ``math`` module. ``math`` (not NumPy) gives both engines
     the same libm, so that their results agree to the last bit.
+
+    Of a function of the user's own compiled code checks every index, as Python does: else it
+    reads whatever lies there. The package's own are tested, and not slowed down.
+
+    Returns:
+        The function, or its source if numba has compiled it already.
     """
-    return cast(Function, cast(Any, register_jitable)(function))
+    function = source_of(function)
+    register = cast(Any, register_jitable)
+    if not is_own(function):
+        return register(function)
+    _check_helpers(function)
+    return register(boundscheck=True)(function)
+
+
+def source_of(function: Any) -> Any:
+    """A function that numba has compiled stands for its source."""
+    return getattr(function, "py_func", function)
+
+
+def _check_helpers(function: Any) -> None:
+    """Have the compiled functions that one of the user's own calls check their indices too."""
+    block = getattr(function, "__code__", None)
+    if block is None:
+        return
+    found = [function.__globals__.get(name) for name in block.co_names]
+    for cell in function.__closure__ or ():
+        with contextlib.suppress(ValueError):  # a cell that is still empty
+            found.append(cell.cell_contents)
+    for helper in found:
+        options, source = getattr(helper, "targetoptions", None), source_of(helper)
+        if isinstance(options, dict) and is_own(source) and not options.get("boundscheck"):
+            options["boundscheck"] = True
+            if helper.signatures:
+                helper.recompile()
+            _check_helpers(source)
+
+
+def is_own(function: Any) -> bool:
+    """Whether a function was written outside this package."""
+    return str(getattr(function, "__module__", "")).split(".")[0] != __name__.split(".")[0]

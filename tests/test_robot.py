@@ -26,7 +26,13 @@ from grosmc_mj.control.design import (
     tracking_grosmc,
 )
 from grosmc_mj.control.gains import Uncertainty
-from grosmc_mj.control.references import FourierSeries, Setpoints, constant, fourier_series
+from grosmc_mj.control.references import (
+    FourierSeries,
+    Setpoint,
+    Setpoints,
+    constant,
+    fourier_series,
+)
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -265,6 +271,57 @@ def test_a_batch_of_perturbed_copies_is_its_single_runs() -> None:
     for run in random.choice(256, 8, replace=False):
         alone = simulate(plants[run], law, x0[run], duration=0.2, record=False)
         np.testing.assert_array_equal(batch.state[run, -1], alone.state[-1])
+
+
+ONE = """
+<mujoco model="one"><option timestep="0.001" integrator="RK4"/><worldbody><body name="link">
+<joint name="hinge" axis="0 1 0" damping="0.1"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.5" mass="1"/></body></worldbody>
+<actuator><motor name="motor" joint="hinge" ctrlrange="-20 20" gear="1"/></actuator></mujoco>
+"""
+
+
+@cache
+def one() -> Robot:
+    return Robot.from_mjcf(ONE)
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
+def test_one_joint_is_a_robot_in_both_engines_and_in_a_batch(integrator: Any) -> None:
+    robot = Robot.from_mjcf(ONE, integrator=integrator)
+    law = tracking_grosmc(robot.task(constant(2), Setpoint(0.5), *weights(1)), 10.0, 5.0)
+    starts = [[0.0, 0.0], [0.3, -1.0]]
+    batch = simulate(robot.plant, law, starts, duration=0.1)
+    for engine in ("native", "python"):
+        for x0, expected in zip(starts, batch.state, strict=True):
+            run = simulate(robot.plant, law, x0, duration=0.1, engine=engine)
+            assert np.array_equal(run.state, expected)
+            assert run.input.ndim == 1
+
+
+BROKEN = [
+    ('timestep="0.001"', 'timestep="0"', "one: its timestep is 0 s, must lie between"),
+    ('timestep="0.001"', 'timestep="-1"', "timestep is -1 s"),
+    ('timestep="0.001"', 'timestep="nan"', "timestep is nan s"),
+    ('timestep="0.001"', 'timestep="1e9"', r"timestep is 1e\+09 s"),
+    ('gear="1"', 'gear="nan"', r"actuator 'motor': gear = \[nan, .* must be finite"),
+    ('"-20 20"', '"-20 inf"', r"actuator 'motor': ctrlrange = \[-20.0, inf\] must be finite"),
+    ('damping="0.1"', 'damping="nan"', "joint 'hinge': damping = nan must be finite"),
+    ('damping="0.1"', 'armature="inf"', "joint 'hinge': armature = inf must be finite"),
+    ('damping="0.1"', 'stiffness="nan"', "joint 'hinge': stiffness = nan must be finite"),
+    ('mass="1"', 'mass="inf"', "one: .*'link'"),
+    ('timestep="0.001"', 'gravity="0 0 nan"', "its gravity is .*, not finite"),
+]
+
+
+@pytest.mark.parametrize(("good", "bad", "said"), BROKEN)
+def test_a_number_that_nobody_can_simulate_is_refused_with_its_owner(
+    good: str, bad: str, said: str
+) -> None:
+    assert good in ONE
+    with pytest.raises(ModelError, match=said) as told:
+        Robot.from_mjcf(ONE.replace(good, bad))
+    assert "\n" not in str(told.value)
 
 
 def test_a_diverged_copy_is_a_status_and_harms_no_other() -> None:

@@ -268,7 +268,6 @@ def test_law_that_returns_something_else_is_told(
     assert error.count("\n") == 1
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_compiled_law_that_raises_later_points_to_its_line(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ):
@@ -276,7 +275,9 @@ def test_compiled_law_that_raises_later_points_to_its_line(
     python = PYTHON.replace("return p.plant", later, 1)
     native = CASE.replace('"python"', '"native"')
     assert run("run", own(folder, native, python), "--no-figures") == 2
-    assert f"own.py:{line_of(python, 'raise ValueError')}: too late" in capfd.readouterr().err
+    error = capfd.readouterr().err
+    assert f"own.py:{line_of(python, 'raise ValueError')}: too late (law at t = 0.101 s)" in error
+    assert error.count("\n") == 1
 
 
 def test_law_that_numba_has_compiled_stands_for_its_source(folder: Path):
@@ -486,6 +487,24 @@ def test_wrong_files_of_robots(
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+
+
+def test_a_robot_of_one_joint_is_run_and_audited(folder: Path, capsys: pytest.CaptureFixture[str]):
+    """A law of one input returns a number, and a trajectory of one input has no axis for it."""
+    lower = ROBOT.index('<body name="shank"')
+    one = ROBOT[:lower] + ROBOT[ROBOT.index("</body>", lower) + len("</body>") :]
+    one = "\n".join(line for line in one.splitlines() if 'joint="knee"' not in line)
+    case = ROBOT_CASE.replace('["0.3*sin(2*t)", "-1"]', '["0.3*sin(2*t)"]')
+    case = case.replace("[100, 1, 100, 1]", "[100, 1]").replace('"shank"', '"thigh"')
+    case = case.replace('"1 s"', '"0.1 s"')
+    path = robot(folder, case, one)
+    (folder / "own.py").write_text(
+        "def law(t, x, memory, p):\n    return -p.stiffness * x[0] - x[1]\n"
+    )
+    assert run("run", path, "--no-figures") in (0, 1)
+    said = capsys.readouterr()
+    assert "torque headroom" in said.out
+    assert not said.err
 
 
 def test_broken_robot_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):

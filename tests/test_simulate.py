@@ -8,13 +8,22 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.errors import (
+    ArgumentError,
+    DivergenceError,
+    ModelError,
+    SetupError,
+    UndefinedLawError,
+)
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.models import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
@@ -75,7 +84,7 @@ def start_servo(**changes: Any) -> Trajectory:
     [
         ({"engine": "nativ"}, r"unknown engine 'nativ': did you mean 'native'\? valid: native, py"),
         ({"x0": [0.0, 0.0, 0.0]}, r"must be 2 finite numbers for servo: θ \[rad\], θ̇ \[rad/s\]"),
-        ({"x0": 0.0}, r"x0 = 0\.0 must be 2 finite numbers"),
+        ({"x0": 0.0}, r"x0 = 0 must be 2 finite numbers"),
         ({"x0": []}, r"x0 = \[\] must be 2 finite numbers"),
         ({"x0": [0.0, math.nan]}, r"x0 = \[0\.0, nan\] must be 2 finite .* θ̇ \[rad/s\]"),
         ({"x0": [[0.0, 0.0], [math.inf, 0.0]]}, r"\[inf, 0\.0\]\] must be 2 finite"),
@@ -92,6 +101,18 @@ def start_servo(**changes: Any) -> Trajectory:
         ({"duration": math.nan}, "duration nan s"),
         ({"timestep": 2e-3}, r"timestep 0\.002 s is not the model's 0\.001 s: load the plant"),
         ({"threads": -1}, "threads = -1 must be 0"),
+        ({"threads": 1.5}, r"threads = 1\.5 must be 0 .*, a whole number"),
+        ({"threads": True}, "threads = True must be 0"),
+        ({"duration": 1e-300}, "duration 1e-300 s must be .* from 1e-09 to 1e\\+09 s"),
+        ({"duration": "1"}, "duration '1' s must be finite and positive"),
+        ({"control_period": 1e300}, "control period 1e\\+300 s must be .* at most 1e\\+09 s"),
+        ({"timestep": "1"}, "timestep '1' s is not the model's"),
+        ({"engine": None}, "unknown engine None: valid: native, python"),
+        ({"plant": "servo"}, "plant = 'servo' must be a plant or a list of them"),
+        ({"plant": {1, 2}}, r"plant = \{1, 2\} must be a plant"),
+        ({"controller": lambda *_: 0.0}, "make one of a law with custom_controller"),
+        ({"x0": ["0", "0"]}, r"x0 = \['0', '0'\] must be 2 finite numbers"),
+        ({"record": "no"}, "record = 'no' must be True or False"),
     ],
 )
 def test_bad_argument_is_refused_with_its_value(changes, message):
@@ -103,6 +124,70 @@ def test_bad_argument_is_refused_with_its_value(changes, message):
 def test_timestep_of_an_analytic_plant_must_be_positive(timestep):
     with pytest.raises(ArgumentError, match="must be finite and positive"):
         start_servo(plant=physics("servo").analytic(), timestep=timestep)
+
+
+@pytest.mark.parametrize("timestep", [1e-300, 1e300, "1e-3"])
+def test_timestep_beyond_every_bound_is_refused(timestep):
+    with pytest.raises(ArgumentError, match="must be finite and positive, from 1e-09 to 1e"):
+        start_servo(plant=physics("servo").analytic(), timestep=timestep)
+
+
+def test_nan_among_a_law_s_numbers_is_refused_by_its_name():
+    ctl = controller("servo", "grosmc")
+    for name, shape in (("K", (1, 2)), ("G", (1, 2))):
+        numbers = replace(ctl.parameters, **{name: np.full(shape, np.nan)})
+        with pytest.raises(ArgumentError, match=rf"grosmc: its number {name} = .* must not be NaN"):
+            start_servo(controller=replace(ctl, parameters=numbers))
+
+
+@dataclass
+class Remembering(Memory):
+    last: float = 0.0
+
+
+def test_memories_of_a_batch_must_be_of_one_kind():
+    one = Controller("k", constant, Gain(1.0))
+    with pytest.raises(ArgumentError, match="the same kind of memory"):
+        start_servo(controller=[one, replace(one, memory=Remembering)])
+
+
+def test_model_that_was_changed_in_place_is_refused():
+    plant = MujocoPlant.load("servo")
+    start_servo(plant=plant)
+    mass = plant.model.body("rotor").mass
+    mass *= 2
+    with pytest.raises(ModelError, match=r"plant.model was changed .* use plant.edited"):
+        start_servo(plant=plant)
+    mass /= 2
+    start_servo(plant=plant)
+    plant.model.opt.gravity[2] = 0.0
+    with pytest.raises(ModelError, match=r"plant.model was changed"):
+        start_servo(plant=plant)
+
+
+def test_spec_that_was_changed_in_place_is_refused():
+    plant = MujocoPlant(physics("servo").system, load_spec("servo"))
+    start_servo(plant=plant)
+    plant.spec.body("rotor").mass = 3.0
+    with pytest.raises(ModelError, match=r"plant.spec was changed after the plant was made"):
+        start_servo(plant=plant)
+
+
+CALLBACKS = ["passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor"]
+
+
+@each_engine
+@pytest.mark.parametrize("kind", CALLBACKS)
+def test_somebody_else_s_callback_is_refused(kind: str, engine: Engine):
+    """It would add forces that neither the law nor the equations know of."""
+    install = getattr(mujoco, f"set_mjcb_{kind}")
+    install(lambda *_: 0)
+    try:
+        with pytest.raises(SetupError, match=f"a MuJoCo {kind} callback .*set_mjcb_{kind}"):
+            start_servo(engine=engine)
+    finally:
+        install(None)
+    start_servo(engine=engine)
 
 
 def test_batch_must_have_one_count():
@@ -379,13 +464,14 @@ def test_controller_is_refused_at_another_control_period_than_its_own(engine: En
 
 @each_engine
 def test_law_without_an_answer_is_a_divergence(engine: Engine):
-    """A law that returns no number ends the run at that sample."""
-    ctl = controller("servo", "lqr")
-    law = replace(ctl, parameters=replace(ctl.parameters, K=np.full((1, 2), np.nan)))
+    """A law that returns no number ends the run at that sample, and says so."""
+    law = Controller("inf", constant, Gain(math.inf))
     for kind in ("corrected", "physics"):
         with pytest.raises(DivergenceError) as info:
             start_servo(plant=plant_of("servo", kind), controller=law, engine=engine)
         assert info.value.time == 0
+        assert "returned no finite number at x = (0, 0)" in str(info.value)
+        assert info.value.trajectory.status is Status.UNDEFINED_INPUT
         assert_finite(info.value.trajectory)
 
 

@@ -578,7 +578,7 @@ def test_other_laws_spare_the_input_with_the_declared_numbers(system, case):
 
 @pytest.mark.slow
 def test_command_writes_what_it_measured(tmp_path, capsys):
-    from grosmc_mj.cli.program import main
+    from grosmc_mj.cli import main
 
     with pytest.raises(SystemExit) as left:
         main(["switching", "arm", "--out", str(tmp_path)])

@@ -143,9 +143,9 @@ def test_a_batch_compiles_each_plant_once(
     nominal.edited(BodyEdit("rotor", 2.0)).model  # noqa: B018  the nominal one, once for all
     compiled: list[mujoco.MjSpec] = []
 
-    def counting(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    def counting(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjModel:
         compiled.append(spec)
-        return compile_spec(spec)
+        return compile_spec(spec, checked=checked)
 
     monkeypatch.setattr(mujoco_plant, "compile_spec", counting)
     plants = [nominal.edited(BodyEdit("rotor", a)) for a in (0.5, 1.0, 1.5)]

@@ -14,20 +14,11 @@ from importlib import machinery
 from pathlib import Path
 from typing import Any
 
-from numba.core.errors import NumbaError
-
 from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _NAMED = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-# Where a compiler's message says that it stopped.
-_COMPILED = re.compile(r'File "([^"]+)", line (\d+)')
-# What it says of its own reasons, the last of which counts.
-_REASON = re.compile(
-    r"No implementation of function .* found|Unknown attribute .*|Untyped global .*|.*unsupported.*"
-    r"|.*not supported.*|Cannot .*|Invalid .*"
-)
 
 
 def is_named(text: str) -> bool:
@@ -171,11 +162,6 @@ def blamed(folder: Path) -> Iterator[None]:
         yield
     except (Exception, SystemExit) as error:
         place = _place(error, folder.resolve())
-        if place is None and _compiling(error):
-            said = f"{type(error).__name__}: {error}"
-            raise ArgumentError(
-                f'numba cannot compile the law: {said}; engine = "python" runs it uncompiled'
-            ) from error
         if place is None:
             raise
         plain = isinstance(error, (ArgumentError, ValueError)) and str(error)
@@ -183,13 +169,7 @@ def blamed(folder: Path) -> Iterator[None]:
 
 
 def _named(error: BaseException) -> str:
-    """What went wrong: of a compiler's page the reason before the place, of others the class."""
-    if isinstance(error, NumbaError):
-        page = str(error)
-        places = [found for found in _COMPILED.finditer(page) if Path(found[1]).suffix == ".py"]
-        before = page[: places[0].start()] if places else page
-        reason = (_REASON.findall(before) or page.splitlines())[-1]
-        return f'numba cannot compile this: {reason}; engine = "python" runs it uncompiled'
+    """What went wrong: the error's class and message."""
     said = str(getattr(error, "msg", error))
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
@@ -201,19 +181,11 @@ def _place(error: BaseException, folder: Path) -> str | None:
     ]
     if isinstance(error, SyntaxError):
         places.append((error.filename or "", error.lineno))
-    if isinstance(error, NumbaError):
-        places += [(file, int(line)) for file, line in _COMPILED.findall(str(error))]
     for file, line in reversed(places):
         path = Path(file)
         if path.suffix == ".py" and path.resolve().is_relative_to(folder) and not _foreign(path):
             return f"{path.name}:{line}"
     return None
-
-
-def _compiling(error: BaseException) -> bool:
-    """Whether it was numba that failed, without saying where."""
-    frames = traceback.extract_tb(error.__traceback__)
-    return "numba" in Path(frames[-1].filename).parts
 
 
 def _foreign(path: Path) -> bool:

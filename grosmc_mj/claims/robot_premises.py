@@ -180,8 +180,10 @@ def _torque(result: RunResult) -> Premise:
     """The actuators give what the law asks for."""
     run, plant = result.trajectory, result.true
     assert isinstance(plant, MujocoPlant)
-    shares = _shares(run.command, _limits(plant))
-    cut = run.command != run.input
+    # A trajectory of one joint has no axis for its inputs.
+    command, applied = (rows.reshape(len(rows), -1) for rows in (run.command, run.input))
+    shares = _shares(command, _limits(plant))
+    cut = command != applied
     largest = shares.max(axis=1)
     row = int(largest.argmax())
     margin = 1 - float(largest[row])

@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from grosmc_mj.arguments import require
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.output_coordinates import OutputCoordinates, Workspace
 from grosmc_mj.control.state_coordinates import StateCoordinates
 from grosmc_mj.control.switching import Reach
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,16 @@ class Controller:
     switching: str = ""
     control_period: float | None = None
     with_reach: Callable[[Reach], Law] | None = None
+
+    def __post_init__(self) -> None:
+        require("name of the controller", self.name, str, "a text")
+        kinds = (OutputCoordinates, StateCoordinates, type(None))
+        require(f"{self.name}: error", self.error, kinds, "error coordinates or None")
+        for what in ("law", "memory"):
+            if not callable(getattr(self, what)):
+                raise ArgumentError(
+                    f"{self.name}: {what} = {shown(getattr(self, what))} must be a function"
+                )
 
     @property
     def coordinates(self) -> OutputCoordinates:

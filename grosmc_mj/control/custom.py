@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arguments import require
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Coordinates, Law
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.vectors import algebra, each
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
 
 
@@ -33,11 +34,21 @@ def custom_controller(
     Raises:
         ArgumentError: If ``like`` has no optimum.
     """
+    require("name", name, str, "a text")
+    require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
+    require("numbers", {} if numbers is None else numbers, Mapping, "numbers by their names")
+    if not callable(law):
+        raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
     if like.error is None or like.lqr is None:
         raise ArgumentError(f"{like.name} has no optimum that {name} could be compared with")
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
     for key in numbers or {}:
-        if not key.isidentifier() or keyword.iskeyword(key) or key in given:
+        if (
+            not isinstance(key, str)
+            or not key.isidentifier()
+            or keyword.iskeyword(key)
+            or key in given
+        ):
             raise ArgumentError(f"{key!r} cannot be the name of a law's number: take another")
     fields = {**given, **(numbers or {})}
     parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
@@ -68,33 +79,33 @@ class _Fresh:
 def _weighed(law: Law, error: Coordinates, linearizing: bool) -> Law:
     """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45).
 
-    What it returns has the law itself as ``own``.
+    What it returns has the law itself as ``own``, and (t, x, memory, p, u) that notes as ``note``:
+    Python looks at u between the two.
     """
     own, m = jitable(law), error.inputs
     store = algebra(m).store
     vector = _as_vector(m)
-    if not linearizing:
+    if linearizing:
+        assert isinstance(error, OutputCoordinates)
+        weigh = error.driven
 
-        def noting_u(t: float, x: Any, memory: Any, p: Any) -> Any:
-            u = own(t, x, memory, p)
+        @jitable
+        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+            store(memory.v, weigh(t, x, vector(u), memory, p))
+
+    else:
+
+        @jitable
+        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
             store(memory.v, vector(u))
-            return u
 
-        return _of(noting_u, law)
-    assert isinstance(error, OutputCoordinates)
-    weigh = error.driven
-
-    def noting_v(t: float, x: Any, memory: Any, p: Any) -> Any:
+    def noting(t: float, x: Any, memory: Any, p: Any) -> Any:
         u = own(t, x, memory, p)
-        store(memory.v, weigh(t, x, vector(u), memory, p))
+        note(t, x, memory, p, u)
         return u
 
-    return _of(noting_v, law)
-
-
-def _of(noting: Any, law: Law) -> Law:
-    """The law that notes, with the one that it asks."""
-    noting.own = law
+    made: Any = noting
+    made.own, made.note = own, note
     return noting
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
@@ -21,7 +22,7 @@ from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.surface import drift_of_surface, surface_matrix
 from grosmc_mj.control.switching import Reach, Sign, Switching
-from grosmc_mj.errors import ArgumentError, GainError
+from grosmc_mj.errors import ArgumentError, GainError, shown
 from grosmc_mj.plants import AnalyticPlant
 
 
@@ -105,12 +106,12 @@ class Realization:
     def __post_init__(self) -> None:
         if not isinstance(self.switching, Switching):
             raise ArgumentError(
-                f"switching = {self.switching!r} must be a switching law, such as "
+                f"switching = {shown(self.switching)} must be a switching law, such as "
                 "find_switching('implicit')"
             )
         period = self.control_period
-        if period is not None and not (math.isfinite(period) and period > 0):
-            raise ArgumentError(f"control period {period:g} s must be finite and positive")
+        if period is not None and not 0 < real(period) < math.inf:
+            raise ArgumentError(f"control period {shown(period)} s must be finite and positive")
 
 
 AS_PRINTED = Realization()
@@ -140,20 +141,34 @@ class Task:
     realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
+        require_analytic("plant", self.plant)
+        require("error", self.error, OutputCoordinates, "error coordinates of the plant")
+        require("realization", self.realization, Realization, "a Realization")
         # The relative degrees of outputs and reference must agree before anything is made of them.
         degrees = self.error.linearization.relative_degree
+        for name, given, size in (
+            ("Q", self.Q, self.error.size),
+            ("R", self.R, self.error.inputs),
+        ):
+            weight = reals(given)
+            number = weight.ndim == 0 and (name == "R" or size == 1)
+            if not np.all(np.isfinite(weight)) or not (number or weight.shape == (size, size)):
+                raise GainError(
+                    f"{name} = {shown(given)} must be a matrix of {size} x {size} finite numbers"
+                )
         try:
             values = self.error.reference(0.0, self.reference)
         except (ArithmeticError, ValueError) as error:
             raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
-        except AttributeError as error:
+        except (AttributeError, TypeError) as error:
             raise ArgumentError(
                 f"{type(self.reference).__name__} does not fit the reference: {error}"
             ) from None
-        if len(values) != sum(degrees) + len(degrees) or not np.all(np.isfinite(values)):
+        count = sum(degrees) + len(degrees)
+        if reals(values).shape != (count,) or not np.all(np.isfinite(reals(values))):
             raise ArgumentError(
-                f"the reference gives {values} at t = 0, must give {sum(degrees) + len(degrees)} "
-                f"finite values: each output with derivatives up to {degrees}"
+                f"the reference gives {shown(values)} at t = 0, must give {count} finite "
+                f"values: each output with derivatives up to {degrees}"
             )
 
     @property
@@ -201,6 +216,29 @@ class Task:
         return FeedbackParameters(self.plant.parameters, self.reference, K)
 
 
+def require_task(task: Task) -> None:
+    """Refuse what is no task.
+
+    Raises:
+        ArgumentError: If it is something else.
+    """
+    require("task", task, Task, "a Task(plant, error, reference, Q, R)")
+
+
+def require_analytic(what: str, plant: Any) -> None:
+    """Refuse a plant without equations that a law could be designed from.
+
+    Raises:
+        ArgumentError: If it is something else, in MuJoCo with what to give.
+    """
+    twin = getattr(plant, "analytic", None)
+    if not isinstance(plant, AnalyticPlant) and callable(twin):
+        raise ArgumentError(f"{what} is a {type(plant).__name__}: give its .analytic()")
+    require(
+        what, plant, AnalyticPlant, "an analytic plant, such as MujocoPlant.load(...).analytic()"
+    )
+
+
 def linear_lqr(task: Task) -> Controller:
     """LQR (5) on the plant's linearization."""
     optimum = task.linearization_optimum()
@@ -210,6 +248,8 @@ def linear_lqr(task: Task) -> Controller:
 
 def linearized_lqr(task: Task, name: str = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
+    require_task(task)
+    require("name", name, str, "a text")
     optimum = task.chain_optimum()
     law, source = laws.linearizing_feedback(task.error), "eqs. (23)+(28), (44)+(49)"
     return _controller(name, law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
@@ -228,11 +268,13 @@ def computed_torque_pd(task: Task, frequency: float, damping: float) -> Controll
     Raises:
         GainError: If a number is not positive or an output has another relative degree.
     """
-    chains = task.error.linearization
-    if set(chains.relative_degree) != {2} or not (frequency > 0 and damping > 0):
+    require_task(task)
+    chains, finite = task.error.linearization, (0 < real(x) < 1e150 for x in (frequency, damping))
+    if set(chains.relative_degree) != {2} or not all(finite):
         raise GainError(
-            f"computed-torque PD with frequency {frequency:g} rad/s and damping {damping:g}: both "
-            f"must be positive, and the relative degrees {chains.relative_degree} all 2"
+            f"computed-torque PD with frequency {shown(frequency)} rad/s and damping "
+            f"{shown(damping)}: both must be positive, and the relative degrees "
+            f"{chains.relative_degree} all 2"
         )
     row = np.array([[frequency**2, 2 * damping * frequency]])
     optimum = priced(chains.A, chains.B, task.Q, task.R, np.kron(np.eye(task.error.inputs), row))
@@ -270,6 +312,8 @@ def regulating_grosmc(
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
+    require_task(task)
+    require("uncertainty", uncertainty, Uncertainty, "an Uncertainty")
     optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_regulator, task.symbolic)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
     source = "eqs. (31)+(37)"
@@ -288,8 +332,11 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
     Raises:
         GainError: If G B is singular or a gain is not positive.
     """
-    if not (0 < k < math.inf and 0 < epsilon < math.inf):
-        raise GainError(f"k = {k:g} and epsilon = {epsilon:g} must be finite and positive")
+    require_task(task)
+    if not all(0 < real(gain) < math.inf for gain in (k, epsilon)):
+        raise GainError(
+            f"k = {shown(k)} and epsilon = {shown(epsilon)} must be finite and positive"
+        )
     optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_tracker, task.error)
     surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))

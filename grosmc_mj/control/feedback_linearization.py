@@ -12,11 +12,12 @@ import scipy.optimize
 import sympy as sp
 from numpy.typing import NDArray
 
+from grosmc_mj.arguments import require, require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.control.chains import Chains
 from grosmc_mj.control.expressions import complement, determinant, is_zero
-from grosmc_mj.errors import PremiseError
+from grosmc_mj.errors import ArgumentError, GrosmcError, PremiseError, shown
 from grosmc_mj.plants.equations import Equations
 
 # A rate that rounding could be.
@@ -277,7 +278,16 @@ def feedback_linearization(
     Raises:
         PremiseError: If an output has no relative degree, or E is singular everywhere.
     """
-    outputs = tuple(sp.sympify(each) for each in (equations.h if h is None else h))
+    require("equations", equations, Equations, "Equations of a plant, such as plant.system's")
+    given = equations.h if h is None else h
+    require("h", given, Sequence, "a list of expressions in the states")
+    try:
+        outputs = tuple(sp.sympify(each) for each in given)
+        require_each("h", outputs, sp.Expr, "a list of expressions in the states")
+    except (sp.SympifyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, GrosmcError):
+            raise
+        raise ArgumentError(f"h = {shown(given)} cannot be read: {error}") from error
     m = equations.inputs
     if len(outputs) != m:
         raise PremiseError(f"{len(outputs)} outputs for {m} inputs: E(x) must be square, eq. (21)")

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, GainError, unknown_name
+from grosmc_mj.errors import ArgumentError, GainError, shown, unknown_name
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
@@ -42,17 +43,23 @@ class Uncertainty:
     reaching_rate: float
 
     def __post_init__(self) -> None:
-        for name, (low, high) in self.scales.items():
-            if not 0 < low <= high < math.inf:
-                raise ArgumentError(
-                    f"uncertainty of {name}: the range {low:g} to {high:g} must be positive"
-                )
-        if not np.all(np.isfinite(self.wrench)):
-            raise ArgumentError(f"uncertainty: the wrench {self.wrench} must be finite")
-        if not self.reaching_rate > 0:
-            raise ArgumentError(f"reaching rate {self.reaching_rate:g} must be positive")
-        if not all(0 < bound < math.inf for bound in self.region):
-            raise ArgumentError(f"operating region {self.region} must be finite and positive")
+        require("uncertainty: scales", self.scales, Mapping, "a range by the name of each number")
+        for name, given in self.scales.items():
+            ends = reals(given)
+            if ends.shape != (2,) or not 0 < ends[0] <= ends[1] < math.inf:
+                between = " to ".join(f"{end:g}" for end in ends) if ends.ndim else shown(given)
+                raise ArgumentError(f"uncertainty of {name}: the range {between} must be positive")
+        wrench, region = reals(self.wrench), reals(self.region)
+        if wrench.ndim != 1 or not np.all(np.isfinite(wrench)):
+            raise ArgumentError(f"uncertainty: the wrench {shown(self.wrench)} must be finite")
+        if not 0 < real(self.reaching_rate) < math.inf:
+            raise ArgumentError(
+                f"reaching rate {shown(self.reaching_rate)} must be positive and finite"
+            )
+        if region.ndim != 1 or not np.all((region > 0) & (region < math.inf)):
+            raise ArgumentError(
+                f"operating region {shown(self.region)} must be finite and positive"
+            )
 
     def describe(self, ratio: float) -> str:
         """The declaration in one line, with the input-gain ratio that it leads to."""

@@ -10,8 +10,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GainError
+from grosmc_mj.errors import ArgumentError, GainError, shown
 
 
 class LqrDesign(NamedTuple):
@@ -145,11 +146,11 @@ def _checked(
     Raises:
         GainError: If shapes do not fit or Q or R is not definite as needed.
     """
-    try:
-        A, B, Q = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (A, B, Q))
-        R = np.asarray(R, float)
-    except (TypeError, ValueError) as error:
-        raise GainError(f"LQR: A, B, Q and R must be matrices of numbers: {error}") from error
+    for name, given in (("A", A), ("B", B), ("Q", Q), ("R", R)):
+        if reals(given).ndim == 0 and not np.isfinite(reals(given)):
+            raise GainError(f"LQR: {name} must be a matrix of finite numbers, is {shown(given)}")
+    A, B, Q = (np.atleast_2d(reals(matrix)) for matrix in (A, B, Q))
+    R = reals(R)
     n, m = len(A), B.shape[-1]
     R = R * np.eye(m) if R.ndim == 0 else np.atleast_2d(R)
     shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}

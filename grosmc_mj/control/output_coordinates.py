@@ -11,11 +11,12 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.chains import Chains
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.vectors import Vector
-from grosmc_mj.errors import PremiseError
+from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.plants import System
 
 _PER_SECOND = ("", "/s", "/s²", "/s³")
@@ -52,6 +53,16 @@ class OutputCoordinates(ABC):
     reference: ReferenceFunction
     sign: Literal[1, -1] = 1
     outputs: tuple[Any, ...] | None = None
+
+    def __post_init__(self) -> None:
+        require("system", self.system, System, "a System, such as plant.system")
+        if not callable(self.reference):
+            raise ArgumentError(
+                f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
+                "derivatives, such as constant(2)"
+            )
+        if isinstance(self.sign, bool) or not isinstance(self.sign, int) or abs(self.sign) != 1:
+            raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")
 
     @cached_property
     @abstractmethod

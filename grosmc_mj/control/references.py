@@ -12,6 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.control.vectors import each
@@ -22,8 +23,8 @@ from grosmc_mj.jitable import jitable
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
 
 TIME = sp.Symbol("t")
-# Operations of what is differentiated.
-_LONGEST = 500
+# Operations of what is differentiated, and the highest relative degree.
+_LONGEST, _HIGHEST = 500, 20
 
 
 def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> ReferenceFunction:
@@ -38,6 +39,12 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
         ArgumentError: If an output is no expression, or a derivative too long for the next one.
         PremiseError: If there is not one degree for each output.
     """
+    require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
+    if not isinstance(outputs, (list, tuple)) or not all(1 <= r <= _HIGHEST for r in degrees):
+        raise ArgumentError(
+            f"outputs = {shown(outputs)} with degrees {shown(degrees)} must be a list of "
+            f"expressions in TIME, each with a relative degree from 1 to {_HIGHEST}"
+        )
     if len(outputs) != len(degrees):
         raise PremiseError(
             f"{len(outputs)} outputs with relative degrees {tuple(degrees)}: give one degree each"
@@ -93,9 +100,14 @@ class Setpoint:
     value: float = 0.0
 
 
-@cache
 def constant(*degrees: int) -> ReferenceFunction:
     """A setpoint for one output of any relative degree, or ``value1``, ``value2`` ... for more."""
+    require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
+    return _constant(*degrees)
+
+
+@cache
+def _constant(*degrees: int) -> ReferenceFunction:
     if len(degrees) == 1:
         return reference([sp.Symbol("value")], degrees)
     return reference([sp.Symbol(f"value{i + 1}") for i in range(len(degrees))], degrees)

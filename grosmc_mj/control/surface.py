@@ -10,10 +10,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.vectors import Vector, each, row_times
-from grosmc_mj.errors import GainError
+from grosmc_mj.errors import GainError, shown
 from grosmc_mj.jitable import jitable
 
 
@@ -95,7 +96,9 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     Raises:
         GainError: If G does not fit B or G B is singular.
     """
-    G = np.linalg.pinv(B) if G is None else np.atleast_2d(np.asarray(G, float))
+    given, G = G, np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
+    if np.ndim(reals(given)) == 0 and given is not None and not np.isfinite(reals(given)):
+        raise GainError(f"G = {shown(given)} must be a matrix of finite numbers")
     if G.shape != B.T.shape:
         raise GainError(f"G has shape {G.shape}, must be {B.T.shape}")
     if not np.all(np.isfinite(G)):

@@ -400,6 +400,6 @@ def find_switching(name: str) -> Switching:
     Raises:
         GainError: If there is none.
     """
-    if name not in SWITCHINGS:
+    if not isinstance(name, str) or name not in SWITCHINGS:
         raise GainError(unknown_name("switching law", name, SWITCHINGS))
     return SWITCHINGS[name]()

@@ -8,8 +8,10 @@ from dataclasses import make_dataclass
 from typing import Any
 
 import sympy as sp
+from sympy.logic.boolalg import Boolean
 
-from grosmc_mj.errors import ModelError
+from grosmc_mj.arguments import real, require
+from grosmc_mj.errors import ModelError, shown
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import AnalyticPlant, Signal, System
 
@@ -46,17 +48,24 @@ def affine_plant(
         ModelError: If rows are missing, a symbol has no number or a number no symbol, or a
             number is not finite.
     """
+    require("name", name, str, "a text", ModelError)
+    require(f"{name}: where", where, str, "a text", ModelError)
+    require(f"{name}: parameters", parameters, Mapping, "numbers by their symbols", ModelError)
     for symbol, value in parameters.items():
-        if not (isinstance(value, (int, float)) and math.isfinite(value)):
-            raise ModelError(f"{name}: {symbol} = {value!r} must be a finite number")
+        if not (math.isfinite(real(value))):
+            raise ModelError(f"{name}: {symbol} = {shown(value)} must be a finite number")
     for what, units in (("states", states), ("inputs", inputs)):
         if not (isinstance(units, Mapping) and all(isinstance(each, str) for each in units)):
-            raise ModelError(f"{name}: {what} = {units!r} must give a unit by the name of each")
+            raise ModelError(
+                f"{name}: {what} = {shown(units)} must give a unit by the name of each"
+            )
     try:
+        within = sp.sympify(region)
+        require(f"{name}: region", within, Boolean, "a condition on the states", ModelError)
         equations = Equations(
-            x=tuple(sp.Symbol(state) for state in states), f=f, g=g, h=h, region=sp.sympify(region)
+            x=tuple(sp.Symbol(state) for state in states), f=f, g=g, h=h, region=within
         )
-    except (ModelError, sp.SympifyError, AttributeError, TypeError) as error:
+    except (ModelError, sp.SympifyError, AttributeError, TypeError, ValueError) as error:
         said = " ".join(str(error).split())
         raise ModelError(f"{name}: the equations cannot be read: {said}") from error
     if len(equations.h) != equations.inputs or equations.inputs != len(inputs):

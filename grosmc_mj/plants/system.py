@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import real, require, require_each
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
+from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
 from grosmc_mj.plants.equations import Column, Equations, NoEquations
 
 if TYPE_CHECKING:
@@ -71,6 +72,12 @@ class System:
     position_bound: float = math.pi
 
     def __post_init__(self) -> None:
+        for what in ("name", "title"):
+            require(f"{what} of the system", getattr(self, what), str, "a text", ModelError)
+        for what, kind in (("states", Signal), ("inputs", Signal), ("bodies", str)):
+            wanted = "a tuple of Signals" if kind is Signal else "a tuple of names"
+            require_each(f"{self.name}: {what}", getattr(self, what), kind, wanted, ModelError)
+        require(f"{self.name}: equations", self.equations, Equations, "Equations", ModelError)
         if isinstance(self.equations, NoEquations):
             return
         counts = {
@@ -149,6 +156,11 @@ class AnalyticPlant:
     parameters: Any
     variant: Variant = "corrected"
 
+    def __post_init__(self) -> None:
+        require("system", self.system, System, "a System", ModelError)
+        if not isinstance(self.variant, str) or self.variant not in get_args(Variant):
+            raise ModelError(unknown_name("variant", self.variant, get_args(Variant)))
+
     @classmethod
     def from_model(
         cls, system: System, model: mujoco.MjModel, variant: Variant = "corrected"
@@ -216,8 +228,8 @@ class AnalyticPlant:
         """
         names = [each.name for each in fields(self.parameters)]
         for name, value in changes.items():
-            if not math.isfinite(value):
-                raise ModelError(f"{self.system.name}: {name} = {value:g} must be finite")
+            if not math.isfinite(real(value)):
+                raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
             if name not in names:
                 raise ModelError(unknown_name(f"parameter of {self.system.name}", name, names))
         return replace(self, parameters=replace(self.parameters, **changes))

@@ -10,8 +10,9 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
+from grosmc_mj.arguments import real, reals, require, require_each
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.simulation.trajectory import Trajectory
 
 SMALLEST, LARGEST = (320, 240), (3840, 2160)
@@ -46,21 +47,26 @@ class Take:
     ended: str = ""
 
     def __post_init__(self) -> None:
+        for what in ("label", "colour", "sliding_unit", "ended"):
+            require(f"{what} of a take", getattr(self, what), str, "a text")
+        require(f"{self.label}: run", self.run, Trajectory, "what simulate returns")
         if self.run.physics is None or self.run.physics.ndim != 2:
             raise ArgumentError(
                 f"{self.label}: a film needs one recorded run in MuJoCo, with its full states"
             )
         wanted = (len(self.run.time), len(self.run.system.controlled))
-        if self.ghost is not None and self.ghosts.shape != wanted:
+        ghost = reals(self.ghost)
+        fits = ghost.shape == wanted or (wanted[1] == 1 and ghost.shape == wanted[:1])
+        if self.ghost is not None and not fits:
             raise ArgumentError(
-                f"{self.label}: the ghost has shape {np.shape(self.ghost)}, must be {wanted}: one "
+                f"{self.label}: the ghost has shape {ghost.shape}, must be {wanted}: one "
                 "row an instant, one column for each controlled coordinate"
             )
 
     @property
     def ghosts(self) -> Array:
         """The ghost's coordinates, (N + 1, controlled)."""
-        rows = np.atleast_1d(np.asarray(self.ghost, float))
+        rows = np.atleast_1d(reals(self.ghost))
         return rows.reshape(len(rows), -1)
 
 
@@ -91,19 +97,21 @@ class Format:
         for name, value, least, most in zip(
             ("width", "height"), (self.width, self.height), SMALLEST, LARGEST, strict=True
         ):
-            if value % 2 or not least <= value <= most:
+            if real(value) % 2 or not least <= real(value) <= most:
                 raise ArgumentError(
-                    f"{name} {value} of the film must be even and from {least} to {most} pixels"
+                    f"{name} {shown(value)} of the film must be even and from {least} to {most} "
+                    "pixels"
                 )
-        if not 1 <= self.fps <= FASTEST:
-            raise ArgumentError(f"{self.fps} frames per second: must be from 1 to {FASTEST}")
-        if not (math.isfinite(self.speed) and self.speed > 0):
-            raise ArgumentError(f"speed {self.speed:g} must be finite and positive")
+        if not 1 <= real(self.fps) <= FASTEST:
+            raise ArgumentError(f"{shown(self.fps)} frames per second: must be from 1 to {FASTEST}")
+        if not 0 < real(self.speed) < math.inf:
+            raise ArgumentError(f"speed {shown(self.speed)} must be finite and positive")
         stop = math.inf if self.stop is None else self.stop
-        if not 0 <= self.start < stop:
+        require("camera", self.camera, (str, type(None)), "the name of a camera or None")
+        if not 0 <= real(self.start) < real(stop):
             raise ArgumentError(
-                f"a film from {self.start:g} s to {stop:g} s shows nothing: it must begin at 0 s "
-                "or later and end after that"
+                f"a film from {shown(self.start)} s to {shown(stop)} s shows nothing: it must "
+                "begin at 0 s or later and end after that"
             )
 
     def frames(self, end: float) -> float:
@@ -161,6 +169,10 @@ class Film:
     trace: int = -1
 
     def __post_init__(self) -> None:
+        require("title", self.title, str, "a text")
+        require("model", self.model, mujoco.MjModel, "the compiled model, such as plant.model")
+        require("format", self.format, Format, "a Format")
+        require_each("takes", self.takes, Take, "one to four Takes in a tuple")
         if not 1 <= len(self.takes) <= MOST_TAKES:
             raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
         for take in self.takes:

@@ -14,8 +14,9 @@ import mediapy
 import numpy as np
 from PIL import Image
 
+from grosmc_mj.arguments import real, require
 from grosmc_mj.child_processes import interrupts_held
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError, SetupError, shown
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.rendering.backends import find_backend, forget
 from grosmc_mj.rendering.board import Storyboard
@@ -33,6 +34,7 @@ _ARGUMENTS = (
     "-movflags +faststart"
 )
 _CRF = 23
+_MOST_WORKERS = 1024
 _GIF_WIDTH, _GIF_FPS, _GIF_COLOURS = 640, 10, 128
 
 
@@ -58,7 +60,7 @@ class Written(NamedTuple):
 
 def write_film(
     film: Film,
-    path: Path,
+    path: Path | str,
     *,
     backend: str | None = None,
     workers: int | None = None,
@@ -79,9 +81,14 @@ def write_film(
         ArgumentError: If the path is no ``.mp4``.
         SetupError: If there is no working backend or ffmpeg, or a file cannot be written.
     """
+    require("film", film, Film, "a Film")
+    require("path", path, (str, Path), "a path that ends in .mp4")
+    path = Path(path)
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
-    workers = workers or len(os.sched_getaffinity(0))
+    if workers is not None and not 0 <= real(workers) <= _MOST_WORKERS:
+        raise ArgumentError(f"workers = {shown(workers)} must be a whole number, or None")
+    workers = int(workers or len(os.sched_getaffinity(0)))
     program = find_ffmpeg()
     wish = os.environ.get("MUJOCO_GL")
     backend = backend or find_backend(wish).backend

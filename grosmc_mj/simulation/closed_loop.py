@@ -86,8 +86,10 @@ class ClosedLoop:
         if self._system.singular(self.x):
             return Status.SINGULAR_PLANT
         t = self.steps // self._stride * self._period
-        ask(self.controller, t, self.x, self.memory, self.u)
-        return Status.UNDEFINED_LAW if self.memory.undefined else Status.COMPLETED
+        finite = ask(self.controller, t, self.x, self.memory, self.u)
+        if self.memory.undefined:
+            return Status.UNDEFINED_LAW
+        return Status.COMPLETED if finite else Status.UNDEFINED_INPUT
 
 
 def _stepper(plant: Plant, x0: Array, h: float) -> Stepper:
@@ -112,7 +114,7 @@ def _analytic_stepper(plant: AnalyticPlant, x0: Array, h: float) -> Stepper:
 
 
 def _physics_stepper(plant: MujocoPlant, x0: Array) -> Stepper:
-    model, system = plant.model, plant.system
+    model, system = plant.model_with_userdata(0), plant.system
     data, x, n = mujoco.MjData(model), x0.copy(), system.degrees_of_freedom
     data.qpos, data.qvel = x0[:n], x0[n:]
     bodies = [model.body(name).id for name in system.bodies]

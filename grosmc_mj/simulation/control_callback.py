@@ -27,7 +27,7 @@ from grosmc_mj.simulation.inputs import written_inputs
 from grosmc_mj.simulation.mjdata import mjdata_dtype
 from grosmc_mj.simulation.native_pushes import write_wrenches
 from grosmc_mj.simulation.problem import FAILED, Problem
-from grosmc_mj.simulation.quiet import warnings_counted_only
+from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
 from grosmc_mj.simulation.records import record_dtype
 from grosmc_mj.simulation.trajectory import Status
 
@@ -64,6 +64,7 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
+    undefined_input = Status.UNDEFINED_INPUT.value
     completed, failed = float(Status.COMPLETED.value), float(FAILED)
 
     def control(model: Any, data_address: Any) -> None:
@@ -98,10 +99,11 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         else:
             t = header.samples * header.control_period
             header.stop = failed
-            inputs(ctrl, law(t, x, memory, userdata.parameters))
-            header.stop = completed
+            finite = inputs(ctrl, law(t, x, memory, userdata.parameters))
+            header.stop = completed if finite else undefined_input
             if memory.undefined != 0.0:
                 header.stop = undefined_law
+            if header.stop != completed:
                 for i in range(m):
                     ctrl[i] = 0.0
         header.samples += 1.0
@@ -113,19 +115,25 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     return callback
 
 
+# MuJoCo's callbacks that have a part in the motion.
+_CALLBACKS = ("control", "passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor")
+
+
 def refuse_foreign_callback() -> None:
-    """Refuse to run while somebody else's callback would set the control.
+    """Refuse to run while somebody else's callback would set the control or add forces.
 
     Raises:
         SetupError: If one is installed.
     """
     # Under the lock, so that it is not our own callback of another thread.
     with _lock:
-        if mujoco.get_mjcb_control() is not None:
-            raise SetupError(
-                "a MuJoCo control callback is already installed in this process and would "
-                "overrule the law: remove it with mujoco.set_mjcb_control(None)"
-            )
+        for kind in _CALLBACKS:
+            if getattr(mujoco, f"get_mjcb_{kind}")() is not None:
+                does = "overrule the law" if kind == "control" else "change the plant"
+                raise SetupError(
+                    f"a MuJoCo {kind} callback is already installed in this process and would "
+                    f"{does}: remove it with mujoco.set_mjcb_{kind}(None)"
+                )
 
 
 @contextmanager
@@ -139,7 +147,7 @@ def installed(callback: Any) -> Iterator[None]:
         refuse_foreign_callback()
         mujoco.set_mjcb_control(callback)
         try:
-            with warnings_counted_only():
+            with warnings_counted_only(), callback_errors_ignored():
                 yield
         finally:
             mujoco.set_mjcb_control(None)

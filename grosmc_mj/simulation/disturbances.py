@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.simulation.profiles import pulse, sine_from
 
 Profile = Callable[[float], float]
@@ -32,8 +33,10 @@ class Pulse:
     stop: float
 
     def __post_init__(self) -> None:
-        if not self.start < self.stop:
-            raise ArgumentError(f"pulse from {self.start:g} to {self.stop:g} s never acts")
+        if not real(self.start) < real(self.stop):
+            raise ArgumentError(
+                f"pulse from {shown(self.start)} to {shown(self.stop)} s never acts"
+            )
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
@@ -55,8 +58,8 @@ class SineFrom:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.frequency, self.onset, self.phase))):
-            raise ArgumentError(f"{self} must have finite frequency, onset and phase")
+        if not all(math.isfinite(real(x)) for x in (self.frequency, self.onset, self.phase)):
+            raise ArgumentError(f"{shown(self)} must have finite frequency, onset and phase")
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
@@ -83,14 +86,18 @@ class Disturbance:
     label: str = ""
 
     def __post_init__(self) -> None:
-        try:
-            wrench = np.asarray(self.wrench, float)
-        except (TypeError, ValueError):
-            wrench = np.zeros(0)
+        require("body", self.body, str, "the name of a body")
+        wrench = reals(self.wrench)
         if wrench.shape != (6,) or not np.all(np.isfinite(wrench)):
             raise ArgumentError(
-                f"wrench on {self.body!r} is {self.wrench}, must be six finite numbers "
+                f"wrench on {self.body!r} is {shown(self.wrench)}, must be six finite numbers "
                 "[force, torque]"
+            )
+
+        if not callable(self.profile):
+            raise ArgumentError(
+                f"profile of the disturbance on {self.body!r} must take t [s] and return a number, "
+                f"is {shown(self.profile)}"
             )
 
     @property

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.errors import ModelError, shown, unknown_name
 from grosmc_mj.simulation.models import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
@@ -37,6 +38,7 @@ class BodyEdit:
     length_scale: float = 1.0
 
     def __post_init__(self) -> None:
+        require("body", self.body, str, "the name of a body", ModelError)
         for name in ("mass_scale", "length_scale"):
             _require(f"edit of {self.body!r}", name, getattr(self, name), positive=True)
 
@@ -59,10 +61,13 @@ class AddedMass:
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        require("body", self.body, str, "the name of a body", ModelError)
         _require(f"load on {self.body!r}", "mass", self.mass, positive=True)
-        if np.shape(self.position) != (3,) or not np.all(np.isfinite(self.position)):
+        position = reals(self.position)
+        if position.shape != (3,) or not np.all(np.isfinite(position)):
             raise ModelError(
-                f"load on {self.body!r}: position = {self.position} must be three finite numbers"
+                f"load on {self.body!r}: position = {shown(self.position)} must be three finite "
+                "numbers"
             )
 
     def __str__(self) -> str:
@@ -86,6 +91,7 @@ class JointEdit:
     armature: float | None = None
 
     def __post_init__(self) -> None:
+        require("joint", self.joint, str, "the name of a joint", ModelError)
         for name in ("damping", "friction", "armature"):
             value = getattr(self, name)
             if value is not None:
@@ -102,9 +108,10 @@ Edit = BodyEdit | AddedMass | JointEdit
 
 def _require(owner: str, name: str, value: float, *, positive: bool = False) -> None:
     """Refuse a number that is not finite, or negative."""
-    if not (math.isfinite(value) and (value > 0 or (value == 0 and not positive))):
+    number = real(value)
+    if not (math.isfinite(number) and (number > 0 or (number == 0 and not positive))):
         wanted = "finite and positive" if positive else "finite and not negative"
-        raise ModelError(f"{owner}: {name} = {value:g} must be {wanted}")
+        raise ModelError(f"{owner}: {name} = {shown(value)} must be {wanted}")
 
 
 def apply_edits(

@@ -25,9 +25,11 @@ def why_ended(status: Status, system: System, controller: Controller, time: floa
         return f"{where}: the state grew without bound; try a smaller control period or timestep"
     if status is Status.SINGULAR_PLANT:
         return f"{where}: the plant is singular at {system.singularity}"
+    at = ", ".join(f"{value:.4g}" for value in x)
+    if status is Status.UNDEFINED_INPUT:
+        return f"{where}: the law returned no finite number at x = ({at})"
     if not (controller.linearizing and system.linearizable(x)):
         return f"{where}: the law is undefined outside {system.region}"
-    at = ", ".join(f"{value:.4g}" for value in x)
     return (
         f"{where}: the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "
         "singular there"

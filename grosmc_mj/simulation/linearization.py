@@ -8,9 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.simulation.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
+from grosmc_mj.simulation.quiet import warnings_counted_only
 
 # Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
 # by a root finder passes, a state that is merely near one does not.
@@ -50,27 +53,29 @@ def linearize(
         ArgumentError: If x or u has a wrong shape or is not finite, or the plant does not rest
             there.
     """
+    require("plant", plant, MujocoPlant, "a plant in MuJoCo, such as MujocoPlant.load(...)")
+    require_unchanged([plant])
+    refuse_foreign_callback()
     system, n = plant.system, len(plant.system.states)
-    state = np.zeros(n) if x is None else np.asarray(x, float)
+    state = np.zeros(n) if x is None else reals(x)
     if state.shape != (n,) or not np.all(np.isfinite(state)):
         names = ", ".join(f"{signal.symbol} [{signal.unit}]" for signal in system.states)
-        raise ArgumentError(
-            f"x = {state.tolist()} must be {n} finite numbers for {system.name}: {names}"
-        )
-    inputs = np.asarray(u, float)
+        raise ArgumentError(f"x = {shown(x)} must be {n} finite numbers for {system.name}: {names}")
+    inputs = reals(u)
     if inputs.shape not in {(), (len(system.inputs),)} or not np.all(np.isfinite(inputs)):
         units = ", ".join(signal.unit for signal in system.inputs)
-        raise ArgumentError(f"u = {u!r} must be {len(system.inputs)} finite numbers [{units}]")
-    model = copy.copy(plant.model)
+        raise ArgumentError(f"u = {shown(u)} must be {len(system.inputs)} finite numbers [{units}]")
+    model = copy.copy(plant.model_with_userdata(0))
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     # It would be implicit in the damping, and v+ no longer v + h a.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     model.opt.timestep = 1.0
     data, m = mujoco.MjData(model), system.degrees_of_freedom
     data.qpos[:], data.qvel[:], data.ctrl[:] = state[:m], state[m:], inputs
-    _require_rest(plant, model, data)
     transition, response = np.zeros((n, n)), np.zeros((n, len(system.inputs)))
-    mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
+    with warnings_counted_only():
+        _require_rest(plant, model, data)
+        mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
     to_rates = np.eye(n) - np.eye(n, k=m)
     return to_rates @ (transition - np.eye(n)), to_rates @ response
 
@@ -81,10 +86,13 @@ def _require_rest(plant: MujocoPlant, model: mujoco.MjModel, data: mujoco.MjData
     Raises:
         ArgumentError: With x' at that state.
     """
+    given = np.concatenate([data.qpos, data.qvel, data.ctrl]).tolist()
     mujoco.mj_forward(model, data)
+    # MuJoCo sets an input beyond its own bound to zero.
+    if np.any(data.warning.number):
+        raise ArgumentError(f"{plant.system.name}: MuJoCo cannot compute x' at [x, u] = {given}")
     rates = np.concatenate([data.qvel, data.qacc])
     if np.abs(rates).max() > _AT_REST:
-        given = np.concatenate([data.qpos, data.qvel, data.ctrl]).tolist()
         raise ArgumentError(
             f"{plant.system.name}: [x, u] = {given} is no equilibrium: x' = {rates.tolist()}, "
             f"must be zero within {_AT_REST:g}"

@@ -8,6 +8,7 @@ import mujoco
 
 from grosmc_mj.errors import ModelError, SetupError
 from grosmc_mj.plants import find_system
+from grosmc_mj.simulation.model_checks import refuse_unusable
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 # The wheel carries the models inside the package; a checkout has them beside it.
@@ -51,13 +52,21 @@ def load_model(name: str) -> mujoco.MjModel:
     return compile_spec(load_spec(name))
 
 
-def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
+def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjModel:
     """Compile, with MuJoCo's own message in one line if it cannot.
 
+    Args:
+        spec: The model.
+        checked: Whether its numbers are known to be finite, as of a nominal model that was
+            compiled here, with edits that are.
+
     Raises:
-        ModelError: If MuJoCo refuses the model.
+        ModelError: If MuJoCo refuses the model, or nobody could simulate it.
     """
     try:
-        return spec.compile()
+        model = spec.compile()
     except ValueError as error:
         raise ModelError(f"{spec.modelname}: {' '.join(str(error).split())}") from error
+    if not checked:
+        refuse_unusable(model, spec.modelname)
+    return model

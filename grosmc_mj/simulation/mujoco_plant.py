@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -10,9 +11,11 @@ from weakref import WeakKeyDictionary
 
 import mujoco
 
-from grosmc_mj.errors import ArgumentError, ModelError, unknown_name
+from grosmc_mj.arguments import real, require
+from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
 from grosmc_mj.plants import AnalyticPlant, System, Variant, find_system
 from grosmc_mj.simulation.edits import Edit, apply_edits
+from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
@@ -20,6 +23,9 @@ Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 
 # Compiled nominal models by their spec, for as long as a plant has it.
 _nominal_models: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjModel] = WeakKeyDictionary()
+
+# What a spec was like when the first plant was made of it.
+_as_made: WeakKeyDictionary[mujoco.MjSpec, str] = WeakKeyDictionary()
 
 
 def _nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -76,13 +82,25 @@ class MujocoPlant:
         system, path = find_system(name), model_path(name)
         changed = max(file.stat().st_mtime_ns for file in path.parent.glob("*.xml"))
         spec = _nominal_spec(system.name, path, changed)
+        require("edits", edits, (list, tuple), "a tuple of edits", ModelError)
         return cls(system, spec, tuple(edits), timestep, integrator)
 
     def __post_init__(self) -> None:
-        if self.timestep is not None and not 0 < self.timestep < 1:
-            raise ArgumentError(f"timestep {self.timestep:g} s must lie between 0 and 1 s")
+        require("system", self.system, System, "a System", ModelError)
+        require("spec", self.spec, mujoco.MjSpec, "an MjSpec", ModelError)
+        require("edits", self.edits, tuple, "a tuple of edits", ModelError)
+        for edit in self.edits:
+            wanted = "a BodyEdit, an AddedMass or a JointEdit"
+            require("edit", edit, get_args(Edit), wanted, ModelError)
+        if self.timestep is not None and not 1e-9 <= real(self.timestep) < 1:
+            raise ArgumentError(
+                f"timestep {shown(self.timestep)} s must lie between 0 and 1 s, at least 1e-09 s"
+            )
+        require("integrator", self.integrator, (str, type(None)), "a name", ModelError)
         if self.integrator is not None and self.integrator not in get_args(Integrator):
             raise ModelError(unknown_name("integrator", self.integrator, get_args(Integrator)))
+        if self.spec not in _as_made:
+            _as_made[self.spec] = spec_fingerprint(self.spec)
 
     def edited(self, *edits: Edit) -> MujocoPlant:
         """The nominal model with these edits; earlier edits are replaced, never compounded."""
@@ -95,13 +113,19 @@ class MujocoPlant:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The compiled model."""
-        return self.model_with_userdata(0)
+        """The compiled model, to look at: ``simulate`` refuses a plant whose model was changed."""
+        return self._handed_out[0]
+
+    @cached_property
+    def _handed_out(self) -> tuple[mujoco.MjModel, str]:
+        """The compiled model, and what it was like then."""
+        model = self.model_with_userdata(0)
+        return model, fingerprint(model)
 
     @property
     def any_model(self) -> mujoco.MjModel:
         """The compiled model with whatever room in userdata it has been compiled with."""
-        return next(iter(self._models.values()), None) or self.model
+        return next(iter(self._models.values()), None) or self.model_with_userdata(0)
 
     def model_with_userdata(self, size: int) -> mujoco.MjModel:
         """The compiled model with room for ``size`` numbers in mjData.userdata, compiled once.
@@ -129,7 +153,7 @@ class MujocoPlant:
             spec.option.integrator = getattr(
                 mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
             )
-        model = compile_spec(spec)
+        model = compile_spec(spec, checked=nominal is not None)
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         joints = tuple(model.joint(i).name for i in range(model.njnt))
@@ -143,4 +167,28 @@ class MujocoPlant:
 
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
         """The analytic twin, with the numbers of the compiled model as it is edited."""
-        return AnalyticPlant.from_model(self.system, self.model, variant)
+        return AnalyticPlant.from_model(self.system, self.model_with_userdata(0), variant)
+
+
+def require_unchanged(plants: Iterable[MujocoPlant]) -> None:
+    """Refuse to simulate something else than what the plants' models now say.
+
+    A model that nobody has been given is not looked at, and one spec once.
+
+    Raises:
+        ModelError: If a model or a spec was changed in place.
+    """
+    different = dict.fromkeys(plants)
+    for plant in different:
+        given = plant.__dict__.get("_handed_out")
+        if given is not None and fingerprint(given[0]) != given[1]:
+            raise ModelError(
+                f"{plant.system.name}: plant.model was changed after it was compiled, which no run "
+                "would notice: use plant.edited(...), or another MJCF"
+            )
+    for spec, plant in {plant.spec: plant for plant in different}.items():
+        if spec_fingerprint(spec) != _as_made[spec]:
+            raise ModelError(
+                f"{plant.system.name}: plant.spec was changed after the plant was made, which its "
+                "runs may not notice: use plant.edited(...), or make a plant of a changed copy"
+            )

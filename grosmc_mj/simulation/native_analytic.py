@@ -49,6 +49,7 @@ def _kernel(
     largest = mujoco.mjMAXVAL
     undefined_law, singular_plant = Status.UNDEFINED_LAW.value, Status.SINGULAR_PLANT.value
     diverged, completed = Status.DIVERGED.value, Status.COMPLETED.value
+    undefined_input = Status.UNDEFINED_INPUT.value
 
     def loop(
         steps: int,
@@ -85,9 +86,12 @@ def _kernel(
                 if singular(x):
                     end[0], end[1] = i, singular_plant
                     return
-                inputs(u, law(i // stride * control_period, x, memory, p))
+                finite = inputs(u, law(i // stride * control_period, x, memory, p))
                 if memory.undefined != 0.0:
                     end[0], end[1] = i, undefined_law
+                    return
+                if not finite:
+                    end[0], end[1] = i, undefined_input
                     return
             step(x, u, wrenches[i if disturbed else 0], plant, h, slope, stage, total)
             for j in range(n):

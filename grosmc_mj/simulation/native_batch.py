@@ -19,9 +19,10 @@ from grosmc_mj.simulation.control_callback import (
     refuse_foreign_callback,
     userdata_dtype,
 )
+from grosmc_mj.simulation.law_errors import compiling
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.native_pushes import PUSH, most_pushes, packed
-from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
+from grosmc_mj.simulation.problem import Problem, Record, refuse_failed
 from grosmc_mj.simulation.records import pack
 from grosmc_mj.simulation.trajectory import Status
 
@@ -46,7 +47,8 @@ class NativeBatch:
         self._problem = problem
         self._kept_alive: list[Workspace | None] = []
         self._dtype = userdata_dtype(problem)
-        self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
+        with compiling(problem.controller.name):
+            self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
         pushes = most_pushes(problem.disturbances) if problem.pushed_by_callback else 0
         size, nsim = self._dtype.itemsize // 8 + PUSH * pushes, len(problem.x0)
         if not problem.record:
@@ -217,8 +219,7 @@ class NativeBatch:
         One that the callback has stopped drifts on without a law: if it diverges then, that is
         not why it ended.
         """
-        if np.any(stop == FAILED):
-            refuse_failed(self._problem, FAILED)
+        refuse_failed(self._problem, stop)
         running = record.status == Status.COMPLETED.value
         stopped, diverged = running & (stop != 0), running & (stop == 0) & self._warned()
         record.status[stopped] = stop[stopped]

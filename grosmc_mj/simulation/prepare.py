@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
 from grosmc_mj.simulation.problem import Plant, Problem
-from grosmc_mj.simulation.records import record_dtype
+from grosmc_mj.simulation.records import pack, record_dtype
 
 Item = TypeVar("Item")
 Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
@@ -24,6 +26,10 @@ Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
 ANALYTIC_TIMESTEP = 1e-3
 # Of a run, every one of which may be kept: some GB.
 _MOST_STEPS = 10**8
+_MOST_THREADS = 1024
+# Of a duration, a timestep and a control period [s]: beyond them is a slip of the unit.
+SHORTEST, LONGEST = 1e-9, 1e9
+_BOUNDS = f"from {SHORTEST:g} to {LONGEST:g} s"
 
 
 def prepare(
@@ -43,9 +49,8 @@ def prepare(
     Raises:
         ArgumentError: If an argument does not fit.
     """
-    plants, controllers = _sequence(plant), _sequence(controller)
-    lists = _disturbance_lists(disturbances)
-    starts = np.atleast_2d(np.asarray(x0, float))
+    plants, controllers = _plants(plant), _controllers(controller)
+    lists, starts = _disturbance_lists(disturbances), _starts(x0, plants[0].system)
     counts = {len(plants), len(controllers), len(lists), len(starts)} - {1}
     single = not counts and np.ndim(x0) == 1 and plants[0] is plant and controllers[0] is controller
     if len(counts) > 1 or 0 in counts:
@@ -54,27 +59,122 @@ def prepare(
             f"lists and {len(starts)} starts: each must be 1 or the number of simulations"
         )
     nsim = max(counts, default=1)
-    system, kind = plants[0].system, type(plants[0])
-    if any(p.system is not system or type(p) is not kind for p in plants):
-        raise ArgumentError("all plants of a batch must be of one system and of one kind")
-    if any(c.law is not controllers[0].law for c in controllers):
-        raise ArgumentError("all controllers of a batch must have the same law")
-    if len({record_dtype(c.parameters) for c in controllers if is_dataclass(c.parameters)}) > 1:
-        raise ArgumentError("all controllers of a batch must have the same kinds of numbers")
-    designed = controllers[0].error.system if controllers[0].error else system
-    if designed is not system:
-        raise ArgumentError(
-            f"{controllers[0].name} is designed for {designed.name}, the plant is {system.name}"
+    _require_alike(plants, controllers)
+    _require_designed_for(plants[0].system, controllers[0])
+    h = _timestep(plants, timestep)
+    stride, period = _stride(control_period, h, controllers)
+    _require_flag("record", record)
+    problem = Problem(
+        plants=_repeat(plants, nsim),
+        controllers=_repeat(controllers, nsim),
+        x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
+        steps=_steps(duration, h),
+        stride=stride,
+        timestep=h,
+        control_period=period,
+        disturbances=tuple(map(tuple, lists)),
+        record=bool(record),
+        threads=_threads(threads),
+    )
+    _check_disturbances(problem)
+    return problem, single
+
+
+def _plants(plant: Plant | Sequence[Plant]) -> tuple[Plant, ...]:
+    """The plants, one or several; a robot's is among its parts."""
+    plants = _sequence(plant)
+    for each in plants:
+        if isinstance(getattr(each, "plant", None), MujocoPlant):
+            raise ArgumentError(f"a {type(each).__name__} is no plant: give its .plant")
+        require(
+            "plant",
+            each,
+            (AnalyticPlant, MujocoPlant),
+            "a plant or a list of them: what MujocoPlant.load(...), .analytic() or "
+            "affine_plant(...) makes",
         )
-    n = len(system.states)
-    if starts.ndim != 2 or starts.shape[1] != n or not np.all(np.isfinite(starts)):
+    if not plants:
+        raise ArgumentError("0 plants: give one, or one for each simulation")
+    require_unchanged(each for each in plants if isinstance(each, MujocoPlant))
+    return plants
+
+
+def _controllers(controller: Controller | Sequence[Controller]) -> tuple[Controller, ...]:
+    """The controllers, one or several, whose numbers are numbers."""
+    controllers = _sequence(controller)
+    for each in controllers:
+        if callable(each):
+            raise ArgumentError(
+                f"controller = {shown(each)} must be a Controller: make one of a law with "
+                "custom_controller(name, law, like=...)"
+            )
+        require("controller", each, Controller, "a Controller or a list of them")
+    if not controllers:
+        raise ArgumentError("0 controllers: give one, or one for each simulation")
+    for each in dict.fromkeys(controllers):
+        _require_numbers(each)
+    return controllers
+
+
+def _require_numbers(controller: Controller) -> None:
+    """Refuse a NaN among a law's numbers, by its name; an infinity may be a missing limit."""
+    p = controller.parameters
+    for item in fields(p) if is_dataclass(p) else ():
+        value = getattr(p, item.name)
+        entries = pack(value) if is_dataclass(value) else value
+        if isinstance(entries, (float, np.ndarray)) and np.any(np.isnan(entries)):
+            raise ArgumentError(
+                f"{controller.name}: its number {item.name} = {shown(value)} must not be NaN"
+            )
+
+
+def _starts(x0: ArrayLike, system: System) -> Array:
+    """The starts, (nsim, n)."""
+    given, n = reals(x0), len(system.states)
+    if given.ndim not in (1, 2) or given.shape[-1] != n or not np.all(np.isfinite(given)):
         names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
         raise ArgumentError(
-            f"x0 = {np.asarray(x0).tolist()} must be {n} finite numbers for {system.name}: {names}"
+            f"x0 = {shown(x0)} must be {n} finite numbers for {system.name}: {names}"
         )
-    h = _timestep(plants, timestep)
-    period = h if control_period is None else float(control_period)
-    stride = round(period / h) if math.isfinite(period) else 0
+    return np.atleast_2d(given)
+
+
+def _require_alike(plants: tuple[Plant, ...], controllers: tuple[Controller, ...]) -> None:
+    """Refuse a batch that one compiled loop cannot run."""
+    system, kind, first = plants[0].system, type(plants[0]), controllers[0]
+    if any(p.system is not system or type(p) is not kind for p in plants):
+        raise ArgumentError("all plants of a batch must be of one system and of one kind")
+    if any(c.law is not first.law for c in controllers):
+        raise ArgumentError("all controllers of a batch must have the same law")
+    several = dict.fromkeys(controllers)
+    if len(several) == 1:
+        return
+    if len({record_dtype(c.parameters) for c in several if is_dataclass(c.parameters)}) > 1:
+        raise ArgumentError("all controllers of a batch must have the same kinds of numbers")
+    if len({record_dtype(memory()) for memory in dict.fromkeys(c.memory for c in several)}) > 1:
+        raise ArgumentError("all controllers of a batch must have the same kind of memory")
+
+
+def _require_designed_for(system: System, controller: Controller) -> None:
+    """Refuse a controller of another system."""
+    designed = controller.error.system if controller.error else system
+    if designed is not system:
+        raise ArgumentError(
+            f"{controller.name} is designed for {designed.name}, the plant is {system.name}"
+        )
+
+
+def _stride(
+    control_period: float | None, h: float, controllers: tuple[Controller, ...]
+) -> tuple[int, float]:
+    """Timesteps in a control period, and the period [s]."""
+    period = h if control_period is None else real(control_period)
+    if not period <= LONGEST:
+        raise ArgumentError(
+            f"control period {shown(control_period)} s must be a multiple of the timestep {h:g} s, "
+            f"at most {LONGEST:g} s"
+        )
+    stride = max(0, round(period / h))
     if stride < 1 or not math.isclose(stride * h, period, rel_tol=1e-9):
         raise ArgumentError(
             f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
@@ -86,30 +186,36 @@ def prepare(
             raise ArgumentError(
                 f"{each.name} is designed for a control period of {wanted:g} s, not {period:g} s"
             )
-    if not (math.isfinite(duration) and duration > 0):
-        raise ArgumentError(f"duration {duration:g} s must be finite and positive")
-    if threads < 0:
-        raise ArgumentError(f"threads = {threads} must be 0 (all cores) or more")
-    if duration / h > _MOST_STEPS:
+    return stride, period
+
+
+def _steps(duration: float, h: float) -> int:
+    """Timesteps of a run, rounded up."""
+    seconds = real(duration)
+    if not SHORTEST <= seconds <= LONGEST:
+        raise ArgumentError(f"duration {shown(duration)} s must be finite and positive, {_BOUNDS}")
+    if seconds / h > _MOST_STEPS:
         raise ArgumentError(
-            f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "
+            f"duration {seconds:g} s is {seconds / h:.3g} timesteps of {h:g} s: at most "
             f"{_MOST_STEPS:.0e} are made"
         )
-    steps = math.ceil(duration / h * (1 - 1e-12))
-    problem = Problem(
-        plants=_repeat(plants, nsim),
-        controllers=_repeat(controllers, nsim),
-        x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, n))),
-        steps=steps,
-        stride=stride,
-        timestep=h,
-        control_period=period,
-        disturbances=tuple(map(tuple, lists)),
-        record=record,
-        threads=threads,
-    )
-    _check_disturbances(problem)
-    return problem, single
+    return math.ceil(seconds / h * (1 - 1e-12))
+
+
+def _threads(threads: int) -> int:
+    """Threads of the native engine."""
+    whole = isinstance(threads, (int, np.integer)) and not isinstance(threads, bool)
+    if not whole or not 0 <= threads <= _MOST_THREADS:
+        raise ArgumentError(
+            f"threads = {shown(threads)} must be 0 (all cores) or more, a whole number up to "
+            f"{_MOST_THREADS}"
+        )
+    return int(threads)
+
+
+def _require_flag(name: str, value: bool) -> None:
+    """Refuse what is neither true nor false."""
+    require(name, value, (bool, np.bool_), "True or False")
 
 
 def _check_disturbances(problem: Problem) -> None:
@@ -123,8 +229,10 @@ def _check_disturbances(problem: Problem) -> None:
 
 
 def _sequence(items: Item | Sequence[Item]) -> tuple[Item, ...]:
-    """A tuple of what may be one item or several."""
-    return tuple(items) if isinstance(items, Sequence) else (items,)
+    """A tuple of what may be one item or several; a text is one, and a wrong one."""
+    if isinstance(items, Sequence) and not isinstance(items, (str, bytes)):
+        return tuple(items)
+    return (items,)  # pyright: ignore[reportReturnType]
 
 
 def _repeat(items: tuple[Item, ...], count: int) -> tuple[Item, ...]:
@@ -135,7 +243,7 @@ def _repeat(items: tuple[Item, ...], count: int) -> tuple[Item, ...]:
 def _disturbance_lists(disturbances: Disturbances) -> list[list[Disturbance]]:
     """One list of disturbances for all simulations, or one for each."""
     if not isinstance(disturbances, Sequence):
-        raise ArgumentError(f"disturbances = {disturbances!r} must be a list of Disturbance")
+        raise ArgumentError(f"disturbances = {shown(disturbances)} must be a list of Disturbance")
     if disturbances and isinstance(disturbances[0], (list, tuple)):
         lists = [list(item) if isinstance(item, Sequence) else [item] for item in disturbances]
         if not all(isinstance(item, (list, tuple)) for item in disturbances):
@@ -144,23 +252,25 @@ def _disturbance_lists(disturbances: Disturbances) -> list[list[Disturbance]]:
         lists = [list(disturbances)]
     for item in (item for items in lists for item in items):
         if not isinstance(item, Disturbance):
-            raise ArgumentError(f"{item!r} is no Disturbance")
+            raise ArgumentError(f"{shown(item)} is no Disturbance")
     return lists  # pyright: ignore[reportReturnType]
 
 
 def _timestep(plants: tuple[Plant, ...], timestep: float | None) -> float:
     """The one physics timestep of all plants."""
     if isinstance(plants[0], AnalyticPlant):
-        h = ANALYTIC_TIMESTEP if timestep is None else float(timestep)
-        if not (math.isfinite(h) and h > 0):
-            raise ArgumentError(f"timestep {h:g} s must be finite and positive")
+        h = ANALYTIC_TIMESTEP if timestep is None else real(timestep)
+        if not SHORTEST <= h <= LONGEST:
+            raise ArgumentError(
+                f"timestep {shown(timestep)} s must be finite and positive, {_BOUNDS}"
+            )
         return h
     steps = {p.step_length for p in plants if isinstance(p, MujocoPlant)}
     if len(steps) > 1:
         raise ArgumentError(f"the plants have different timesteps: {sorted(steps)} s")
     h = steps.pop()
-    if timestep is not None and not math.isclose(timestep, h, rel_tol=1e-12):
+    if timestep is not None and not math.isclose(real(timestep), h, rel_tol=1e-12):
         raise ArgumentError(
-            f"timestep {timestep:g} s is not the model's {h:g} s: load the plant with it"
+            f"timestep {shown(timestep)} s is not the model's {h:g} s: load the plant with it"
         )
     return h

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
+from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.native_pushes import is_known
 from grosmc_mj.simulation.records import record_dtype
@@ -106,6 +107,18 @@ class Problem:
         tables = [wrench_table(items, bodies, instants) for items in self.disturbances]
         return np.stack([nothing if table is None else table for table in tables])
 
+    def alone(self, run: int) -> Problem:
+        """One of the simulations, of which the end only is kept."""
+        lists = self.disturbances
+        return replace(
+            self,
+            plants=self.plants[run : run + 1],
+            controllers=self.controllers[run : run + 1],
+            x0=self.x0[run : run + 1],
+            disturbances=lists if len(lists) == 1 else lists[run : run + 1],
+            record=False,
+        )
+
     def wrench(self, run: int) -> Array | None:
         """Disturbances of one simulation, (steps, 6 * bodies)."""
         return None if self.wrenches is None else self.wrenches[min(run, len(self.wrenches) - 1)]
@@ -115,17 +128,20 @@ class Problem:
 FAILED = -1
 
 
-def refuse_failed(problem: Problem, status: int) -> None:
+def refuse_failed(problem: Problem, status: NDArray[Any]) -> None:
     """Refuse to go on after a law that raised an error in compiled code.
 
+    Args:
+        problem: What is run.
+        status: What is noted of each simulation, (nsim,).
+
     Raises:
-        ArgumentError: If one did.
+        FailedInCompiledCodeError: If one did.
     """
-    if status == FAILED:
-        raise ArgumentError(
-            f"{problem.controller.name} raised an error in compiled code: run it with "
-            "engine='python' to see where"
-        )
+    failed = np.flatnonzero(status == FAILED)
+    if len(failed):
+        run = int(failed[0])
+        raise FailedInCompiledCodeError(problem.controllers[run].name, run)
 
 
 @dataclass(eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, shown
 
 
 def record_dtype(value: Any) -> np.dtype[np.void]:
@@ -19,6 +19,10 @@ def record_dtype(value: Any) -> np.dtype[np.void]:
     Raises:
         ArgumentError: If a field is of another kind.
     """
+    if not is_dataclass(value) or isinstance(value, type):
+        raise ArgumentError(
+            f"a law's numbers are {shown(value)}, must be a dataclass of numbers and arrays"
+        )
     members = []
     for item in fields(value):
         member = getattr(value, item.name)

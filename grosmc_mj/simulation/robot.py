@@ -78,7 +78,7 @@ class Robot:
     @property
     def limits(self) -> Array:
         """Least and largest torque of each joint [N m or N], (n, 2); infinite for none."""
-        model = self.plant.model
+        model = self.plant.model_with_userdata(0)
         free = np.tile([-np.inf, np.inf], (self.joints, 1))
         return np.where(model.actuator_ctrllimited[:, None] != 0, model.actuator_ctrlrange, free)
 

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from grosmc_mj.arguments import require_each
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.actuators import torque_drives, write_drives
 from grosmc_mj.simulation.models import compile_spec
@@ -136,7 +137,9 @@ def _keep(
 
 def _chosen(kind: str, names: Iterable[str], valid: Sequence[str]) -> list[str]:
     """Names that exist, each once."""
-    chosen = [names] if isinstance(names, str) else list(names)
+    chosen = [names] if isinstance(names, str) else names
+    require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
+    chosen = list(chosen)
     for name in chosen:
         if name not in valid:
             raise ModelError(unknown_name(kind, name, valid))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,6 +61,8 @@ def simulate(
         DivergenceError: If a single run diverges. In a batch the status says so.
         UndefinedLawError: If a single run reaches a state where its law or plant is undefined.
     """
+    if not isinstance(engine, str) or engine not in get_args(Engine):
+        raise ArgumentError(unknown_name("engine", engine, get_args(Engine)))
     problem, single = prepare(
         plant,
         controller,
@@ -72,12 +74,7 @@ def simulate(
         record=record,
         threads=threads,
     )
-    if engine == "native":
-        result = run_native(problem)
-    elif engine == "python":
-        result = run_python(problem)
-    else:
-        raise ArgumentError(unknown_name("engine", engine, ("native", "python")))
+    result = run_native(problem) if engine == "native" else run_python(problem)
     trajectory = _trajectory(problem, result)
     if not single:
         return trajectory

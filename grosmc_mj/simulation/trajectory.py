@@ -13,12 +13,13 @@ from grosmc_mj.plants import System
 
 
 class Status(Enum):
-    """How a run ended."""
+    """How a run ended; ``UNDEFINED_INPUT`` where the law returned no finite number."""
 
     COMPLETED = 0
     UNDEFINED_LAW = 1
     SINGULAR_PLANT = 2
     DIVERGED = 3
+    UNDEFINED_INPUT = 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import require, require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import (
@@ -24,6 +25,7 @@ from grosmc_mj.control.design import (
     linearized_lqr,
     realized,
     regulating_grosmc,
+    require_analytic,
     tracking_grosmc,
 )
 from grosmc_mj.control.error_coordinates import ErrorCoordinates
@@ -235,6 +237,16 @@ def chapter_controller(
         ArgumentError: If the system has no such controller.
         GainError: If the design fails for these numbers.
     """
+    require_analytic("nominal", nominal)
+    require("name", name, str, "the name of a controller")
+    require("realization", realization, Realization, "a Realization")
+    require("design", design, (str, type(None)), "the name of a design")
+    if model is not None:
+        require_each("model", model, np.ndarray, "(A, B), such as linearize(...) gives")
+        if len(model) != 2:
+            raise ArgumentError(f"model has {len(model)} matrices, must be (A, B)")
+    if (design or nominal.system.name) not in DESIGNS:
+        raise ArgumentError(unknown_name("design", design or nominal.system.name, DESIGNS))
     designs = DESIGNS[design or nominal.system.name]
     valid = [*designs.build, *designs.aliases, *designs.further]
     if name not in valid:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from grosmc_mj.casefile.schema import CaseFile
 from grosmc_mj.casefile.user_code import blamed
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.simulation.inputs import require_answer
 from grosmc_mj.validation.case_laws import control_period_of, controller_of
 from grosmc_mj.validation.cases import Case, case_of, shipped_files
 from grosmc_mj.validation.requirements import Limit, limits
@@ -63,29 +64,9 @@ class Experiment:
 
     def _run(self, plant: PlantName, law: Controller) -> RunResult:
         """One controller on one plant."""
-        self._try(law)
-        meant = (self.case, plant, law, self.subject.plants[plant])
-        try:
-            return run_on(*meant, self.settings)
-        except ArgumentError:
-            if self.settings.engine == "python":
-                raise
-        # A law that raises an error says where in Python only.
-        return run_on(*meant, replace(self.settings, engine="python"))
-
-    def _try(self, law: Controller) -> None:
-        """Ask a law once in Python: compiled code does not say where it fails, or that it does."""
-        memory, _kept_alive = law.begin()
-        # Of a law of the user's own itself: what notes its v would fail first.
-        asked = getattr(law.law, "own", law.law)
-        given = asked(0.0, np.array(self.case.x0), memory, law.parameters)
-        m, u = len(self.subject.system.inputs), np.ravel(np.asarray(given, object)).tolist()
-        wanted = "a number" if m == 1 else f"a tuple of {m} numbers"
-        numbers = all(isinstance(each, (int, float, np.floating)) for each in u)
-        if not numbers or len(u) != m or (m == 1) != (np.ndim(given) == 0):
-            raise ArgumentError(f"{law.name} returned {given!r} at t = 0, must return {wanted}")
-        if not np.all(np.isfinite(np.array(u, float))) and not memory.undefined:
-            raise ArgumentError(f"{law.name} returned {given!r} at t = 0, which is not finite")
+        # Compiled code does not say where a law fails, or that it does.
+        require_answer(law, np.array(self.case.x0), len(self.subject.system.inputs))
+        return run_on(self.case, plant, law, self.subject.plants[plant], self.settings)
 
     def document(self) -> dict[str, Any]:
         """The resolved file as plain values."""

@@ -43,6 +43,7 @@ _ENDED = {
     Status.UNDEFINED_LAW: "law undefined",
     Status.SINGULAR_PLANT: "plant singular",
     Status.DIVERGED: "diverged",
+    Status.UNDEFINED_INPUT: "input undefined",
 }
 
 

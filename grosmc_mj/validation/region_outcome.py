@@ -62,6 +62,8 @@ _ENDED_EARLY = {
     Status.UNDEFINED_LAW: Outcome.LEFT,
     Status.SINGULAR_PLANT: Outcome.SINGULAR,
     Status.DIVERGED: Outcome.DIVERGED,
+    # No law of the package ends so while its state is bounded.
+    Status.UNDEFINED_INPUT: Outcome.DIVERGED,
 }
 
 

@@ -75,7 +75,7 @@ def test_mutated_command_lines(tmp_path: Path, capfd: pytest.CaptureFixture[str]
         for command in COMMANDS:
             for index in range(_TRIED):
                 case.write_text(CASE)
-                words = mutated(command.split(), rng)
+                words = mutated(list[str](command.split()), rng)
                 places = {
                     "CASE": str(case),
                     "OUT": str(tmp_path / "out"),

@@ -1,0 +1,295 @@
+"""Every public name with arguments of every wrong kind: one line of ours, never another error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import grosmc_mj as gm
+from grosmc_mj.plants import SERVO
+from grosmc_mj.simulation.models import load_spec
+
+# What somebody may give by mistake: other kinds, shapes and sizes.
+ODD: dict[str, Any] = {
+    "None": None,
+    "text": "1",
+    "empty": "",
+    "nan": math.nan,
+    "infinite": math.inf,
+    "negative": -1.0,
+    "tiny": 1e-300,
+    "huge": 1e300,
+    "integer beyond floats": 10**400,
+    "complex": 1j,
+    "true": True,
+    "ragged": [[0.0], [0.0, 1.0]],
+    "texts": ["0", "0"],
+    "nan array": np.array([math.nan, 0.0]),
+    "masked": np.ma.masked_array([0.0, 0.0], [True, False]),
+    "dates": np.array(["2020-01-01", "2020-01-02"], "datetime64[D]"),
+    "booleans": np.array([True, False]),
+    "empty list": [],
+    "matrix": np.eye(3),
+    "set": {1.0, 2.0},
+    "dict": {"a": 1.0},
+    "generator": (x for x in ()),
+    "function": lambda *_: 0.0,
+    "class": float,
+    "object": object(),
+    "path": Path("model.xml"),
+}
+
+
+def law(t: float, x: Any, memory: Any, p: Any) -> float:
+    return -p.k * x[0]
+
+
+@cache
+def servo() -> gm.MujocoPlant:
+    return gm.MujocoPlant.load("servo")
+
+
+@cache
+def analytic() -> gm.AnalyticPlant:
+    return servo().analytic()
+
+
+@cache
+def lqr_law() -> gm.Controller:
+    return gm.chapter_controller("lqr", analytic())
+
+
+@cache
+def task() -> gm.Task:
+    error = gm.ErrorCoordinates(SERVO, gm.constant(2))
+    return gm.Task(analytic(), error, gm.Setpoint(1.0), np.eye(2), 1.0)
+
+
+def uncertainty(**changes: Any) -> gm.Uncertainty:
+    given: dict[str, Any] = {
+        "scales": {"J": (1.0, 3.0)},
+        "wrench": (0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        "region": (1.2, 1.2),
+        "reaching_rate": 0.2,
+    }
+    return gm.Uncertainty(**{**given, **changes})
+
+
+@cache
+def recorded() -> gm.Trajectory:
+    return gm.simulate(servo(), lqr_law(), [0.0, 0.0], duration=0.002)
+
+
+def take() -> gm.Take:
+    return gm.Take("lqr", "black", recorded())
+
+
+def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Public functions and classes, each with arguments that it takes."""
+    plain = {"plant": servo(), "controller": lqr_law(), "x0": [0.0, 0.0], "duration": 0.002}
+    x, b = sp.symbols("x b")
+    chain = {"states": {"x": "m"}, "inputs": {"u": "N"}, "f": [-b * x], "g": [1], "h": [x]}
+    signals = {"states": SERVO.states, "inputs": SERVO.inputs, "equations": SERVO.equations}
+    weights = {"Q": np.eye(2), "R": 1.0}
+    return {
+        "simulate": (
+            gm.simulate,
+            {**plain, "control_period": None, "timestep": None, "disturbances": ()}
+            | {"engine": "native", "record": True, "threads": 1},
+        ),
+        "simulate of equations": (
+            gm.simulate,
+            {**plain, "plant": analytic(), "timestep": 1e-3, "engine": "python"},
+        ),
+        "custom_controller": (
+            gm.custom_controller,
+            {"name": "k", "law": law, "like": lqr_law(), "numbers": {"k": 1.0}},
+        ),
+        "chapter_controller": (
+            gm.chapter_controller,
+            {"name": "lqr", "nominal": analytic(), "realization": gm.Realization()}
+            | {"design": None, "model": None},
+        ),
+        "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
+        "linearize": (gm.linearize, {"plant": servo(), "x": None, "u": 0.0}),
+        "load_model": (gm.load_model, {"name": "servo"}),
+        "cases": (gm.cases, {"system": "servo"}),
+        "find_switching": (gm.find_switching, {"name": "sign"}),
+        "constant": (lambda degree: gm.constant(degree), {"degree": 2}),
+        "reference": (gm.reference, {"outputs": [sp.sin(gm.TIME)], "degrees": (2,)}),
+        "affine_plant": (
+            gm.affine_plant,
+            {"name": "chain", **chain, "parameters": {"b": 1.0}, "region": True, "where": ""},
+        ),
+        "feedback_linearization": (
+            gm.feedback_linearization,
+            {"equations": SERVO.equations, "h": None},
+        ),
+        "linearized_lqr": (gm.linearized_lqr, {"task": task(), "name": "fl-lqr"}),
+        "computed_torque_pd": (
+            gm.computed_torque_pd,
+            {"task": task(), "frequency": 1.0, "damping": 1.0},
+        ),
+        "regulating_grosmc": (
+            gm.regulating_grosmc,
+            {"task": task(), "uncertainty": uncertainty(), "G": None},
+        ),
+        "tracking_grosmc": (
+            gm.tracking_grosmc,
+            {"task": task(), "k": 1.0, "epsilon": 1.0, "G": None},
+        ),
+        "MujocoPlant.load": (
+            gm.MujocoPlant.load,
+            {"name": "servo", "edits": (), "timestep": None, "integrator": None},
+        ),
+        "MujocoPlant": (
+            gm.MujocoPlant,
+            {"system": SERVO, "spec": load_spec("servo"), "edits": (), "timestep": None},
+        ),
+        "MujocoPlant.edited": (
+            lambda edit: servo().edited(edit).model,
+            {"edit": gm.BodyEdit("rotor", 2.0)},
+        ),
+        "Robot.from_mjcf": (
+            gm.Robot.from_mjcf,
+            {"model": ROBOT, "joints": None, "actuators": None, "timestep": None}
+            | {"integrator": None},
+        ),
+        "Constant": (gm.Constant, {}),
+        "Pulse": (gm.Pulse, {"start": 0.1, "stop": 0.2}),
+        "SineFrom": (gm.SineFrom, {"frequency": 1.0, "onset": 0.0, "phase": 0.0}),
+        "Disturbance": (
+            gm.Disturbance,
+            {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0), "profile": gm.Constant()},
+        ),
+        "BodyEdit": (gm.BodyEdit, {"body": "rotor", "mass_scale": 2.0, "length_scale": 1.0}),
+        "AddedMass": (gm.AddedMass, {"body": "rotor", "mass": 2.0, "position": (0, 0, 0)}),
+        "JointEdit": (
+            gm.JointEdit,
+            {"joint": "hinge", "damping": 1.0, "friction": None, "armature": None},
+        ),
+        "Realization": (
+            gm.Realization,
+            {"switching": gm.find_switching("sign"), "control_period": None},
+        ),
+        "Task": (
+            gm.Task,
+            {"plant": analytic(), "error": task().error, "reference": gm.Setpoint(1.0), **weights}
+            | {"realization": gm.Realization()},
+        ),
+        "Uncertainty": (
+            uncertainty,
+            {"scales": {"J": (1.0, 3.0)}, "wrench": (0, 0, 0, 0, 1.0, 0), "region": (1.2, 1.2)}
+            | {"reaching_rate": 0.2},
+        ),
+        "ErrorCoordinates": (
+            lambda **given: gm.ErrorCoordinates(**given).linearization,
+            {"system": SERVO, "reference": gm.constant(2), "sign": 1, "outputs": None},
+        ),
+        "Controller": (
+            lambda **given: gm.simulate(servo(), gm.Controller(**given), [0, 0], duration=0.002),
+            {"name": "lqr", "law": lqr_law().law, "parameters": lqr_law().parameters}
+            | {"memory": lqr_law().memory, "error": lqr_law().error},
+        ),
+        "System": (gm.System, {"name": "rotor", "title": "Rotor", **signals, "bodies": ("rotor",)}),
+        "AnalyticPlant": (
+            lambda **given: gm.simulate(
+                gm.AnalyticPlant(**given), lqr_law(), [0, 0], duration=0.002
+            ),
+            {"system": SERVO, "parameters": analytic().parameters, "variant": "corrected"},
+        ),
+        "Setpoint": (
+            lambda value: gm.Task(analytic(), task().error, gm.Setpoint(value), np.eye(2), 1.0),
+            {"value": 1.0},
+        ),
+        "Format": (
+            gm.Format,
+            {"width": 640, "height": 360, "fps": 30, "speed": 1.0, "camera": None, "start": 0.0},
+        ),
+        "Take": (gm.Take, {"label": "lqr", "colour": "black", "run": recorded(), "ghost": None}),
+        "Film": (
+            gm.Film,
+            {
+                "title": "lqr",
+                "model": servo().model,
+                "takes": (take(),),
+            }
+            | {"format": gm.Format()},
+        ),
+    }
+
+
+ROBOT = """
+<mujoco model="one"><worldbody><body name="link"><joint name="hinge" axis="0 1 0"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.5" mass="1"/></body></worldbody>
+<actuator><motor name="motor" joint="hinge"/></actuator></mujoco>
+"""
+CALLS = valid_calls()
+ODD_CALLS = [
+    pytest.param(name, argument, id=f"{name}: {argument}")
+    for name, (_, valid) in CALLS.items()
+    for argument in valid
+]
+
+
+def test_every_public_name_is_called() -> None:
+    """Errors, results and what the others are made of are not called by a user."""
+    made = {"DivergenceError", "GrosmcError", "Status", "TIME", "Trajectory", "environments"}
+    like = {"Setpoints", "Signal", "write_film", "MujocoPlant", "Robot"}
+    assert set(gm.__all__) - made - like <= set(CALLS)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_the_valid_call_is_valid(name: str) -> None:
+    call, valid = CALLS[name]
+    call(**valid)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "argument"), ODD_CALLS)
+def test_an_odd_argument_is_refused_in_one_line_or_taken(name: str, argument: str) -> None:
+    call, valid = CALLS[name]
+    for odd, value in ODD.items():
+        try:
+            call(**{**valid, argument: value})
+            continue
+        except gm.GrosmcError as error:
+            one_line = len(str(error)) > 0 and "\n" not in str(error)
+            said = "" if one_line else "more than one line"
+        except Exception as error:
+            said = type(error).__name__
+        if said:
+            pytest.fail(f"{argument} = {odd}: {said}")
+
+
+# What an argument takes of the odd values, where it takes any.
+NUMBERS = {"negative", "tiny", "huge", "infinite", "integer beyond floats"}
+TEXTS = {"text", "empty"}
+OPTIONAL = {"None", "empty list", "dict", "function", "class", "true"}
+
+
+def test_what_is_no_number_no_text_and_no_option_is_never_taken() -> None:
+    """Nothing comes of a NaN, a date, a set, a mask, rows of different lengths, an object."""
+    taken = {
+        odd
+        for call, valid in CALLS.values()
+        for argument in valid
+        for odd in ODD.keys() - NUMBERS - TEXTS - OPTIONAL
+        if accepts(call, {**valid, argument: ODD[odd]})
+    }
+    assert not taken
+
+
+def accepts(call: Callable[..., Any], arguments: dict[str, Any]) -> bool:
+    try:
+        call(**arguments)
+    except gm.GrosmcError:
+        return False
+    return True
