@@ -75,7 +75,7 @@ def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
     try:
         if isinstance(value, numbers.Real) and not isinstance(value, bool):
             return format(value, "g")
-        text = written(value.tolist() if hasattr(value, "tolist") else value)
+        text = written(value.tolist() if getattr(value, "ndim", 0) else value)
     # What is wrong with a value may be that it cannot even be written.
     except Exception:
         return f"a {type(value).__name__}"

@@ -148,7 +148,7 @@ WRONG = [
     ("k = 18", '[task]\nreference = ["1/t"]', "no value at t = 0"),
     ("mass_scale = 2", 'mass_scale = 2\nadded_mass = "1 kg"', "write two [[edit]]"),
     ("mass_scale = 2", 'mass_scale = 2\nat = ["1 m", "0 m", "0 m"]', "give it one"),
-    ('"1 s"', '"1e12 s"', "at most 1e+08 are made"),
+    ('"1 s"', '"1e12 s"', "from 1e-09 to 1e+09 s"),
     ('"1 s"', '"1 s**2**9**9**9"', "is no unit"),
     ('"10 mrad"', '"10 mrad"\nafter = "1 s"', "after is for stays_within"),
     ('deviation_below = "10 mrad"', 'stays_within = "1 rad"\nafter = "2 s"', "has ended"),
