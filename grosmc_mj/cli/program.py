@@ -49,8 +49,11 @@ def execute(arguments: Sequence[str]) -> int:
     """
     command = _parse(arguments)
     _import_mujoco()
+    from grosmc_mj.simulation.quiet import warnings_counted_only
+
     module, action = _ACTIONS[type(command).__name__]
-    return getattr(importlib.import_module(f"grosmc_mj.cli.{module}"), action)(command)
+    with warnings_counted_only():
+        return getattr(importlib.import_module(f"grosmc_mj.cli.{module}"), action)(command)
 
 
 def _import_mujoco() -> None:

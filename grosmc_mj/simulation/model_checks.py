@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.errors import ModelError
+from grosmc_mj.errors import ModelError, shown
 
 # Arrays that the motion depends on, by the first part of their names, and whose they are.
 _OWNERS = {
@@ -60,9 +60,11 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
         name: Of the model, in messages.
 
     Raises:
-        ModelError: If the timestep is not from 1e-9 to 1 s, or a number that the motion depends on
-            is not finite, with the name of what has it.
+        ModelError: If the timestep is not from 1e-9 to 1 s, a number that the motion depends on is
+            not finite, with the name of what has it, or a name cannot be printed.
     """
+    if not model.names.decode(errors="replace").replace("\0", "").isprintable():
+        raise ModelError(f"{shown(name, str)}: a name in it has characters that cannot be printed")
     h = float(model.opt.timestep)
     if not _SHORTEST <= h < _LONGEST:
         raise ModelError(

@@ -9,6 +9,7 @@ import mujoco
 from grosmc_mj.errors import ModelError, SetupError
 from grosmc_mj.plants import find_system
 from grosmc_mj.simulation.model_checks import refuse_unusable
+from grosmc_mj.simulation.quiet import quiet_reading
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 # The wheel carries the models inside the package; a checkout has them beside it.
@@ -64,7 +65,8 @@ def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjMode
         ModelError: If MuJoCo refuses the model, or nobody could simulate it.
     """
     try:
-        model = spec.compile()
+        with quiet_reading():
+            model = spec.compile()
     except ValueError as error:
         raise ModelError(f"{spec.modelname}: {' '.join(str(error).split())}") from error
     if not checked:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -18,14 +19,27 @@ def warnings_counted_only() -> Iterator[None]:
     They are counted in mjData all the same, and a run that they end says so itself. Somebody
     else's handler is left alone.
     """
-    if mujoco.get_mju_user_warning() is not None:
-        yield
-        return
-    mujoco.set_mju_user_warning(_ignore)
+    global _silent
+    with _lock:
+        ours = _silent > 0 or mujoco.get_mju_user_warning() is None
+        if ours:
+            _silent += 1
+            mujoco.set_mju_user_warning(_ignore)
     try:
         yield
     finally:
-        mujoco.set_mju_user_warning(None)
+        with _lock:
+            _silent -= ours
+            if ours and _silent == 0:
+                mujoco.set_mju_user_warning(None)
+
+
+@contextmanager
+def quiet_reading() -> Iterator[None]:
+    """Read or compile a model without a word of MuJoCo's about it: what is wrong is an error."""
+    with warnings_counted_only(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _ignore(_message: str) -> None:
@@ -33,7 +47,9 @@ def _ignore(_message: str) -> None:
 
 
 _lock = threading.Lock()
-# Blocks that are under way, in any thread, and the hook from before the first of them.
+# Blocks without MuJoCo's warnings that are under way, in any thread.
+_silent = 0
+# Those without errors of callbacks, and the hook from before the first of them.
 _blocks, _before = 0, sys.unraisablehook
 
 

@@ -20,6 +20,7 @@ from grosmc_mj.simulation.actuators import joint_unit
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.nominal_dynamics import InWorkspace, bias, inertia, nominal_model
+from grosmc_mj.simulation.quiet import quiet_reading
 from grosmc_mj.simulation.robot_coordinates import RobotCoordinates
 from grosmc_mj.simulation.robot_model import robot_spec
 
@@ -67,7 +68,8 @@ class Robot:
         Raises:
             ModelError: If the model is no such robot, with the reason and what to do.
         """
-        spec, converted = robot_spec(model, joints, actuators)
+        with quiet_reading():
+            spec, converted = robot_spec(model, joints, actuators)
         return cls(MujocoPlant(_system(spec), spec, (), timestep, integrator), converted)
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import json
 import platform
@@ -131,8 +132,12 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **installed(_PACKAGES)}
 
 
+@functools.cache
 def git_revision() -> str | None:
-    """The checkout's revision, with ``-dirty`` if it has changes; None outside a checkout."""
+    """The checkout's revision, with ``-dirty`` if it has changes; None outside a checkout.
+
+    As it was when this process first asked: that is the code that it runs.
+    """
     folder = Path(__file__).parent
     try:
         top = _git(folder, "rev-parse", "--show-toplevel")

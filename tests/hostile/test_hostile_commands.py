@@ -82,6 +82,6 @@ def test_mutated_command_lines(tmp_path: Path, capfd: pytest.CaptureFixture[str]
                     "f.mp4": "/dev/null/f.mp4",
                 }
                 given = [places.get(word, word.replace("\0", "")) for word in words]
-                hostile.run(f"{command} {index}: {given!r:.200}", *given)
+                hostile.run(f"{command} {index}: {given!r:.200}", *given, leaves=True)
                 tried += 1
     hostile.finish(tried)

@@ -16,8 +16,10 @@ from grosmc_mj.validation.cases import CASES, shipped_files
 pytestmark = pytest.mark.slow
 
 # Mutants of each file; those of files whose laws take long to design are fewer.
-CHEAP, DEAR = 60, 4
-_CHEAP = ("arm", "servo", "two_link_arm", "starter")
+CHEAP, DEAR = 60, 2
+_DEAR = ("cart_pendulum", "cartpole", "starter", "two_link_arm/regulation")
+# The Jaco's take seconds each, whatever is in them; other robots are in test_hostile_models.
+_LEFT_OUT = "jaco"
 
 
 def texts() -> dict[str, str]:
@@ -33,9 +35,10 @@ def texts() -> dict[str, str]:
             text = text.replace("[plant]\n", '[plant]\ncompare = ["physics"]\n', 1)
         # A formula of one's own is the way to what executes text.
         if name == "arm/nominal":
+            text = text.replace("[run]\n", '[run]\nengine = "python"\n')
             text += '\n[task]\nreference = ["0.1*sin(2*t)"]\n'
         short[name] = text
-    return short
+    return {name: text for name, text in short.items() if not name.startswith(_LEFT_OUT)}
 
 
 @pytest.mark.parametrize("half", [0, 1])
@@ -44,7 +47,7 @@ def test_mutated_case_files(half: int, tmp_path: Path, capfd: pytest.CaptureFixt
     with trial(capfd, tmp_path) as hostile:
         for name, text in list(texts().items())[half::2]:
             rng = random.Random(f"{name} 1")
-            for index in range(CHEAP if name.startswith(_CHEAP) else DEAR):
+            for index in range(DEAR if name.startswith(_DEAR) else CHEAP):
                 kind, changed = mutant(text, rng, str(hostile.canary))
                 file = tmp_path / "case.toml"
                 file.write_text(changed, encoding="utf-8")

@@ -1,0 +1,219 @@
+"""Damaged and forged campaign folders: one line, or what the undamaged folder says."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from campaign_cases import pair
+from mutation import TEXTS, code
+from trial import LINE, Trial, trial
+
+from grosmc_mj import cli
+
+pytestmark = pytest.mark.slow
+
+_RUNS, _SHARD, _TRIED = 12, 3, 143
+# Values where a manifest has others, as JSON writes them.
+_ODD: tuple[Any, ...] = (
+    None, True, 0, -1, 10**30, 1e308, "", "..", "canary:law", "/etc", "a\0b", "\x1b[31m", [], {},
+    [[[]]], {"a": 1}, *TEXTS[:6],
+)  # fmt: skip
+
+
+def asked(file: Path, folder: Path, seed: int = 5) -> list[Any]:
+    """The campaign's command line."""
+    sizes = ("--runs", _RUNS, "--shard", _SHARD, "--seed", seed, "--no-figures")
+    return ["campaign", file, *sizes, "--out", folder]
+
+
+def part(folder: Path, rng: random.Random) -> Path:
+    """One of the parts."""
+    return rng.choice(sorted((folder / "parts").glob("*.parquet")))
+
+
+def leaf(folder: Path, rng: random.Random, canary: str) -> None:
+    """Another value somewhere in the manifest."""
+    path = folder / "manifest.json"
+    content = json.loads(path.read_text())
+    places = list(leaves(content))
+    table, key = rng.choice(places)
+    value = rng.choice(_ODD)
+    table[key] = value.replace("CANARY", code(canary)) if isinstance(value, str) else value
+    path.write_text(json.dumps(content))
+
+
+def leaves(value: Any) -> Any:
+    """Where the values of nested tables are."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, item in items:
+        yield value, key
+        if isinstance(item, (dict, list)):
+            yield from leaves(item)
+
+
+def text_of_the_question(folder: Path, rng: random.Random, canary: str) -> None:
+    """A case file that would execute something."""
+    path = folder / "manifest.json"
+    content = json.loads(path.read_text())
+    text = content["question"]["text"]
+    task = f"[task]\nreference = ['''sin(\"{code(canary)}\")''']\n"
+    content["question"]["text"] = rng.choice((
+        text.replace('law = "lqr"', 'law = "canary:law"', 1), text + task,
+    ))  # fmt: skip
+    path.write_text(json.dumps(content))
+
+
+def cut(folder: Path, rng: random.Random, canary: str) -> None:
+    """A file that ends too early."""
+    path = rng.choice((folder / "manifest.json", part(folder, rng)))
+    content = path.read_bytes()
+    path.write_bytes(content[: rng.randrange(len(content))])
+
+
+def flipped(folder: Path, rng: random.Random, canary: str) -> None:
+    """A bit that is another."""
+    path = part(folder, rng)
+    content = bytearray(path.read_bytes())
+    content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+    path.write_bytes(content)
+
+
+def noise(folder: Path, rng: random.Random, canary: str) -> None:
+    """A file of something else."""
+    path = rng.choice((folder / "manifest.json", part(folder, rng)))
+    path.write_bytes(
+        rng.choice((b"", b"\0" * 99, rng.randbytes(500), b"[" * 3000, b"{}", b"1", b"nan"))
+    )
+
+
+def swapped(folder: Path, rng: random.Random, canary: str) -> None:
+    """Two parts in each other's place."""
+    first, second = rng.sample(sorted((folder / "parts").glob("*.parquet")), 2)
+    content = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(content)
+
+
+def of_another_seed(folder: Path, rng: random.Random, canary: str) -> None:
+    """A part of the same campaign with other numbers."""
+    mine = part(folder, rng)
+    shutil.copy(folder.with_name("other") / "parts" / mine.name, mine)
+
+
+def rewritten(change: Callable[[pa.Table, random.Random], pa.Table]) -> Callable[..., None]:
+    """A part with other rows or columns, and all that it says of itself."""
+
+    def rewrite(folder: Path, rng: random.Random, canary: str) -> None:
+        path = part(folder, rng)
+        table = pq.read_table(path)
+        pq.write_table(change(table, rng).replace_schema_metadata(table.schema.metadata), path)
+
+    return rewrite
+
+
+def permuted(table: pa.Table, rng: random.Random) -> pa.Table:
+    order = list(range(table.num_rows))
+    while order == sorted(order):
+        rng.shuffle(order)
+    return table.take(order)
+
+
+def without_column(table: pa.Table, rng: random.Random) -> pa.Table:
+    return table.drop_columns([rng.choice(table.column_names)])
+
+
+def better(table: pa.Table, rng: random.Random) -> pa.Table:
+    """Every margin as if it were kept."""
+    index = table.column_names.index("relative")
+    return table.set_column(index, table.field(index), pa.array([1.0] * table.num_rows))
+
+
+def missing(folder: Path, rng: random.Random, canary: str) -> None:
+    """A file that is not there."""
+    rng.choice((folder / "manifest.json", part(folder, rng), folder / "results.json")).unlink()
+
+
+def link(folder: Path, rng: random.Random, canary: str) -> None:
+    """A link in place of a file that is written."""
+    elsewhere = folder.with_name("elsewhere")
+    elsewhere.write_text("somebody's")
+    target = rng.choice((folder / "results.json", part(folder, rng)))
+    target.unlink()
+    target.symlink_to(rng.choice((elsewhere, Path("/dev/zero"), folder / "nowhere")))
+
+
+def in_the_way(folder: Path, rng: random.Random, canary: str) -> None:
+    """A folder or a pipe in place of a file."""
+    target = rng.choice((folder / "manifest.json", part(folder, rng), folder / ".lock"))
+    target.unlink()
+    rng.choice((Path.mkdir, os.mkfifo))(target)
+
+
+DAMAGES: dict[str, Callable[[Path, random.Random, str], None]] = {
+    "leaf": leaf,
+    "text": text_of_the_question,
+    "cut": cut,
+    "flipped": flipped,
+    "noise": noise,
+    "swapped": swapped,
+    "other seed": of_another_seed,
+    "permuted": rewritten(permuted),
+    "column": rewritten(without_column),
+    "better": rewritten(better),
+    "missing": missing,
+    "link": link,
+    "in the way": in_the_way,
+}
+# What must be noticed wherever it is, by whoever adds parts.
+_ALWAYS_NOTICED = ("swapped", "other seed", "permuted", "column", "better")
+
+
+def attempt(
+    hostile: Trial, what: str, arguments: list[Any], truth: dict[str, Any], out: Path
+) -> str:
+    """Run a command on a damaged folder; what it says must be one line, or true."""
+    elsewhere = out.with_name("elsewhere")
+    end = hostile.run(what, *arguments)
+    if elsewhere.exists():
+        hostile.expect(what, elsewhere.read_text() == "somebody's", "a link was followed")
+    results = out / "results.json"
+    if end != LINE and arguments[0] == "campaign" and results.is_file():
+        hostile.expect(what, json.loads(results.read_text()) == truth, "other results")
+    return end
+
+
+def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    rng, file, whole = random.Random(3), tmp_path / "small.toml", tmp_path / "whole"
+    file.write_text(pair())
+    with trial(capfd, tmp_path) as hostile:
+        for folder, seed in ((whole, 5), (tmp_path / "other", 6)):
+            with pytest.raises(SystemExit) as stop:
+                cli.main([str(each) for each in asked(file, folder, seed)])
+            assert stop.value.code == cli.DONE
+        truth = json.loads((whole / "results.json").read_text())
+        tried = 0
+        for index in range(_TRIED):
+            kind = list(DAMAGES)[index % len(DAMAGES)]
+            damaged = tmp_path / "damaged"
+            shutil.copytree(whole, damaged)
+            DAMAGES[kind](damaged, rng, str(hostile.canary))
+            (damaged / "results.json").unlink(missing_ok=True) if rng.random() < 0.5 else None
+            resumed = [*asked(file, damaged), "--resume"]
+            replayed = ["replay", damaged, rng.randrange(_RUNS), "--no-figures"]
+            for arguments in (replayed, resumed):
+                what = f"{kind} {index} {arguments[0]}"
+                end = attempt(hostile, what, arguments, truth, damaged)
+                tried += 1
+                if kind in _ALWAYS_NOTICED and arguments is resumed:
+                    hostile.expect(what, end == LINE, "it was not noticed")
+            shutil.rmtree(damaged)
+    hostile.finish(tried)
