@@ -136,7 +136,7 @@ class Run:
     """``grosmc-mj film`` in a process group of its own, as a terminal starts it."""
 
     def __init__(self, path: Path, *arguments: str, errors: int = subprocess.PIPE) -> None:
-        self.part = path.with_name(f".{path.stem}.part{path.suffix}")
+        self.path = path
         self._run = subprocess.Popen(
             [sys.executable, "-m", "grosmc_mj.cli", "film", *arguments, "-o", str(path)],
             stdout=subprocess.PIPE,
@@ -163,8 +163,8 @@ class Run:
 
     def rendering(self) -> list[Process]:
         """The workers, once the first frame has been encoded."""
-        begun = self.part.exists() and self.part.stat().st_size > 0
-        return self.workers() if begun else []
+        begun = self.path.parent.glob(f".{self.path.stem}.*.part{self.path.suffix}")
+        return self.workers() if any(part.stat().st_size > 0 for part in begun) else []
 
     def end(self) -> tuple[int, str, str]:
         """Exit code, standard output and standard error."""
@@ -205,7 +205,7 @@ def test_an_interrupt_is_one_line_and_leaves_an_older_film_and_no_process(tmp_pa
             wait_for(run.workers if moment == "starting" else run.rendering)
             (os.killpg if whom == "group" else os.kill)(run.pid, signal.SIGINT)
         for which, run in runs.items():
-            ends[which] = (run.end(), contents(run.part.parent))
+            ends[which] = (run.end(), contents(run.path.parent))
             wait_for(lambda run=run: not run.group(), SOON)
     assert ends == expected
 
@@ -230,7 +230,7 @@ def test_workers_end_with_a_parent_that_was_killed(killed: tuple[Run, list[Proce
     run, before = killed
     assert len([each for each in before if each.is_worker]) == len(os.sched_getaffinity(0))
     wait_for(lambda: not run.group(), SOON)
-    assert (run.part.parent / "f.mp4").read_bytes() == b"an older mp4"
+    assert run.path.read_bytes() == b"an older mp4"
 
 
 def test_nobody_but_the_parent_hears_the_terminals_interrupt(
@@ -340,11 +340,27 @@ def test_what_ffmpeg_says_is_passed_on(
 # ---- places that cannot be written
 
 
+def fill_the_disk_for(suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is written to new files of this kind finds no space."""
+    opened = os.open
+
+    def open_full(path: Any, flags: int, *more: Any, **further: Any) -> int:
+        if flags & os.O_EXCL and Path(path).suffix == f".{suffix}":
+            Path(path).symlink_to("/dev/full")
+            path, flags = "/dev/full", os.O_WRONLY
+        return opened(path, flags, *more, **further)
+
+    monkeypatch.setattr("grosmc_mj.files.os.open", open_full)
+
+
 @pytest.mark.parametrize("suffix", ["mp4", "png", "gif"])
 def test_a_full_disk_is_one_line_that_says_what_to_do(
-    suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    suffix: str,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / f".f.part.{suffix}").symlink_to("/dev/full")
+    fill_the_disk_for(suffix, monkeypatch)
     assert film(tmp_path / "f.mp4", *SHORT, "--gif") == cli.WRONG
     line = one_line(capfd)
     assert f"f.{suffix}" in line
@@ -356,9 +372,9 @@ def test_a_full_disk_is_one_line_that_says_what_to_do(
 
 
 def test_a_disk_that_is_full_for_the_last_file_names_the_films_own_option(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / ".f.part.json").symlink_to("/dev/full")
+    fill_the_disk_for("json", monkeypatch)
     assert film(tmp_path / "f.mp4", *SHORT) == cli.WRONG
     line = one_line(capfd)
     assert "f.json" in line
@@ -370,9 +386,8 @@ def test_a_disk_that_is_full_for_the_last_file_names_the_films_own_option(
 def test_a_film_that_the_disk_cannot_hold_is_not_called_done(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    disk, elsewhere = tmp_path / "disk", tmp_path / "elsewhere"
+    disk = tmp_path / "disk"
     disk.mkdir()
-    elsewhere.mkdir()
     if shutil.which("mount") is None:
         pytest.skip("no mount, which makes a small disk")
     small = ["mount", "-t", "tmpfs", "-o", "size=4k", "tmpfs", str(disk)]
@@ -380,16 +395,13 @@ def test_a_film_that_the_disk_cannot_hold_is_not_called_done(
     if made.returncode:
         pytest.skip(f"cannot make a small disk: {made.stderr.strip()}")
     try:
-        # The disk is full for the film alone: what comes after it has room.
-        for name in (".f.part.png", "f.json.part"):
-            (disk / name).symlink_to(elsewhere / name)
         code = film(disk / "f.mp4", *FILM, "--fps", "10", "--to", "2", "--workers", "1")
         left = [path.name for path in disk.iterdir()]
     finally:
         subprocess.run(["umount", disk], check=True)
     assert code == cli.WRONG
     assert "f.mp4" not in left
-    assert ".f.part.mp4" not in left
+    assert not [name for name in left if ".part" in name]
     line = one_line(capfd)
     assert "f.mp4" in line
     assert "No space left on device" in line

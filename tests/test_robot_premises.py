@@ -285,6 +285,7 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
         subject=SimpleNamespace(robot=None),
         run=lambda: iter(results),
         document=dict,
+        file=SimpleNamespace(uncertain=[]),
     )
     monkeypatch.setattr(experiment, "find_file", Path)
     monkeypatch.setattr(experiment, "prepare", lambda _path: prepared)
