@@ -24,10 +24,11 @@ numbers = st.one_of(
     st.sampled_from(["pi", "2e-3", "1.5E2", ".5", "7."]),
 )
 # What depends on t: constants in functions are computed in floating point, these exactly.
+positive = numbers.filter(lambda text: float(parse_expr(text)) > 0)
 moving = st.recursive(
-    st.builds("({}*t+{})".format, numbers.filter(lambda n: float(parse_expr(n)) > 0), numbers),
+    st.builds("({}*t+{})".format, positive, numbers),
     lambda inner: st.one_of(
-        st.builds("({}{}{})".format, inner, st.sampled_from("+-*"), numbers),
+        st.builds("({}{}{})".format, inner, st.sampled_from("+-*"), positive),
         st.builds("({}+{})".format, inner, inner),
         st.builds("({})/({})".format, numbers, inner),
         st.builds("({})**{}".format, inner, st.sampled_from(["2", "3", "0.5", "(-1)", "(1/3)"])),
@@ -45,7 +46,11 @@ def read(text: str) -> sp.Expr:
 
 @given(moving)
 def test_a_valid_formula_is_what_sympy_reads(text: str):
+    # Powers of powers are bounded: 27 is not.
+    assume(text.count("**") <= 3)
     calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
+    # Nor are constants in functions exact, nor is there a quotient by zero.
+    assume(not read(text).has(sp.nan, sp.zoo))
     assume(all(read(ast.unparse(call.args[0])).has(TIME) for call in calls))
     assert formula(text, TIME) == read(text)
 
