@@ -276,3 +276,18 @@ def test_no_command_executes_a_formula(command: str, case: Path, capsys):
     assert run(command, case) == cli.WRONG
     assert "is no formula in t" in capsys.readouterr().err
     assert not canary.exists()
+
+
+@pytest.mark.slow
+def test_a_matplotlibrc_in_the_working_folder_is_not_obeyed(case: Path):
+    plain, odd = case.parent / "plain", case.parent / "odd"
+    (case.parent / "matplotlibrc").write_text("text.usetex: True\nlines.linewidth: 9\n")
+    program = f"""
+import sys
+from grosmc_mj.cli import main
+main(["run", {str(case)!r}, "--out", sys.argv[1]])
+"""
+    for out, folder in ((plain, "/"), (odd, case.parent)):
+        command = [sys.executable, "-P", "-c", program, str(out)]
+        assert subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode == 0
+    assert (plain / "small.png").read_bytes() == (odd / "small.png").read_bytes()

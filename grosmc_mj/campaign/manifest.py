@@ -34,8 +34,8 @@ _FIELDS: dict[str, type] = {
 _WORDS = {str: "text", dict: "table"}
 # What the hash is of: where a case file lies does not decide.
 _HASHED = ("configuration", "model", "sources", "versions")
-# Levels of tables and lists; our own files have six.
-_DEEPEST = 32
+# Levels of tables and lists, of which our own files have six, and characters of a file.
+_DEEPEST, _LONGEST = 32, 10**8
 # What must be the same for the same campaign.
 _DECIDING = ("configuration", "model", "sources")
 
@@ -103,7 +103,11 @@ def read_json(path: Path) -> dict[str, Any]:
     if path.exists() and not path.is_file():
         raise SetupError(f"{path}: is no file")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_LONGEST + 1)
+        if len(text) > _LONGEST:
+            raise SetupError(f"{path}: cannot be read: it has more than {_LONGEST:g} characters")
+        content = json.loads(text)
         _refuse_nesting(content)
         # Numbers that are not finite, and halves of characters.
         json.dumps(content, ensure_ascii=False, allow_nan=False).encode()

@@ -20,6 +20,8 @@ from grosmc_mj.errors import SetupError
 
 _OURS = b"grosmc_mj"
 _CHECKSUM = "sha256"
+# Bytes of a column's texts, and of each row's.
+_TEXTS, _TEXT = 2**14, 2**7
 # The count of runs that keep everything.
 EVERYTHING = "everything"
 # Counts by controller and requirement.
@@ -190,6 +192,7 @@ def _verified(file: Path, campaign: Campaign, manifest: Mapping[str, Any], index
             raise _RefusedError(
                 f"has {opened.metadata.num_rows} rows instead of {len(ids) * len(laws)}"
             )
+        _refuse_long_texts(opened.metadata)
         table = opened.read()
     if any(column.null_count for column in table.columns):
         raise _RefusedError("has rows without a value")
@@ -220,6 +223,18 @@ def _bound(said: Any, manifest: Mapping[str, Any], index: int, ids: range) -> di
         if said.get(key) != value:
             raise _RefusedError(f"has other runs than {ids.start} to {ids.stop - 1}")
     return noted
+
+
+def _refuse_long_texts(metadata: Any) -> None:
+    """Refuse texts that would fill the memory: a small file may have one that every row repeats."""
+    for index in range(metadata.num_row_groups):
+        group = metadata.row_group(index)
+        for place in range(group.num_columns):
+            column = group.column(place)
+            if column.physical_type == "BYTE_ARRAY" and (
+                column.total_uncompressed_size > _TEXTS + _TEXT * group.num_rows
+            ):
+                raise _RefusedError(f"has texts that no run has in {column.path_in_schema!r}")
 
 
 def _refuse_other_columns(there: pa.Schema, wanted: pa.Schema) -> None:

@@ -19,7 +19,7 @@ from grosmc_mj.validation.experiment import find_file
 CAMPAIGNS = Path(__file__).resolve().parents[1] / "campaigns"
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
 SHARD = 512
-_MOST_RUNS = 10**12
+_MOST_RUNS, _MOST_PARTS = 10**12, 10**7
 # Of one run [s]: eleven days.
 _LONGEST = 1e6
 # Types in a document; bool, which is an int to Python, is none of them.
@@ -79,6 +79,11 @@ class Question:
         for name, value, most in (("runs", self.runs, _MOST_RUNS), ("shard", self.shard, 10**6)):
             if not 1 <= value <= most:
                 raise ArgumentError(f"--{name} {value} must be from 1 to {most}")
+        if self.shards > _MOST_PARTS:
+            raise ArgumentError(
+                f"--runs {self.runs} in parts of {self.shard} are {self.shards} parts: at most "
+                f"{_MOST_PARTS} are kept; take a larger --shard"
+            )
         if not 0 <= self.seed < 2**63:
             raise ArgumentError(f"--seed {self.seed} must be 0 or more, below 2^63")
         if self.sampler not in SAMPLERS:

@@ -20,8 +20,10 @@ from grosmc_mj.errors import ArgumentError, shown
 
 # Of a formula: characters, parts, and how deep they are nested.
 _LONGEST, _MOST_PARTS, _DEEPEST = 1000, 200, 40
-# Of a number, and of all powers of a part together.
-_LARGEST, _LARGEST_POWER = 1e100, 64.0
+# Of a number, of all powers of a part together, and of a number in an exponent with the symbol.
+_LARGEST, _LARGEST_POWER, _LARGEST_RATE = 1e100, 64.0, 1e4
+# Functions and such exponents inside each other: sympy's work grows with powers of their number.
+_MOST_INSIDE = 5
 
 FUNCTIONS = (
     "sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan",
@@ -47,11 +49,13 @@ class _Part(NamedTuple):
         exact: As sympy has it.
         value: Its value, if it does not depend on the symbol.
         power: The largest product of exponents that stand on each other in it.
+        inside: How many functions of the symbol stand inside each other in it.
     """
 
     exact: Any
     value: float | None
     power: float = 1.0
+    inside: int = 0
 
 
 def formula(text: str, symbol: sp.Symbol) -> sp.Expr:
@@ -118,7 +122,7 @@ class _Reading:
             case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
                 inner, signed = self.part(operand, depth), _SIGNS[type(sign)]
                 value = None if inner.value is None else signed(inner.value)
-                return _Part(signed(inner.exact), value, inner.power)
+                return inner._replace(exact=signed(inner.exact), value=value)
             case ast.BinOp(left=left, op=ast.Pow(), right=right):
                 return _power(self.part(left, depth), self.part(right, depth))
             case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATORS:
@@ -164,13 +168,17 @@ def _combined(first: _Part, second: _Part, sign: Callable[[Any, Any], Any]) -> _
         value = sign(first.value, second.value)
     elif sign is operator.truediv and second.value == 0:
         raise ValueError
-    return _Part(sign(first.exact, second.exact), value, max(first.power, second.power))
+    power, inside = max(first.power, second.power), max(first.inside, second.inside)
+    return _Part(sign(first.exact, second.exact), value, power, inside)
 
 
 def _power(base: _Part, exponent: _Part) -> _Part:
     """A power, if no exact number of it grows beyond all bounds."""
-    power = max(base.power, exponent.power)
-    if exponent.value is not None:
+    power, inside = max(base.power, exponent.power), max(base.inside, exponent.inside)
+    if exponent.value is None:
+        inside = _deeper(inside)
+        _refuse_large(exponent)
+    else:
         power = max(power, base.power * abs(exponent.value))
         if power > _LARGEST_POWER:
             raise _NoFormulaError(f"has exponents of more than {_LARGEST_POWER:g} together")
@@ -179,7 +187,22 @@ def _power(base: _Part, exponent: _Part) -> _Part:
         value = math.pow(base.value, exponent.value)
     elif base.value is not None and base.value <= 0:
         raise _NoFormulaError(f"has a power of {base.value:g}, which must be positive")
-    return _Part(base.exact**exponent.exact, value, power)
+    return _Part(base.exact**exponent.exact, value, power, inside)
+
+
+def _deeper(inside: int) -> int:
+    """One more function outside of so many."""
+    if inside >= _MOST_INSIDE:
+        raise _NoFormulaError(f"has more than {_MOST_INSIDE} functions inside each other")
+    return inside + 1
+
+
+def _refuse_large(exponent: _Part) -> None:
+    """Refuse numbers in an exponent that sympy might raise something to."""
+    for number in exponent.exact.atoms(sp.Rational, sp.Float):
+        size = max(abs(number.p), number.q) if number.is_Rational else abs(number)
+        if size > _LARGEST_RATE**2 or abs(number) > _LARGEST_RATE:
+            raise _NoFormulaError(f"has an exponent with a number beyond {_LARGEST_RATE:g}")
 
 
 def _called(name: str, argument: _Part) -> _Part:
@@ -187,8 +210,11 @@ def _called(name: str, argument: _Part) -> _Part:
     if argument.value is not None:
         value = float(getattr(math, name)(argument.value))
         return _Part(sp.Float(value), value)
-    if name == "exp" and argument.exact.has(sp.log):
-        # It would become a power, whose exponent nobody has looked at.
-        raise _NoFormulaError("has a log within exp: write a power")
+    inside = _deeper(argument.inside)
+    if name == "exp":
+        _refuse_large(argument)
+        if argument.exact.has(sp.log):
+            # It would become a power, whose exponent nobody has looked at.
+            raise _NoFormulaError("has a log within exp: write a power")
     power = argument.power / 2 if name == "sqrt" else argument.power
-    return _Part(getattr(sp, name)(argument.exact), None, max(1.0, power))
+    return _Part(getattr(sp, name)(argument.exact), None, max(1.0, power), inside)

@@ -11,6 +11,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from grosmc_mj.cli.output import Output
 from grosmc_mj.errors import GrosmcError, shown
@@ -28,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Exit codes: 0 done and kept, 1 a verdict that something is not kept, 2 anything else that is
     wrong, 130 interrupted. A reader of the output that has gone changes none of them.
     """
-    _open_closed_descriptors()
+    _open_closed_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = _DEBUG in given
     given = [each for each in given if each != _DEBUG]
@@ -96,13 +97,17 @@ def _quiet(loud: bool) -> Iterator[None]:
         yield
 
 
-def _open_closed_descriptors() -> None:
+def _open_closed_streams() -> None:
     """Give standard streams that were closed to the null device.
 
-    Otherwise the next file that is opened takes their number, and gets what is printed.
+    Otherwise the next file that is opened takes their number and gets what is printed, and what
+    is for standard error is printed on standard output.
     """
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115  for as long as we run

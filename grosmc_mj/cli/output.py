@@ -20,7 +20,7 @@ class Output:
     """
 
     def __init__(self, stream: Any) -> None:
-        self._stream, self._failed = stream, stream is None
+        self._stream, self._failed = stream, False
         self.lost: str | None = None
 
     @classmethod
@@ -51,7 +51,7 @@ class Output:
     def finish(self) -> None:
         """Flush; what is left after a failure goes nowhere, not to the interpreter's end."""
         self.flush()
-        if self._failed and self._stream is not None:
+        if self._failed:
             with contextlib.suppress(OSError, ValueError):
                 null = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(null, self._stream.fileno())

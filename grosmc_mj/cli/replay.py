@@ -79,7 +79,8 @@ def _written(command: ReplayCommand, base: Path, content: Any) -> str:
     """
     from grosmc_mj.validation.results_file import write_json
 
-    if command.out is None and base.parent.is_symlink():
+    places = (base.parent, base.parent / FOLDER)
+    if command.out is None and any(place.is_symlink() for place in places):
         return f"{base.parent} leads elsewhere"
     try:
         write_json(Path(f"{base}.json"), content)

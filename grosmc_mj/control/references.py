@@ -16,7 +16,7 @@ from grosmc_mj.arguments import require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.control.vectors import each
-from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.errors import ArgumentError, GrosmcError, PremiseError, shown
 from grosmc_mj.jitable import jitable
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
@@ -49,11 +49,17 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
         raise PremiseError(
             f"{len(outputs)} outputs with relative degrees {tuple(degrees)}: give one degree each"
         )
-    rows = [
-        row
-        for output, degree in zip(map(_expression, outputs), degrees, strict=True)
-        for row in _derivatives(output, degree)
-    ]
+    try:
+        rows = [
+            row
+            for output, degree in zip(map(_expression, outputs), degrees, strict=True)
+            for row in _derivatives(output, degree)
+        ]
+    except GrosmcError:
+        raise
+    # sympy's own, of numbers beyond all bounds.
+    except (ArithmeticError, ValueError, RecursionError) as error:
+        raise ArgumentError(f"outputs = {shown(outputs)} cannot be differentiated") from error
     fields = {s for row in rows for s in row.free_symbols} - {TIME}
     places = {TIME: "t", **{s: f"p.{s}" for s in fields}}
     function: Any = generate("reference", rows, "t, p", places)

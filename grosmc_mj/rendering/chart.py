@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from grosmc_mj.arrays import Array
 from grosmc_mj.plants.system import Signal
 from grosmc_mj.rendering.board import Chart
+from grosmc_mj.rendering.figure import DEFAULTS
 from grosmc_mj.rendering.film import Film, Take
 from grosmc_mj.rendering.layout import Box, Layout
 from grosmc_mj.rendering.palette import DISTURBANCE, GRID, OPTIMUM, red_green_blue
@@ -62,6 +63,7 @@ def draw_chart(film: Film, layout: Layout) -> Chart:
 def _style(points: float) -> dict[Any, Any]:
     """Sizes that follow the frame's."""
     return {
+        **DEFAULTS,
         "font.family": "DejaVu Sans",
         "font.size": 0.8 * points,
         "axes.titlesize": 0.95 * points,

@@ -13,7 +13,12 @@ from matplotlib.figure import Figure
 from grosmc_mj.files import written_aside
 from grosmc_mj.rendering.palette import GRID
 
+# matplotlib's own settings, whatever a matplotlibrc says: one in the working folder comes first.
+DEFAULTS: dict[Any, Any] = {
+    name: value for name, value in mpl.rcParamsDefault.items() if not name.startswith("backend")
+}
 STYLE: dict[Any, Any] = {
+    **DEFAULTS,
     "font.size": 10,
     "axes.titlesize": 11,
     "axes.grid": True,
