@@ -79,6 +79,11 @@ def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
     # What is wrong with a value may be that it cannot even be written.
     except Exception:
         return f"a {type(value).__name__}"
-    line = " ".join(text[: 2 * _SHOWN].split())
-    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)
+    line = one_line(text[: 2 * _SHOWN])
     return line if len(line) <= _SHOWN and len(text) <= 2 * _SHOWN else f"{line[: _SHOWN - 3]}..."
+
+
+def one_line(text: str) -> str:
+    """A text on one line, with escapes for what would not be printed."""
+    line = " ".join(text.split())
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from grosmc_mj.cli.output import Output
-from grosmc_mj.errors import GrosmcError, shown
+from grosmc_mj.errors import GrosmcError, one_line, shown
 
 PROGRAM = "grosmc-mj"
 DONE, DIFFERS, WRONG, INTERRUPTED = 0, 1, 2, 130
@@ -68,8 +68,7 @@ def _code(arguments: Sequence[str], debug: bool) -> int:
 
 def _complain(message: str) -> int:
     """Say in one line what was wrong."""
-    line = " ".join(message.split())
-    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)
+    line = one_line(message)
     line = f"{line[: _LONGEST - 3]}..." if len(line) > _LONGEST else line
     # Whoever closed standard error does not want to know.
     with contextlib.suppress(OSError, ValueError):
