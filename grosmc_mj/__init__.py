@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from grosmc_mj import environments
     from grosmc_mj.control.controller import Controller
+    from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
+    from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
     from grosmc_mj.control.custom import custom_controller
     from grosmc_mj.control.design import (
         Realization,
@@ -21,26 +23,24 @@ if TYPE_CHECKING:
         regulating_grosmc,
         tracking_grosmc,
     )
-    from grosmc_mj.control.error_coordinates import ErrorCoordinates
-    from grosmc_mj.control.feedback_linearization import feedback_linearization
     from grosmc_mj.control.gains import Uncertainty
     from grosmc_mj.control.lqr import lqr
     from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
     from grosmc_mj.control.switching import find_switching
     from grosmc_mj.errors import DivergenceError, GrosmcError
+    from grosmc_mj.experiments.case import cases
+    from grosmc_mj.experiments.designs import chapter_controller
+    from grosmc_mj.films.film import Film, Format, Take
+    from grosmc_mj.films.write import write_film
     from grosmc_mj.plants import AnalyticPlant, Signal, System, affine_plant
-    from grosmc_mj.rendering.film import Film, Format, Take
-    from grosmc_mj.rendering.write import write_film
     from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
     from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit
     from grosmc_mj.simulation.linearization import linearize
     from grosmc_mj.simulation.models import load_model
     from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-    from grosmc_mj.simulation.robot import Robot
+    from grosmc_mj.simulation.robots.robot import Robot
     from grosmc_mj.simulation.simulate import simulate
     from grosmc_mj.simulation.trajectory import Status, Trajectory
-    from grosmc_mj.validation.cases import cases
-    from grosmc_mj.validation.designs import chapter_controller
 
 __version__ = "0.1.0"
 
@@ -49,8 +49,8 @@ _HOMES = {
     "affine_plant": "plants",
     "AnalyticPlant": "plants",
     "BodyEdit": "simulation.edits",
-    "cases": "validation.cases",
-    "chapter_controller": "validation.designs",
+    "cases": "experiments.case",
+    "chapter_controller": "experiments.designs",
     "computed_torque_pd": "control.design",
     "constant": "control.references",
     "Constant": "simulation.disturbances",
@@ -58,11 +58,11 @@ _HOMES = {
     "custom_controller": "control.custom",
     "Disturbance": "simulation.disturbances",
     "DivergenceError": "errors",
-    "ErrorCoordinates": "control.error_coordinates",
-    "feedback_linearization": "control.feedback_linearization",
-    "Film": "rendering.film",
+    "ErrorCoordinates": "control.coordinates.symbolic",
+    "feedback_linearization": "control.coordinates.feedback_linearization",
+    "Film": "films.film",
     "find_switching": "control.switching",
-    "Format": "rendering.film",
+    "Format": "films.film",
     "GrosmcError": "errors",
     "JointEdit": "simulation.edits",
     "linearize": "simulation.linearization",
@@ -74,7 +74,7 @@ _HOMES = {
     "Realization": "control.design",
     "reference": "control.references",
     "regulating_grosmc": "control.design",
-    "Robot": "simulation.robot",
+    "Robot": "simulation.robots.robot",
     "Setpoint": "control.references",
     "Setpoints": "control.references",
     "Signal": "plants",
@@ -82,13 +82,13 @@ _HOMES = {
     "SineFrom": "simulation.disturbances",
     "Status": "simulation.trajectory",
     "System": "plants",
-    "Take": "rendering.film",
+    "Take": "films.film",
     "Task": "control.design",
     "TIME": "control.references",
     "tracking_grosmc": "control.design",
     "Trajectory": "simulation.trajectory",
     "Uncertainty": "control.gains",
-    "write_film": "rendering.write",
+    "write_film": "films.write",
 }
 
 _PACKAGES = ("environments",)

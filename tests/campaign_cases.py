@@ -10,11 +10,11 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.part import checksum
-from grosmc_mj.campaign.question import Question
-from grosmc_mj.campaign.work import shards_of
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.specification import Specification
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.part import checksum
+from grosmc_mj.campaign.runs.work import shards_of
 
 PLANT = """
 [plant]
@@ -115,9 +115,9 @@ def case(
     return head + disturbances + uncertain + laws + limits
 
 
-def question(text: str, **asked: Any) -> Question:
+def specification(text: str, **asked: Any) -> Specification:
     """A question about a case file that lies nowhere: 8 runs in parts of 4 unless told."""
-    return Question(
+    return Specification(
         **{"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4, **asked}
     )
 
@@ -125,7 +125,7 @@ def question(text: str, **asked: Any) -> Question:
 @cache
 def campaign(text: str, **asked: Any) -> Campaign:
     """A campaign, designed once for all tests."""
-    return Campaign.of(question(text, **asked))
+    return Campaign.of(specification(text, **asked))
 
 
 def falling() -> Campaign:
@@ -140,7 +140,7 @@ def kept(asked: Campaign, path: Path) -> Folder:
     """A campaign run to its end, part by part in this process, and its folder."""
     folder = begun(asked, path)
     run = shards_of(asked, folder, 0)
-    for index in range(asked.question.shards):
+    for index in range(asked.specification.shards):
         run(index)
     return folder
 

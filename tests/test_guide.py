@@ -69,8 +69,8 @@ def test_the_page_on_your_own_runs_and_says_what_comes_out() -> None:
 
 
 def test_the_case_file_on_the_page_on_your_own_is_kept(tmp_path: Path) -> None:
-    from grosmc_mj.validation.experiment import prepare
-    from grosmc_mj.validation.requirements import judge_all
+    from grosmc_mj.experiments.experiment import prepare
+    from grosmc_mj.experiments.requirements import judge_all
 
     text = (DOCS / "your_own.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import grosmc_mj
+from grosmc_mj.chapter.results_table import BEGIN, END, results_table, write_table
 from grosmc_mj.errors import SetupError
-from grosmc_mj.validation.readme_table import BEGIN, END, results_table, write_table
 
 README = Path(__file__).parents[1] / "README.md"
 

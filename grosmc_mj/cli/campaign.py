@@ -15,11 +15,11 @@ from grosmc_mj.cli.campaign_commands import Campaign as CampaignCommand
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.executors import Executor
-    from grosmc_mj.campaign.findings import Findings
-    from grosmc_mj.campaign.folder import Folder
-    from grosmc_mj.campaign.radius import Radius
+    from grosmc_mj.campaign.family.campaign import Campaign
+    from grosmc_mj.campaign.findings.findings import Findings
+    from grosmc_mj.campaign.findings.radius import Radius
+    from grosmc_mj.campaign.runs.executors import Executor
+    from grosmc_mj.campaign.runs.folder import Folder
 
 FOLDER = Path("renders") / "campaigns"
 _MOST_EVALUATIONS = 10**7
@@ -27,17 +27,17 @@ _MOST_EVALUATIONS = 10**7
 
 def campaign(command: CampaignCommand) -> int:
     """Run what is missing, say what is there, search where that is asked for."""
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.document import RADIUS, RESULTS, results_document
-    from grosmc_mj.campaign.executors import make_executor
-    from grosmc_mj.campaign.findings import findings
-    from grosmc_mj.campaign.folder import Folder
-    from grosmc_mj.campaign.manifest import read_manifest, refuse_other_code
-    from grosmc_mj.campaign.question import question_of
-    from grosmc_mj.validation.results_file import write_json
+    from grosmc_mj.campaign.family.campaign import Campaign
+    from grosmc_mj.campaign.family.specification import specification_of
+    from grosmc_mj.campaign.findings.findings import findings
+    from grosmc_mj.campaign.report.document import RADIUS, RESULTS, results_document
+    from grosmc_mj.campaign.runs.executors import make_executor
+    from grosmc_mj.campaign.runs.folder import Folder
+    from grosmc_mj.campaign.runs.manifest import read_manifest, refuse_other_code
+    from grosmc_mj.report.document import write_json
 
     _check(command)
-    question = question_of(
+    specification = specification_of(
         command.target,
         runs=command.runs,
         shard=command.shard,
@@ -48,10 +48,10 @@ def campaign(command: CampaignCommand) -> int:
         duration=command.duration,
         integrator=command.integrator,
     )
-    folder = Folder(command.out or FOLDER / question.name)
+    folder = Folder(command.out or FOLDER / specification.name)
     if folder.begun:
-        refuse_other_code(folder.path, read_manifest(folder.path), question)
-    asked = Campaign.of(question)
+        refuse_other_code(folder.path, read_manifest(folder.path), specification)
+    asked = Campaign.of(specification)
     _check_axes(command, asked)
     executor = make_executor(command.executor, workers=command.workers, scheduler=command.scheduler)
     console = screen.console()
@@ -82,7 +82,7 @@ def campaign(command: CampaignCommand) -> int:
 
 def _check(command: CampaignCommand) -> None:
     """Refuse shares that are none, and too short a search, before anything is run."""
-    from grosmc_mj.campaign.worst import LEAST
+    from grosmc_mj.campaign.findings.worst import LEAST
 
     for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
         if value is not None and not 0 < value < 1:
@@ -125,10 +125,10 @@ def _run(asked: Campaign, folder: Folder, executor: Executor) -> list[str]:
     Raises:
         KeyboardInterrupt: If it is interrupted, with what is done.
     """
-    from grosmc_mj.campaign.running import missing, run_missing
+    from grosmc_mj.campaign.runs.running import missing, run_missing
 
-    parts, shards = missing(asked, folder), asked.question.shards
-    left = sum(len(asked.question.ids(index)) for index in parts) * len(asked.laws)
+    parts, shards = missing(asked, folder), asked.specification.shards
+    left = sum(len(asked.specification.ids(index)) for index in parts) * len(asked.laws)
     lines = []
     if len(parts) < shards:
         lines.append(f"{shards - len(parts)} of {shards} parts are there already.")
@@ -170,8 +170,8 @@ def _notice(line: str) -> None:
 
 def _say(console: Console, asked: Campaign, found: Findings) -> None:
     """Print what the runs say."""
-    from grosmc_mj.campaign import tables
-    from grosmc_mj.campaign.findings import ALL
+    from grosmc_mj.campaign.findings.findings import ALL
+    from grosmc_mj.campaign.report import tables
 
     console.print()
     console.print(tables.pass_rates_table(found.rates, found.cut_short, found.sampled))
@@ -182,7 +182,7 @@ def _say(console: Console, asked: Campaign, found: Findings) -> None:
         console.print(tables.paired_table(found.differences, found.units, found.looked_at))
     for law in asked.laws:
         console.print()
-        console.print(tables.drivers_table(found.drivers[law], ALL, law, found.looked_at))
+        console.print(tables.sensitivity_table(found.sensitivities[law], ALL, law, found.looked_at))
     console.print()
 
 
@@ -190,10 +190,10 @@ def _search(
     console: Console, command: CampaignCommand, asked: Campaign, folder: Folder, found: Findings
 ) -> Path:
     """Search for the worst plants."""
-    from grosmc_mj.campaign.document import WORST, worst_document
-    from grosmc_mj.campaign.search_tables import worst_table
-    from grosmc_mj.campaign.worst import worst
-    from grosmc_mj.validation.results_file import write_json
+    from grosmc_mj.campaign.findings.worst import worst
+    from grosmc_mj.campaign.report.document import WORST, worst_document
+    from grosmc_mj.campaign.report.search_tables import worst_table
+    from grosmc_mj.report.document import write_json
 
     searched = []
     with screen.progress(2 * command.evaluations * len(asked.laws), "runs") as advance:
@@ -216,10 +216,10 @@ def _search(
 
 def _grow(console: Console, asked: Campaign, folder: Folder) -> list[Radius]:
     """Look how far the uncertainty may grow."""
-    from grosmc_mj.campaign.document import RADIUS, radius_document
-    from grosmc_mj.campaign.radius import radius
-    from grosmc_mj.campaign.search_tables import radius_table
-    from grosmc_mj.validation.results_file import write_json
+    from grosmc_mj.campaign.findings.radius import radius
+    from grosmc_mj.campaign.report.document import RADIUS, radius_document
+    from grosmc_mj.campaign.report.search_tables import radius_table
+    from grosmc_mj.report.document import write_json
 
     reached = []
     with screen.progress(len(asked.laws), "controllers") as advance:
@@ -243,7 +243,13 @@ def _draw(
     reached: Sequence[Radius],
 ) -> list[Path]:
     """Draw the figures; returns one file of each."""
-    from grosmc_mj.campaign.pictures import both, draw_map, draw_margins, draw_radius, map_axes
+    from grosmc_mj.campaign.report.figures import (
+        both,
+        draw_map,
+        draw_margins,
+        draw_radius,
+        map_axes,
+    )
 
     margins, plane, grown = (both(folder.path / name) for name in ("margins", "map", "radius"))
     draw_margins(asked, found, margins)
@@ -260,7 +266,7 @@ def _draw(
 
 def _verdict(console: Console, command: CampaignCommand, found: Findings) -> int:
     """The exit code, and why."""
-    from grosmc_mj.campaign.findings import ALL
+    from grosmc_mj.campaign.findings.findings import ALL
 
     if command.at_least is None:
         return screen.DONE

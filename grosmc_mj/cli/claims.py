@@ -14,17 +14,17 @@ from grosmc_mj.cli.commands import Claims, Premises
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.claims.claim import Claim, Finding
-    from grosmc_mj.claims.laboratory import Laboratory
+    from grosmc_mj.chapter.claims.claim import Claim, Finding
+    from grosmc_mj.experiments.laboratory import Laboratory
 
 
 def claims(command: Claims) -> int:
     """Judge, print, write, compare."""
-    from grosmc_mj.claims.expected import load_expectations
-    from grosmc_mj.claims.laboratory import Laboratory
-    from grosmc_mj.claims.ledger import find_claim, select_claims
-    from grosmc_mj.validation.results_file import origin, write_json
-    from grosmc_mj.validation.runs import Settings
+    from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
+    from grosmc_mj.chapter.expected_verdicts import load_expectations
+    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.runs import Settings
+    from grosmc_mj.report.document import origin, write_json
 
     if command.explain is not None and command.system is not None:
         raise ArgumentError("--explain names one claim: leave out the system")
@@ -52,7 +52,7 @@ def claims(command: Claims) -> int:
         return _compare(console, findings, quiet=False)
     write_json(command.out / "claims.json", content)
     if command.page is not None:
-        from grosmc_mj.claims.page import write_page
+        from grosmc_mj.chapter.claims_page import write_page
 
         for path in write_page(findings, load_expectations(), lab, command.page):
             console.print(str(path), soft_wrap=True)
@@ -65,7 +65,7 @@ def claims(command: Claims) -> int:
 
 def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Finding]:
     """Judge claims with a progress bar."""
-    from grosmc_mj.claims.ledger import judge
+    from grosmc_mj.chapter.claims.ledger import judge
 
     findings = []
     with screen.progress(len(chosen), "claims") as advance:
@@ -77,8 +77,8 @@ def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Findin
 
 def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:
     """Findings as plain values."""
-    from grosmc_mj.claims.document import claim_document
-    from grosmc_mj.claims.expected import load_expectations
+    from grosmc_mj.chapter.claims_document import claim_document
+    from grosmc_mj.chapter.expected_verdicts import load_expectations
 
     expected = load_expectations()
     return [claim_document(finding, expected.get(finding.claim.id), lab) for finding in findings]
@@ -86,7 +86,7 @@ def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, An
 
 def print_ledger(console: Console, findings: Sequence[Finding]) -> None:
     """The ledger, its legend and its sum."""
-    from grosmc_mj.claims.tables import LEGEND, ledger_tables
+    from grosmc_mj.chapter.claims_tables import LEGEND, ledger_tables
 
     for table in ledger_tables(findings):
         console.print(table)
@@ -101,8 +101,8 @@ def print_ledger(console: Console, findings: Sequence[Finding]) -> None:
 
 def print_refuted(console: Console, findings: Sequence[Finding]) -> None:
     """The claims that are not supported, one line each; the rest are counted."""
-    from grosmc_mj.claims.claim import Verdict
-    from grosmc_mj.claims.tables import shown, word
+    from grosmc_mj.chapter.claims.claim import Verdict
+    from grosmc_mj.chapter.claims_tables import shown, word
 
     console.print(f"Claims of the chapter: {_counts(findings)}; grosmc-mj claims says which")
     for finding in findings:
@@ -116,7 +116,7 @@ def print_refuted(console: Console, findings: Sequence[Finding]) -> None:
 
 def _counts(findings: Sequence[Finding]) -> str:
     """How many claims have which verdict."""
-    from grosmc_mj.claims.claim import Verdict
+    from grosmc_mj.chapter.claims.claim import Verdict
 
     counts = {v: sum(f.verdict is v for f in findings) for v in Verdict}
     return ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items())
@@ -124,7 +124,7 @@ def _counts(findings: Sequence[Finding]) -> str:
 
 def _compare(console: Console, findings: Sequence[Finding], *, quiet: bool) -> int:
     """Say which verdicts are not the expected ones."""
-    from grosmc_mj.claims.expected import verdict_differences
+    from grosmc_mj.chapter.expected_verdicts import verdict_differences
 
     differing = verdict_differences(findings)
     if not quiet:
@@ -137,9 +137,9 @@ def _compare(console: Console, findings: Sequence[Finding], *, quiet: bool) -> i
 
 def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> None:
     """The story of one claim, and its figure."""
-    from grosmc_mj.claims.expected import load_expectations
-    from grosmc_mj.claims.pictures import write_picture
-    from grosmc_mj.claims.tables import story
+    from grosmc_mj.chapter.claims_figures import write_picture
+    from grosmc_mj.chapter.claims_tables import story
+    from grosmc_mj.chapter.expected_verdicts import load_expectations
 
     for line in story(finding, load_expectations().get(finding.claim.id), lab):
         console.print(line, soft_wrap=True)
@@ -149,9 +149,9 @@ def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> 
 
 def _self_test(settings: Any, chosen: Sequence[Claim], out: Path) -> int:
     """Faults, and who notices."""
-    from grosmc_mj.claims.faults import FAULTS, self_test
-    from grosmc_mj.claims.tables import caught_table
-    from grosmc_mj.validation.results_file import origin, write_json
+    from grosmc_mj.chapter.claims.faults import FAULTS, self_test
+    from grosmc_mj.chapter.claims_tables import caught_table
+    from grosmc_mj.report.document import origin, write_json
 
     console = Console(highlight=False, width=max(100, Console().width))
     with screen.progress(len(FAULTS), "faults") as advance:
@@ -173,12 +173,12 @@ def _self_test(settings: Any, chosen: Sequence[Claim], out: Path) -> int:
 
 def premises(command: Premises) -> int:
     """The premises of each case."""
-    from grosmc_mj.claims.document import audit_document
-    from grosmc_mj.claims.laboratory import Laboratory
-    from grosmc_mj.claims.premises import audit
-    from grosmc_mj.claims.tables import audit_table, worst_points
-    from grosmc_mj.validation.results_file import origin, write_json
-    from grosmc_mj.validation.runs import Settings, select_cases
+    from grosmc_mj.chapter.claims_document import audit_document
+    from grosmc_mj.chapter.claims_tables import audit_table, worst_points
+    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.runs import Settings, select_cases
+    from grosmc_mj.premises.audit import audit
+    from grosmc_mj.report.document import origin, write_json
 
     lab = Laboratory(Settings())
     cases = select_cases((command.system,), command.case)

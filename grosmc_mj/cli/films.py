@@ -16,8 +16,8 @@ from grosmc_mj.cli.commands import Doctor, Film
 from grosmc_mj.errors import ArgumentError, SetupError
 
 if TYPE_CHECKING:
-    from grosmc_mj.rendering.write import Written
-    from grosmc_mj.validation.runs import RunResult, Settings
+    from grosmc_mj.experiments.runs import RunResult, Settings
+    from grosmc_mj.films.write import Written
 
 FOLDER = "films"
 _MOST_WORKERS = 256
@@ -27,12 +27,12 @@ _LONGEST = 120.0
 
 def film(command: Film) -> int:
     """Run, render, write."""
-    from grosmc_mj.rendering.backends import find_backend
-    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
-    from grosmc_mj.rendering.film import Format
-    from grosmc_mj.validation.cases import find_case
-    from grosmc_mj.validation.films import check_request, film_of, write_case_film
-    from grosmc_mj.validation.runs import Settings, run_case
+    from grosmc_mj.experiments.case import find_case
+    from grosmc_mj.experiments.films import check_request, film_of, write_case_film
+    from grosmc_mj.experiments.runs import Settings, run_case
+    from grosmc_mj.films.film import Format
+    from grosmc_mj.films.offscreen.backends import find_backend
+    from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
 
     width, height = _size(command.size)
     form = Format(
@@ -102,9 +102,9 @@ def film_results(
     console: Console, results: Sequence[RunResult], settings: Settings, folder: Path
 ) -> None:
     """Film every case of a validation, or say in one line why not; what is there is kept."""
-    from grosmc_mj.rendering.backends import find_backend
-    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
-    from grosmc_mj.validation.films import SMALL, films_of, is_current, write_case_film
+    from grosmc_mj.experiments.films import SMALL, films_of, is_current, write_case_film
+    from grosmc_mj.films.offscreen.backends import find_backend
+    from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
 
     kept = []
     try:
@@ -135,10 +135,10 @@ def film_runs(
     console: Console, results: Sequence[RunResult], settings: Settings, path: Path
 ) -> None:
     """Film runs in MuJoCo, side by side, or say in one line why not."""
-    from grosmc_mj.rendering.backends import find_backend
-    from grosmc_mj.rendering.ffmpeg import find_ffmpeg
-    from grosmc_mj.rendering.film import MOST_TAKES, Format
-    from grosmc_mj.validation.films import film_of, write_case_film
+    from grosmc_mj.experiments.films import film_of, write_case_film
+    from grosmc_mj.films.film import MOST_TAKES, Format
+    from grosmc_mj.films.offscreen.backends import find_backend
+    from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
 
     shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
     if not shown:
@@ -164,8 +164,8 @@ def film_runs(
 
 def doctor(_: Doctor) -> int:
     """What there is, and what is missing."""
-    from grosmc_mj.rendering.doctor import diagnose
-    from grosmc_mj.validation.results_file import versions
+    from grosmc_mj.films.offscreen.doctor import diagnose
+    from grosmc_mj.report.document import versions
 
     found, console = diagnose(os.environ.get("MUJOCO_GL")), screen.console()
     console.print("[bold]Versions[/]")

@@ -12,8 +12,8 @@ from grosmc_mj.cli.commands import Hold
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grosmc_mj.validation.holding import Study
-    from grosmc_mj.validation.metrics import Metric
+    from grosmc_mj.experiments.metrics import Metric
+    from grosmc_mj.studies.cart.measure import Study
 
 # Header, measure and factor of each column of numbers.
 _COLUMNS = (
@@ -30,11 +30,11 @@ _COLUMNS = (
 
 def hold(command: Hold) -> int:
     """Run, print, write, draw."""
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.files import cannot_write
-    from grosmc_mj.validation.holding import CART_BAND, document, steps, study
-    from grosmc_mj.validation.holding_figure import write_holding_figure
-    from grosmc_mj.validation.results_file import write_json
-    from grosmc_mj.validation.runs import Settings
+    from grosmc_mj.report.document import write_json
+    from grosmc_mj.studies.cart.figure import write_holding_figure
+    from grosmc_mj.studies.cart.measure import CART_BAND, document, steps, study
 
     settings = Settings(
         switching=command.switching,
@@ -71,7 +71,7 @@ def hold(command: Hold) -> int:
 
 def _runs(found: Study) -> Table:
     """Every law in every case."""
-    from grosmc_mj.validation.tables import empty_table
+    from grosmc_mj.report.tables import empty_table
 
     table = empty_table(
         f"Cart-pendulum in MuJoCo from -10 degrees: {found.settings.switching} switching, "
@@ -98,7 +98,7 @@ def _runs(found: Study) -> Table:
 
 def _projections(found: Study) -> Table:
     """Every G."""
-    from grosmc_mj.validation.tables import empty_table, number
+    from grosmc_mj.report.tables import empty_table, number
 
     table = empty_table("case1: what the unmatched uncertainty costs with each G")
     table.add_column("surface", no_wrap=True)
@@ -121,7 +121,7 @@ def _projections(found: Study) -> Table:
 
 def _parts(found: Study) -> Table:
     """What the input reaches of each uncertainty."""
-    from grosmc_mj.validation.tables import empty_table
+    from grosmc_mj.report.tables import empty_table
 
     table = empty_table("Norms of what is added to A - B K")
     table.add_column("uncertainty of the pole", no_wrap=True)
@@ -135,7 +135,7 @@ def _parts(found: Study) -> Table:
 
 def _cell(metric: Metric, factor: float = 1.0) -> str:
     """A measure in a table."""
-    from grosmc_mj.validation.tables import number
+    from grosmc_mj.report.tables import number
 
     if metric.value is None:
         return "never" if metric.note == "not reached" else "-"

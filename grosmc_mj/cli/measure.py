@@ -14,9 +14,9 @@ _MOST_STATES, _MOST_EDITS, _MOST_ROUNDS = 10**6, 10**4, 10**4
 
 def compare(command: Compare) -> int:
     """Analytic against physics plants."""
-    from grosmc_mj.validation import tables
-    from grosmc_mj.validation.agreement import AGREEMENT_BOUND, agreements, disagreements
-    from grosmc_mj.validation.results_file import comparison_document, write_json
+    from grosmc_mj.report.document import write_json
+    from grosmc_mj.studies.agreement.measure import AGREEMENT_BOUND, agreements, disagreements
+    from grosmc_mj.studies.agreement.report import agreement_table, comparison_document
 
     ranges = (
         ("states", command.states, 1, _MOST_STATES),
@@ -31,7 +31,7 @@ def compare(command: Compare) -> int:
     target = command.out / f"compare_{command.system}.json"
     write_json(target, comparison_document(rows, found, command.seed))
     console = screen.console()
-    console.print(tables.agreement_table(rows))
+    console.print(agreement_table(rows))
     for line in found:
         console.print(f"differs: {line}", style="red", soft_wrap=True)
     worst = max(row.acceleration for row in rows if row.variant == "corrected")
@@ -45,8 +45,8 @@ def compare(command: Compare) -> int:
 
 def bench(command: Bench) -> int:
     """Throughput ratios."""
-    from grosmc_mj.validation import tables
-    from grosmc_mj.validation.benchmark import benchmark
+    from grosmc_mj.bench.loops import benchmark
+    from grosmc_mj.bench.tables import throughput_table
 
     if command.rounds is not None and not 1 <= command.rounds <= _MOST_ROUNDS:
         raise ArgumentError(f"--rounds {command.rounds} must be from 1 to {_MOST_ROUNDS}")
@@ -56,46 +56,45 @@ def bench(command: Bench) -> int:
         return _bench_campaign(command.rounds or 5, command.integrator)
     console = screen.console()
     if command.robot:
-        from grosmc_mj.validation.robot_benchmark import benchmark_robots
+        from grosmc_mj.bench.robots import benchmark_robots
 
         rows = benchmark_robots(command.rounds or 5)
-        console.print(tables.throughput_table(rows, "Jaco arms with payloads, Euler"))
+        console.print(throughput_table(rows, "Jaco arms with payloads, Euler"))
         return screen.DONE
     for integrator in [command.integrator] if command.integrator else ["RK4", "implicitfast"]:
         rows = benchmark(integrator, command.rounds or 15)  # pyright: ignore[reportArgumentType]
-        console.print(tables.throughput_table(rows, f"cart_pendulum, {integrator}"))
+        console.print(throughput_table(rows, f"cart_pendulum, {integrator}"))
     return screen.DONE
 
 
 def _bench_films(rounds: int) -> int:
     """Frames per second of a film beside bare ones."""
-    from grosmc_mj.rendering.backends import find_backend
-    from grosmc_mj.validation import tables
-    from grosmc_mj.validation.film_benchmark import benchmark_films
+    from grosmc_mj.bench.films import benchmark_films
+    from grosmc_mj.bench.tables import film_rates_table
+    from grosmc_mj.films.offscreen.backends import find_backend
 
     found = find_backend(os.environ.get("MUJOCO_GL"))
     with screen.progress(4 * rounds, "measurements") as advance:
         rows = benchmark_films(found.backend, rounds=rounds, advance=advance)
-    screen.console().print(tables.film_rates_table(rows, f"{found.backend}, {found.renderer}"))
+    screen.console().print(film_rates_table(rows, f"{found.backend}, {found.renderer}"))
     return screen.DONE
 
 
 def _bench_campaign(rounds: int, integrator: str | None) -> int:
     """A campaign beside the open loop; its workers, time and memory."""
-    from grosmc_mj.campaign.benchmark import (
+    from grosmc_mj.bench.campaigns import (
         benchmark_campaign,
         costs,
         scalings,
         whole_campaigns,
     )
-    from grosmc_mj.campaign.cost_tables import costs_table, scalings_table
-    from grosmc_mj.validation import tables
+    from grosmc_mj.bench.tables import costs_table, scalings_table, throughput_table
 
     console = screen.console()
     # First: a child's largest memory counts that of its parent when it began.
     console.print(costs_table(costs(whole_campaigns())))
     for name in [integrator] if integrator else ["RK4", "implicitfast"]:
         rows = benchmark_campaign(rounds, name)  # pyright: ignore[reportArgumentType]
-        console.print(tables.throughput_table(rows, f"cart_pendulum's campaign, {name}"))
+        console.print(throughput_table(rows, f"cart_pendulum's campaign, {name}"))
     console.print(scalings_table(scalings((1, 2))))
     return screen.DONE

@@ -14,7 +14,7 @@ import tyro
 from grosmc_mj.cli.commands import ABOUT, Command
 from grosmc_mj.cli.entry import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.rendering.backends import without_graphics
+from grosmc_mj.films.offscreen.backends import without_graphics
 
 # Where each command is carried out: module and function.
 _ACTIONS = {

@@ -17,14 +17,14 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 
 if TYPE_CHECKING:
-    from grosmc_mj.validation.region import Region, RegionMap, RegionQuestion
+    from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion
 
 
 def region(command: RegionCommand) -> int:
     """Compute, draw, write, print."""
-    from grosmc_mj.validation.region import Region
-    from grosmc_mj.validation.region_document import region_document
-    from grosmc_mj.validation.region_figure import save_figure
+    from grosmc_mj.studies.region.figure import save_figure
+    from grosmc_mj.studies.region.measure import Region
+    from grosmc_mj.studies.region.report import region_document
 
     began = time.perf_counter()
     question = _question(command)
@@ -59,8 +59,8 @@ def _question(command: RegionCommand) -> RegionQuestion:
     Raises:
         ArgumentError: If a limit is not positive.
     """
-    from grosmc_mj.validation.region import RegionQuestion
-    from grosmc_mj.validation.runs import Settings
+    from grosmc_mj.experiments.runs import Settings
+    from grosmc_mj.studies.region.measure import RegionQuestion
 
     options = ("angle", "rate", "position", "speed")
     for name in options:
@@ -90,7 +90,7 @@ def _question(command: RegionCommand) -> RegionQuestion:
 
 def _table(asked: Region, maps: Sequence[RegionMap]) -> Table:
     """One row a map: its counts, and how far on the first axis alone it converges."""
-    from grosmc_mj.validation.region_outcome import Outcome
+    from grosmc_mj.studies.region.outcome import Outcome
 
     axis, gap = asked.axes[0], "\N{NO-BREAK SPACE}"
     table = Table(title=f"{asked.system.title}: outcomes of the starts", title_justify="left")

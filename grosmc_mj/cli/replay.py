@@ -14,20 +14,20 @@ from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.replay import Replay
+    from grosmc_mj.campaign.family.campaign import Campaign
+    from grosmc_mj.campaign.runs.replay import ReplayedRun
 
 _ODD = re.compile(r"[^\w.+-]+")
 
 
 def replay(command: ReplayCommand) -> int:
     """Run it again, compare, draw."""
-    from grosmc_mj.campaign.document import replay_document
-    from grosmc_mj.campaign.folder import Folder
-    from grosmc_mj.campaign.replay import replay
-    from grosmc_mj.campaign.work import read_campaign
+    from grosmc_mj.campaign.report.document import replay_document
+    from grosmc_mj.campaign.runs.folder import Folder
+    from grosmc_mj.campaign.runs.replay import replay
+    from grosmc_mj.campaign.runs.work import read_campaign
+    from grosmc_mj.experiments import tables
     from grosmc_mj.simulation.simulate import Engine
-    from grosmc_mj.validation import tables
 
     if command.engine not in get_args(Engine):
         raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
@@ -66,7 +66,7 @@ def replay(command: ReplayCommand) -> int:
     return screen.DIFFERS if found.differences else screen.DONE
 
 
-def _file_name(command: ReplayCommand, found: Replay) -> str:
+def _file_name(command: ReplayCommand, found: ReplayedRun) -> str:
     """What its files are called: a controller's name may have anything in it."""
     return f"{command.run}_{_ODD.sub('_', found.result.controller.name)}"
 
@@ -77,7 +77,7 @@ def _written(command: ReplayCommand, base: Path, content: Any) -> str:
     Raises:
         SetupError: If it cannot be written where the user wants it.
     """
-    from grosmc_mj.validation.results_file import write_json
+    from grosmc_mj.report.document import write_json
 
     places = (base.parent, base.parent / FOLDER)
     if command.out is None and any(place.is_symlink() for place in places):
@@ -92,11 +92,11 @@ def _written(command: ReplayCommand, base: Path, content: Any) -> str:
 
 
 def _draw(
-    console: Console, command: ReplayCommand, campaign: Campaign, found: Replay, base: Path
+    console: Console, command: ReplayCommand, campaign: Campaign, found: ReplayedRun, base: Path
 ) -> None:
     """The figure and the film, and where all is."""
-    from grosmc_mj.rendering.figure import figure_written
-    from grosmc_mj.validation.experiment_figure import SIZE, draw_experiment
+    from grosmc_mj.experiments.figure import SIZE, draw_experiment
+    from grosmc_mj.report.figure import figure_written
 
     files = [Path(f"{base}.json")]
     if command.figures:
@@ -110,9 +110,9 @@ def _draw(
         film_runs(console, [found.result], campaign.experiment.settings, film)
 
 
-def _plant(campaign: Campaign, found: Replay) -> list[str]:
+def _plant(campaign: Campaign, found: ReplayedRun) -> list[str]:
     """The plant's uncertain numbers, a line each."""
-    from grosmc_mj.campaign.pictures import shown_unit
+    from grosmc_mj.campaign.report.figures import shown_unit
 
     lines = []
     for each in campaign.family.quantities:
@@ -122,7 +122,7 @@ def _plant(campaign: Campaign, found: Replay) -> list[str]:
     return lines
 
 
-def _margins(campaign: Campaign, found: Replay) -> str:
+def _margins(campaign: Campaign, found: ReplayedRun) -> str:
     """The margins of its requirements, in a line."""
     margins = [
         f"{each.words}: margin {found.outcome.margins[each.key][0]:+.4g} {each.unit}".rstrip()

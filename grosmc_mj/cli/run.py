@@ -18,21 +18,22 @@ from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from grosmc_mj.claims.premises import Audit
-    from grosmc_mj.validation.experiment import Experiment
-    from grosmc_mj.validation.runs import RunResult
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.runs import RunResult
+    from grosmc_mj.premises.audit import Audit
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 def run(command: Run) -> int:
     """Run a case file, print, write, judge."""
-    from grosmc_mj.claims.document import audit_document
-    from grosmc_mj.claims.robot_premises import audits
-    from grosmc_mj.validation.cases import shipped_files
-    from grosmc_mj.validation.experiment import find_file, prepare
-    from grosmc_mj.validation.requirements import failed, judge_all
-    from grosmc_mj.validation.results_file import experiment_document, write_json
+    from grosmc_mj.chapter.claims_document import audit_document
+    from grosmc_mj.experiments.case import shipped_files
+    from grosmc_mj.experiments.document import experiment_document
+    from grosmc_mj.experiments.experiment import find_file, prepare
+    from grosmc_mj.experiments.requirements import failed, judge_all
+    from grosmc_mj.premises.robot import audits
+    from grosmc_mj.report.document import write_json
 
     experiment = prepare(find_file(command.file))
     _check_uncertain(experiment)
@@ -79,7 +80,7 @@ def run(command: Run) -> int:
 
 def _check_uncertain(experiment: Experiment) -> None:
     """Refuse wrong [[uncertain]] tables, as a campaign would; a single run does not need them."""
-    from grosmc_mj.campaign.family import family_of
+    from grosmc_mj.campaign.family.family import family_of
 
     if experiment.file.uncertain:
         try:
@@ -90,7 +91,7 @@ def _check_uncertain(experiment: Experiment) -> None:
 
 def _show(console: Console, results: list[RunResult]) -> None:
     """Print what was measured."""
-    from grosmc_mj.validation import tables
+    from grosmc_mj.experiments import tables
 
     console.print(tables.results_table(results))
     console.print()
@@ -110,8 +111,8 @@ def _converted(console: Console, experiment: Experiment) -> None:
 
 def _draw(results: list[RunResult], path: Path) -> Path:
     """The figure."""
-    from grosmc_mj.rendering.figure import figure_written
-    from grosmc_mj.validation.experiment_figure import SIZE, draw_experiment
+    from grosmc_mj.experiments.figure import SIZE, draw_experiment
+    from grosmc_mj.report.figure import figure_written
 
     with figure_written(path, SIZE) as figure:
         draw_experiment(figure, results)
@@ -120,8 +121,8 @@ def _draw(results: list[RunResult], path: Path) -> Path:
 
 def _requirements(console: Console, experiment: Experiment, judgements: list) -> None:
     """Say what was required and whether it was kept."""
-    from grosmc_mj.validation import tables
-    from grosmc_mj.validation.requirements import failed
+    from grosmc_mj.experiments import tables
+    from grosmc_mj.experiments.requirements import failed
 
     if not experiment.limits:
         console.print("The file requires nothing: give it a [[requirement]].", markup=False)
@@ -138,7 +139,7 @@ def _requirements(console: Console, experiment: Experiment, judgements: list) ->
 
 def _premises(console: Console, found: Sequence[Audit]) -> None:
     """Say what the theory of each law presumes of a robot, and whether it was so."""
-    from grosmc_mj.claims.tables import audit_table, worst_points
+    from grosmc_mj.chapter.claims_tables import audit_table, worst_points
 
     for audit in found:
         console.print(audit_table(audit))
@@ -148,7 +149,7 @@ def _premises(console: Console, found: Sequence[Audit]) -> None:
 
 def _like(name: str) -> str:
     """The text of a case of the package."""
-    from grosmc_mj.validation.cases import shipped_files
+    from grosmc_mj.experiments.case import shipped_files
 
     if name not in shipped_files():
         raise ArgumentError(unknown_name("case", name, shipped_files()))
@@ -157,8 +158,8 @@ def _like(name: str) -> str:
 
 def new(command: New) -> int:
     """Write a case file to begin with."""
+    from grosmc_mj.experiments.file.starters import own_plant, starter
     from grosmc_mj.files import written_aside
-    from grosmc_mj.validation.starters import own_plant, starter
 
     name = command.name.removesuffix(".toml")
     if not _NAME.fullmatch(name) or keyword.iskeyword(name) or name in sys.stdlib_module_names:

@@ -8,11 +8,11 @@ from grosmc_mj.cli.commands import List, Readme
 
 def list_systems(_: List) -> int:
     """Systems, cases, plants, controllers."""
-    from grosmc_mj.casefile.reading import read_case_file
+    from grosmc_mj.experiments.case import cases, shipped_files
+    from grosmc_mj.experiments.designs import DESIGNS, controller_names
+    from grosmc_mj.experiments.file.reading import read_case_file
+    from grosmc_mj.experiments.runs import plant_names
     from grosmc_mj.plants import SYSTEMS
-    from grosmc_mj.validation.cases import cases, shipped_files
-    from grosmc_mj.validation.designs import DESIGNS, controller_names
-    from grosmc_mj.validation.runs import plant_names
 
     console = screen.console()
     for name, system in SYSTEMS.items():
@@ -34,7 +34,7 @@ def list_systems(_: List) -> int:
 
 def readme(command: Readme) -> int:
     """The README's table."""
-    from grosmc_mj.validation.readme_table import write_table
+    from grosmc_mj.chapter.results_table import write_table
 
     write_table(command.readme, command.results)
     return screen.DONE

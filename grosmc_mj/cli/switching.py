@@ -13,7 +13,7 @@ from grosmc_mj.cli.commands import Switching
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grosmc_mj.validation.chattering import Benchmark, CaseRow
+    from grosmc_mj.studies.switching.measure import Benchmark, CaseRow
 
 # The sample time of the tables; the figure and the file have them all.
 _SHOWN = 1e-3
@@ -21,9 +21,9 @@ _SHOWN = 1e-3
 
 def switching(command: Switching) -> int:
     """Measure, print, write, draw."""
-    from grosmc_mj.validation import chattering
-    from grosmc_mj.validation.chattering_figure import write_chattering_figure
-    from grosmc_mj.validation.results_file import write_json
+    from grosmc_mj.report.document import write_json
+    from grosmc_mj.studies.switching import measure as chattering
+    from grosmc_mj.studies.switching.figure import write_chattering_figure
 
     planned = chattering.experiments(command.system)
     swept = len(chattering.LAWS) * (len(chattering.SAMPLE_TIMES) + len(chattering.GAIN_RATIOS))
@@ -64,9 +64,9 @@ def document(
     by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
 ) -> dict[str, Any]:
     """The content of switching.json; what diverged has null for its numbers."""
-    from grosmc_mj.validation import chattering
-    from grosmc_mj.validation.designs import DESIGNS
-    from grosmc_mj.validation.results_file import origin
+    from grosmc_mj.experiments.designs import DESIGNS
+    from grosmc_mj.report.document import origin
+    from grosmc_mj.studies.switching import measure as chattering
 
     return {
         **origin(None),
@@ -100,7 +100,7 @@ def _measured(row: CaseRow) -> dict[str, Any]:
 
 def _table(title: str, columns: Sequence[str], words: int) -> Table:
     """An empty table: so many columns of words, the others of numbers."""
-    from grosmc_mj.validation.tables import empty_table
+    from grosmc_mj.report.tables import empty_table
 
     table = empty_table(title)
     for i, name in enumerate(columns):
@@ -115,8 +115,8 @@ def _shown(period: float) -> bool:
 
 def _benchmark_table(rows: Sequence[Benchmark]) -> Table:
     """The scalar benchmark with the nominal input gain."""
-    from grosmc_mj.validation.chattering import OWN_VARIATION, orders
-    from grosmc_mj.validation.tables import number
+    from grosmc_mj.report.tables import number
+    from grosmc_mj.studies.switching.measure import OWN_VARIATION, orders
 
     columns = (
         "law",
@@ -137,7 +137,7 @@ def _benchmark_table(rows: Sequence[Benchmark]) -> Table:
 
 def _limits_table(rows: Sequence[Benchmark]) -> Table:
     """What a wrong input gain does."""
-    from grosmc_mj.validation.tables import number
+    from grosmc_mj.report.tables import number
 
     ratios = (0.3, 0.5, 1.0, 1.3, 1.4, 1.9, 2.1)
     title = "Scalar s' = r u + 0.5 sin 2πt, true over nominal input gain r: max|s|"
@@ -152,7 +152,7 @@ def _limits_table(rows: Sequence[Benchmark]) -> Table:
 def _cases_table(rows: Sequence[CaseRow]) -> Table:
     """The cases of one system."""
     from grosmc_mj.plants import find_system
-    from grosmc_mj.validation.tables import number
+    from grosmc_mj.report.tables import number
 
     system = find_system(rows[0].experiment.system)
     output, u = system.positions[system.output].unit, system.input.unit

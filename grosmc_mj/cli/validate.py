@@ -16,21 +16,22 @@ from grosmc_mj.cli.films import film_results
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.claims.claim import Claim, Finding
-    from grosmc_mj.validation.agreement import Agreement
-    from grosmc_mj.validation.runs import RunResult
+    from grosmc_mj.chapter.claims.claim import Claim, Finding
+    from grosmc_mj.experiments.runs import RunResult
+    from grosmc_mj.studies.agreement.measure import Agreement
 
 
 def validate(command: Validate) -> int:
     """Run, print, write, compare."""
-    from grosmc_mj.claims.expected import verdict_differences
-    from grosmc_mj.claims.laboratory import Laboratory
-    from grosmc_mj.claims.ledger import CLAIMS, judge
-    from grosmc_mj.validation import expected
-    from grosmc_mj.validation.agreement import agreements, disagreements
-    from grosmc_mj.validation.figures import drawable, write_figures
-    from grosmc_mj.validation.results_file import document, write_json
-    from grosmc_mj.validation.runs import Settings, plan, run_all, select_cases
+    from grosmc_mj.chapter import expected_results as expected
+    from grosmc_mj.chapter.claims.ledger import CLAIMS, judge
+    from grosmc_mj.chapter.document import document
+    from grosmc_mj.chapter.expected_verdicts import verdict_differences
+    from grosmc_mj.chapter.figures import drawable, write_figures
+    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.runs import Settings, plan, run_all, select_cases
+    from grosmc_mj.report.document import write_json
+    from grosmc_mj.studies.agreement.measure import agreements, disagreements
 
     started, seed = time.perf_counter(), 0
     settings = Settings(
@@ -106,7 +107,8 @@ def validate(command: Validate) -> int:
 
 def _show(console: Console, results: Sequence[RunResult], found: Sequence[Agreement]) -> None:
     """Print the tables of what was computed."""
-    from grosmc_mj.validation import tables
+    from grosmc_mj.experiments import tables
+    from grosmc_mj.studies.agreement.report import agreement_table
 
     for table in tables.results_tables(results):
         console.print(table)
@@ -116,7 +118,7 @@ def _show(console: Console, results: Sequence[RunResult], found: Sequence[Agreem
         console.print(line, style="red", soft_wrap=True)
     console.print(tables.gains_table(results))
     if found:
-        console.print(tables.agreement_table(found))
+        console.print(agreement_table(found))
 
 
 def _verdict(console: Console, differing: list[str] | None, count: int) -> int:

@@ -10,12 +10,12 @@ from grosmc_mj.cli.commands import View
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.rendering.motions import Experiment, Motion
+    from grosmc_mj.viewer.playing import LiveRun, Motion
 
 
 def view(command: View) -> int:
     """Prepare the case, open the window."""
-    from grosmc_mj.rendering.playback import Playback
+    from grosmc_mj.viewer.playback import Playback
 
     Playback(command.speed)  # refuses a speed that cannot be before anything is compiled
     if command.system.endswith(".toml") or "/" in command.system:
@@ -25,12 +25,12 @@ def view(command: View) -> int:
     return show(experiment, replay=command.replay, speed=command.speed, film=film)
 
 
-def _of_system(command: View) -> tuple[Experiment, str]:
+def _of_system(command: View) -> tuple[LiveRun, str]:
     """A case of a system of the package, and the command that films it."""
-    from grosmc_mj.rendering.motions import Experiment
+    from grosmc_mj.experiments.case import find_case
+    from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
     from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-    from grosmc_mj.validation.cases import find_case
-    from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
+    from grosmc_mj.viewer.playing import LiveRun
 
     settings = Settings(
         switching=command.switching,
@@ -41,7 +41,7 @@ def _of_system(command: View) -> tuple[Experiment, str]:
     law = nominal_controller(case.system, name, "corrected", realization, case.controllers)
     plant = case_plant(case, "physics", settings)
     assert isinstance(plant, MujocoPlant)
-    experiment = Experiment(
+    experiment = LiveRun(
         plant, law, case.x0, case.duration, case.disturbances, settings.control_period
     )
     film = (
@@ -52,11 +52,11 @@ def _of_system(command: View) -> tuple[Experiment, str]:
     return experiment, film
 
 
-def _of_file(command: View) -> tuple[Experiment, str]:
+def _of_file(command: View) -> tuple[LiveRun, str]:
     """A case file, and the command that films it."""
-    from grosmc_mj.rendering.motions import Experiment
+    from grosmc_mj.experiments.experiment import find_file, prepare
     from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-    from grosmc_mj.validation.experiment import find_file, prepare
+    from grosmc_mj.viewer.playing import LiveRun
 
     if command.case is not None or command.switching != "sign" or command.surface != "printed":
         raise ArgumentError(
@@ -71,11 +71,11 @@ def _of_file(command: View) -> tuple[Experiment, str]:
     if name not in laws:
         raise ArgumentError(unknown_name("controller", name, laws))
     case, period = found.case, found.settings.control_period
-    experiment = Experiment(plant, laws[name], case.x0, case.duration, case.disturbances, period)
+    experiment = LiveRun(plant, laws[name], case.x0, case.duration, case.disturbances, period)
     return experiment, f"grosmc-mj run {command.system} --film"
 
 
-def show(experiment: Experiment, *, replay: bool, speed: float, film: str) -> int:
+def show(experiment: LiveRun, *, replay: bool, speed: float, film: str) -> int:
     """Show an experiment in a window until that is closed.
 
     Args:
@@ -87,7 +87,7 @@ def show(experiment: Experiment, *, replay: bool, speed: float, film: str) -> in
     Raises:
         SetupError: If there is no display.
     """
-    from grosmc_mj.rendering.viewer import play, require_display
+    from grosmc_mj.viewer.viewer import play, require_display
 
     try:
         require_display()
@@ -98,15 +98,15 @@ def show(experiment: Experiment, *, replay: bool, speed: float, film: str) -> in
     return screen.DONE
 
 
-def _live(experiment: Experiment) -> Motion:
-    from grosmc_mj.rendering.live import Live
+def _live(experiment: LiveRun) -> Motion:
+    from grosmc_mj.viewer.live import Live
 
     return Live(experiment)
 
 
-def _recorded(experiment: Experiment) -> Motion:
-    from grosmc_mj.rendering.replay import Replay
+def _recorded(experiment: LiveRun) -> Motion:
     from grosmc_mj.simulation.simulate import simulate
+    from grosmc_mj.viewer.replay import RecordedRun
 
     ended = ""
     try:
@@ -120,4 +120,4 @@ def _recorded(experiment: Experiment) -> Motion:
         )
     except DivergenceError as error:
         run, ended = error.trajectory, str(error)
-    return Replay(experiment.plant.model, run, ended)
+    return RecordedRun(experiment.plant.model, run, ended)

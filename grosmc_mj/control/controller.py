@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from grosmc_mj.arguments import require
+from grosmc_mj.control.coordinates.base import OutputCoordinates, Workspace
+from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.output_coordinates import OutputCoordinates, Workspace
-from grosmc_mj.control.state_coordinates import StateCoordinates
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.errors import ArgumentError, shown
 

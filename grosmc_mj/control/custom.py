@@ -12,9 +12,9 @@ import numpy as np
 
 from grosmc_mj.arguments import require
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.laws import Coordinates, Law
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.vectors import algebra, each
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable

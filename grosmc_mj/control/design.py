@@ -15,11 +15,11 @@ from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty, switching_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr, priced
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.output_coordinates import OutputCoordinates
 from grosmc_mj.control.surface import drift_of_surface, surface_matrix
 from grosmc_mj.control.switching import Reach, Sign, Switching
 from grosmc_mj.errors import ArgumentError, GainError, shown

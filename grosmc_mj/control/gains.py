@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.error_coordinates import ErrorCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError, GainError, shown, unknown_name
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of

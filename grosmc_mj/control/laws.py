@@ -11,9 +11,9 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from grosmc_mj.control.error_coordinates import ErrorCoordinates
-from grosmc_mj.control.output_coordinates import OutputCoordinates
-from grosmc_mj.control.state_coordinates import StateCoordinates
+from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.state import StateCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.vectors import algebra, norm

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.environments.experiment import Experiment
-from grosmc_mj.simulation.control_callback import refuse_foreign_callback
+from grosmc_mj.environments.experiment import EpisodeSetup
+from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.quiet import warnings_counted_only
 
 
@@ -29,7 +29,9 @@ class Episode:
         ended: Why there can be no next step; empty while there can.
     """
 
-    def __init__(self, experiment: Experiment, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(
+        self, experiment: EpisodeSetup, model: mujoco.MjModel, data: mujoco.MjData
+    ) -> None:
         self.experiment, self._model, self._data = experiment, model, data
         self._bodies = [model.body(name).id for name in experiment.plant.system.bodies]
         self._wrenches = experiment.problem.wrench(0)

@@ -11,11 +11,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.environments.index import Index
 from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
 from grosmc_mj.plants import find_system
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.validation.cases import Case, find_case
-from grosmc_mj.validation.runs import Settings, case_plant, nominal_controller
 
 # The law whose index gives the reward.
 INDEX_LAW = "grosmc"
@@ -31,7 +31,7 @@ class Random(Protocol):
         ...
 
 
-class Experiment:
+class EpisodeSetup:
     """One case of one system, ready to be run by somebody else's loop.
 
     The instants and the wrenches are those that ``simulate`` lays out for the same case.

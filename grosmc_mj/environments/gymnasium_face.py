@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.environments.episode import Episode
-from grosmc_mj.environments.experiment import Experiment
+from grosmc_mj.environments.experiment import EpisodeSetup
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.validation.cases import Case
+from grosmc_mj.experiments.case import Case
 
 # Named arrays; Gymnasium's own types say no more than Any.
 Named = dict[str, Any]
@@ -57,7 +57,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
                 f"render_mode = {render_mode!r}: the environments do not render; film a recorded "
                 "run with grosmc_mj.write_film"
             )
-        self.experiment = Experiment(
+        self.experiment = EpisodeSetup(
             system, task, control_period=control_period, timestep=timestep, spread=spread
         )
         it, model = self.experiment, self.experiment.plant.model

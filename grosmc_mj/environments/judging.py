@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from grosmc_mj.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
-from grosmc_mj.claims.laboratory import Fault, Laboratory
-from grosmc_mj.claims.ledger import find_claim, judge, select_claims
+from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.ledger import find_claim, judge, select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.environments.policy_controllers import Takes, policy_controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.laboratory import Fault, Laboratory
+from grosmc_mj.experiments.runs import PlantName, RunResult, Settings
 from grosmc_mj.plants import find_system
-from grosmc_mj.validation.cases import Case
-from grosmc_mj.validation.runs import PlantName, RunResult, Settings
 
 # The law whose place the policy takes.
 REPLACED = "grosmc"

@@ -11,7 +11,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.inputs import ask
+from grosmc_mj.simulation.engines.inputs import ask
 
 
 class LawPolicy:

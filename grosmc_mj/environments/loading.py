@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from grosmc_mj.environments.experiment import Experiment
+from grosmc_mj.environments.experiment import EpisodeSetup
 from grosmc_mj.errors import SetupError
-from grosmc_mj.validation.cases import Case
+from grosmc_mj.experiments.case import Case
 
 if TYPE_CHECKING:
     from dm_control.rl.control import Environment
@@ -45,7 +45,7 @@ def load(
         ArgumentError: If there is no such case, or a number does not fit.
         SetupError: If dm_control is not installed.
     """
-    experiment = Experiment(
+    experiment = EpisodeSetup(
         system, task, control_period=control_period, timestep=timestep, spread=spread
     )
     try:

@@ -8,7 +8,7 @@ import mujoco
 from dm_control.mujoco import Physics, wrapper
 
 from grosmc_mj.environments.episode import Episode
-from grosmc_mj.environments.experiment import Experiment
+from grosmc_mj.environments.experiment import EpisodeSetup
 
 
 class CasePhysics(Physics):
@@ -21,7 +21,7 @@ class CasePhysics(Physics):
     episode: Episode | None = None
 
     @classmethod
-    def of(cls, experiment: Experiment) -> CasePhysics:
+    def of(cls, experiment: EpisodeSetup) -> CasePhysics:
         """The physics of a case, on a model of its own: dm_control switches the model's flags."""
         physics = cls.from_model(wrapper.MjModel(copy.copy(experiment.plant.model)))
         assert isinstance(physics, CasePhysics)

@@ -10,7 +10,7 @@ from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import ArrayLike
 
-from grosmc_mj.environments.experiment import Experiment
+from grosmc_mj.environments.experiment import EpisodeSetup
 from grosmc_mj.environments.physics import CasePhysics
 from grosmc_mj.environments.signals import input_label
 
@@ -32,7 +32,7 @@ class CaseTask(control.Task):
         ended: Why the episode ended before its time; empty if it didn't.
     """
 
-    def __init__(self, experiment: Experiment, seed: int | None = None) -> None:
+    def __init__(self, experiment: EpisodeSetup, seed: int | None = None) -> None:
         self.experiment, self.random, self.ended = experiment, np.random.RandomState(seed), ""
 
     def initialize_episode(self, physics: CasePhysics) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, shown
-from grosmc_mj.simulation.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
 from grosmc_mj.simulation.quiet import warnings_counted_only
 

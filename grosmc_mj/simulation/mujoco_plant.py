@@ -192,3 +192,26 @@ def require_unchanged(plants: Iterable[MujocoPlant]) -> None:
                 f"{plant.system.name}: plant.spec was changed after the plant was made, which its "
                 "runs may not notice: use plant.edited(...), or make a plant of a changed copy"
             )
+
+
+def undrawn(plant: MujocoPlant) -> MujocoPlant:
+    """The same plant without geoms, materials, textures, meshes, cameras and lights.
+
+    What has a part in the motion stays: geoms that can touch or that a fluid pushes, and what a
+    sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps every
+    bit of it; a model that MuJoCo cannot part from its geoms, such as one with ``inertiafromgeom``,
+    stays as it is.
+    """
+    spec = plant.spec.copy()
+    if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+        for geom in spec.geoms:
+            geom.contype = geom.conaffinity = 0
+    try:
+        spec.discard_visual()
+    except ValueError:
+        return plant
+    named = {name for each in spec.sensors for name in (each.objname, each.refname)}
+    for part in (*spec.cameras, *spec.lights):
+        if part.name not in named:
+            spec.delete(part)
+    return replace(plant, spec=spec)

@@ -16,9 +16,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.engines.records import pack, record_dtype
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
 from grosmc_mj.simulation.problem import Plant, Problem
-from grosmc_mj.simulation.records import pack, record_dtype
 
 Item = TypeVar("Item")
 Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]

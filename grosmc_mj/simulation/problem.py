@@ -13,10 +13,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
+from grosmc_mj.simulation.engines.native_pushes import is_known
+from grosmc_mj.simulation.engines.records import record_dtype
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.native_pushes import is_known
-from grosmc_mj.simulation.records import record_dtype
 
 Plant = AnalyticPlant | MujocoPlant
 

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
-from grosmc_mj.simulation.endings import why_ended
+from grosmc_mj.simulation.engines.native_engine import run_native
+from grosmc_mj.simulation.engines.python_engine import run_python
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import Disturbances, prepare
 from grosmc_mj.simulation.problem import Plant, Problem, Record
-from grosmc_mj.simulation.python_engine import run_python
-from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 
 Engine = Literal["native", "python"]
 

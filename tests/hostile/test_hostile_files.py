@@ -10,8 +10,8 @@ import pytest
 from mutation import mutant
 from trial import trial
 
-from grosmc_mj.campaign.question import campaign_files
-from grosmc_mj.validation.cases import CASES, shipped_files
+from grosmc_mj.campaign.family.specification import campaign_files
+from grosmc_mj.experiments.case import CASES, shipped_files
 
 pytestmark = pytest.mark.slow
 

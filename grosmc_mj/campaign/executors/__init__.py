@@ -1,6 +1,0 @@
-"""Where the shards of a campaign are run: in this process, in worker processes, on a cluster."""
-
-from grosmc_mj.campaign.executors.interface import Executor, Finished, Notice, Work
-from grosmc_mj.campaign.executors.make import EXECUTORS, make_executor
-
-__all__ = ["EXECUTORS", "Executor", "Finished", "Notice", "Work", "make_executor"]

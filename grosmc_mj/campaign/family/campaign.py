@@ -1,0 +1,174 @@
+"""A campaign, ready to run: its family, its controllers and what they must keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.family import Family, family_of
+from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
+from grosmc_mj.campaign.family.sampling import unit_points
+from grosmc_mj.campaign.family.specification import Specification
+from grosmc_mj.campaign.runs.meter import metered
+from grosmc_mj.campaign.runs.requirements import Requirement, afters, required
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.simulation.problem import Plant
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What a specification asks for.
+
+    Attributes:
+        specification: What is asked for.
+        experiment: The case file, with its laws designed.
+        family: The uncertain numbers.
+        laws: The controllers, by name.
+        requirements: What they must keep.
+    """
+
+    specification: Specification
+    experiment: Experiment
+    family: Family
+    laws: Mapping[str, Controller]
+    requirements: tuple[Requirement, ...]
+
+    @classmethod
+    def of(cls, specification: Specification) -> Campaign:
+        """Design and check what is asked for.
+
+        Raises:
+            ArgumentError: If the file or the specification is wrong, in one line.
+        """
+        experiment = experiment_of(specification.file, specification.path)
+        try:
+            return cls._checked(specification, experiment)
+        except GrosmcError as error:
+            raise ArgumentError(f"{specification.path}: {error}") from error
+
+    @classmethod
+    def _checked(cls, specification: Specification, experiment: Experiment) -> Campaign:
+        """The campaign of an experiment."""
+        plants = experiment.subject.plants
+        name: PlantName = "physics" if "physics" in plants else "corrected"
+        designed = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
+        wanted = specification.controllers or tuple(designed)
+        for each in wanted:
+            if each not in designed:
+                raise ArgumentError(unknown_name("controller", each, designed))
+        laws = {each: law for each, law in designed.items() if each in wanted}
+        family = family_of(experiment.file, experiment.case, plants[name])
+        if specification.sampler == "corners":
+            _refuse_corners(specification, family)
+        requirements = required(experiment.limits, laws, _transient(experiment, family))
+        found = cls(specification, experiment, family, laws, requirements)
+        found.plant_sample(found.family.nominal).plant(found.plant)
+        for law in laws.values():
+            found._refuse_unmeasurable(law)
+        return found
+
+    def _refuse_unmeasurable(self, law: Controller) -> None:
+        """Refuse a run that cannot begin, or errors that are asked for after its last sample."""
+        metered(law, self.control_period, [], 0.0)
+        problem, _ = prepare(
+            self.plant,
+            law,
+            self.experiment.case.x0,
+            duration=self.duration,
+            control_period=self.control_period,
+            timestep=self.experiment.settings.timestep,
+            disturbances=self.experiment.case.disturbances,
+            record=False,
+        )
+        last = (problem.steps - 1) // problem.stride * self.control_period
+        for after in afters(self.experiment.limits):
+            if after * (1 - 1e-12) > last:
+                raise ArgumentError(
+                    f"stays_within after {after:g} s: the last sample of a run is at {last:g} s"
+                )
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The plant with the file's edits."""
+        plants = self.experiment.subject.plants
+        return plants.get("physics") or plants["corrected"]
+
+    @cached_property
+    def bare(self) -> Plant:
+        """The same without what is only drawn, which costs most of compiling a model."""
+        return undrawn(self.plant) if isinstance(self.plant, MujocoPlant) else self.plant
+
+    @property
+    def control_period(self) -> float:
+        """Time between two samples of the laws [s]."""
+        return self.experiment.settings.control_period
+
+    @property
+    def duration(self) -> float:
+        """Of each run [s]."""
+        return self.experiment.case.duration
+
+    @property
+    def idle(self) -> list[str]:
+        """Of each disturbance that begins after the end of every run: its label or body."""
+        disturbances = self.experiment.case.disturbances
+        return [
+            each.label or each.body
+            for each in disturbances
+            if _onset(each, self.family)[0] >= self.duration
+        ]
+
+    def values(self, ids: range) -> Array:
+        """The uncertain numbers of runs, (n, d)."""
+        specification, dimensions = self.specification, len(self.family.quantities)
+        points = unit_points(
+            specification.sampler, dimensions, specification.seed, ids.start, len(ids)
+        )
+        return self.family.values(points)
+
+    def plant_sample(self, values: Sequence[float] | Array) -> PlantSample:
+        """The plant, disturbances and start that these values make."""
+        row = np.asarray(values, float).tolist()
+        return plant_sample_of(self.experiment.case, self.family.quantities, row)
+
+
+def _transient(experiment: Experiment, family: Family) -> float:
+    """How long every run goes on before a disturbance begins, or until its end [s].
+
+    A disturbance that acts from the start of every run is part of the transient.
+    """
+    case, first = experiment.case, [experiment.case.duration]
+    for disturbance in case.disturbances:
+        low, high = _onset(disturbance, family)
+        if high > 0:
+            first.append(max(low, 0.0))
+    return min(first)
+
+
+def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:
+    """When a disturbance begins at the earliest and at the latest [s]."""
+    for each in family.quantities:
+        if (each.of, each.quantity) == (disturbance.label, "onset"):
+            return each.distribution.support
+    return disturbance.window[0], disturbance.window[0]
+
+
+def _refuse_corners(specification: Specification, family: Family) -> None:
+    """Refuse corners that are not there."""
+    if not family.bounded:
+        raise ArgumentError("corners: a distribution has no end: give it least and most")
+    if not family.independent:
+        raise ArgumentError("corners: correlated numbers have none: take another sampler")
+    corners = 2 ** len(family.quantities)
+    if specification.runs > corners:
+        raise ArgumentError(f"--runs {specification.runs}: there are {corners} corners")

@@ -1,0 +1,314 @@
+"""The uncertain numbers of a campaign together: from points of the unit cube to their values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy import stats
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.distributions import Distribution, distribution
+from grosmc_mj.campaign.family.sampling import all_corners
+from grosmc_mj.campaign.runs.requirements import MARGIN, METRICS
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
+from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.disturbances import Pulse
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+# Columns of the results, beside the uncertain numbers.
+RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
+# What a physical plant has above zero, and what it has not below zero.
+_POSITIVE = ("mass_scale", "length_scale", "scale")
+_NOT_NEGATIVE = ("added_mass", "damping", "friction", "armature")
+# Where a model keeps what a joint edit changes.
+_OF_JOINT = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One uncertain number.
+
+    Attributes:
+        name: What it is called.
+        owner: ``body``, ``joint``, ``disturbance``, ``start`` or ``parameter``.
+        of: Name of that.
+        quantity: Which of its numbers.
+        at: Of an added mass: where on the body [m].
+        unit: Of its values; empty for a factor.
+        distribution: Of its values.
+        nominal: Value without uncertainty.
+        index: Of a start: which of the states.
+    """
+
+    name: str
+    owner: str
+    of: str
+    quantity: str
+    at: tuple[float, float, float]
+    unit: str
+    distribution: Distribution
+    nominal: float
+    index: int = -1
+
+    @property
+    def of_plant(self) -> bool:
+        """Whether it changes the plant, and not what acts on it or where it starts."""
+        return self.owner in {"body", "joint", "parameter"}
+
+    def physical(self, value: float) -> bool:
+        """Whether a plant can have this value."""
+        if self.quantity in _POSITIVE:
+            return value > 0
+        return value >= 0 or self.quantity not in _NOT_NEGATIVE
+
+    def ends(self, scale: float) -> tuple[float, float]:
+        """Smallest and largest value at a scale of the uncertainty; infinite where it has none."""
+        low, high = self.distribution.support
+        nominal = self.nominal
+        return nominal + scale * (low - nominal), nominal + scale * (high - nominal)
+
+    @property
+    def largest_scale(self) -> float:
+        """The factor on distances from the nominal value up to which all values are physical."""
+        least = self.distribution.support[0]
+        if self.quantity not in (*_POSITIVE, *_NOT_NEGATIVE) or least >= self.nominal:
+            return math.inf
+        return self.nominal / (self.nominal - least)
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The uncertain numbers, and how they vary together.
+
+    Attributes:
+        quantities: In the order of the file.
+        correlation: Of the Gaussian copula, (d, d).
+    """
+
+    quantities: tuple[Quantity, ...]
+    correlation: Array
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the numbers."""
+        return [each.name for each in self.quantities]
+
+    @property
+    def nominal(self) -> Array:
+        """Values without uncertainty, (d,)."""
+        return np.array([each.nominal for each in self.quantities])
+
+    @property
+    def largest_scale(self) -> float:
+        """The smallest of the quantities' own."""
+        return min(each.largest_scale for each in self.quantities)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether every number has a smallest and a largest value."""
+        return bool(np.all(np.isfinite([each.distribution.support for each in self.quantities])))
+
+    @property
+    def independent(self) -> bool:
+        """Whether nothing is correlated."""
+        return np.array_equal(self.correlation, np.eye(len(self.quantities)))
+
+    def corners(self, most: int) -> Array:
+        """The corners of the ranges as points of the unit cube, (2^d, d).
+
+        None, (0, d), where they have none or more than ``most``.
+        """
+        return all_corners(len(self.quantities), most if self.bounded and self.independent else 0)
+
+    @cached_property
+    def _mixing(self) -> Array:
+        return np.linalg.cholesky(self.correlation)
+
+    def values(self, points: Array) -> Array:
+        """The values at points of the unit cube, (n, d); returns (n, d)."""
+        if not self.independent:
+            points = stats.norm.cdf(stats.norm.ppf(points) @ self._mixing.T)
+        columns = [
+            each.distribution.quantiles(points[:, i]) for i, each in enumerate(self.quantities)
+        ]
+        return np.stack(columns, axis=1)
+
+    def scaled(self, values: Array, scale: float) -> Array:
+        """Values (..., d) moved to ``scale`` times their distance from the nominal ones."""
+        return self.nominal + scale * (values - self.nominal)
+
+
+def family_of(file: CaseFile, case: Case, plant: AnalyticPlant | MujocoPlant) -> Family:
+    """The uncertainty that a case file declares.
+
+    Args:
+        file: The file.
+        case: Its start, edits and disturbances.
+        plant: The plant that it is about, with the file's edits.
+
+    Raises:
+        ArgumentError: If there is none, a name is unknown, a range impossible or not physical, or
+            something is uncertain twice.
+    """
+    if not file.uncertain:
+        raise ArgumentError("nothing is uncertain: give it an [[uncertain]]")
+    quantities: list[Quantity] = []
+    for index, table in enumerate(file.uncertain):
+        try:
+            quantities.append(_quantity(table, case, plant))
+        except ArgumentError as error:
+            raise ArgumentError(f"uncertain {index + 1} ({table.called}): {error}") from None
+    _refuse_twice([f"{each.of} {each.quantity}" for each in quantities], "uncertain")
+    names = [each.name for each in quantities]
+    _refuse_twice(names, "called")
+    for name in names:
+        if not (name.strip() and name.isprintable()):
+            raise ArgumentError(f"uncertain: {name!r} is no name: give it one that can be printed")
+        if name in RESERVED or name.startswith(MARGIN):
+            raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
+    return Family(tuple(quantities), _correlation(file.correlation, names))
+
+
+def _refuse_twice(names: Sequence[str], how: str) -> None:
+    """Refuse two of one name."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ArgumentError(f"uncertain: two are {how} {name!r}")
+
+
+def _quantity(table: UncertainTable, case: Case, plant: AnalyticPlant | MujocoPlant) -> Quantity:
+    """One uncertain number, with its unit and its nominal value."""
+    unit, index = QUANTITIES[table.owner][table.quantity], -1
+    if table.owner == "start":
+        names = [state.name for state in plant.system.states]
+        if table.of not in names:
+            raise ArgumentError(unknown_name("state", table.of, names))
+        index = names.index(table.of)
+        unit = plant.system.states[index].unit
+    read = partial(number_in, unit=unit)
+    found = Quantity(
+        name=table.called,
+        owner=table.owner,
+        of=table.of,
+        quantity=table.quantity,
+        at=(table.at[0], table.at[1], table.at[2]),
+        unit=unit,
+        distribution=distribution(getattr(table, table.quantity), read),
+        nominal=_NOMINAL[table.owner](table, case, plant),
+        index=index,
+    )
+    if table.nominal is not None:
+        try:
+            found = replace(found, nominal=read(table.nominal))
+        except ValueError as error:
+            raise ArgumentError(f"nominal: {error}") from None
+    for value in (*found.distribution.support, found.nominal):
+        if not found.physical(value):
+            must = "be positive" if found.quantity in _POSITIVE else "not be negative"
+            raise ArgumentError(
+                f"{table.quantity.replace('_', ' ')} = {value:g} can occur, but must {must}: cut "
+                "the distribution off with least"
+            )
+    return found
+
+
+def _of_body(table: UncertainTable, case: Case, plant: Any) -> float:
+    model = _model(plant, "body")
+    bodies = [model.body(i).name for i in range(1, model.nbody)]
+    if table.of not in bodies:
+        raise ArgumentError(unknown_name("body", table.of, bodies))
+    if table.quantity == "added_mass":
+        return 0.0
+    if table.quantity == "mass_scale" and model.body(table.of).mass[0] == 0:
+        raise ArgumentError(f"body {table.of!r} has no mass to scale")
+    edits = [each for each in case.edits if isinstance(each, BodyEdit) and each.body == table.of]
+    return float(getattr(edits[0], table.quantity)) if edits else 1.0
+
+
+def _of_joint(table: UncertainTable, case: Case, plant: Any) -> float:
+    model = _model(plant, "joint")
+    joints = [model.joint(i).name for i in range(model.njnt)]
+    if table.of not in joints:
+        raise ArgumentError(unknown_name("joint", table.of, joints))
+    return float(getattr(model, _OF_JOINT[table.quantity])[model.joint(table.of).dofadr[0]])
+
+
+def _of_disturbance(table: UncertainTable, case: Case, plant: Any) -> float:
+    named = {each.label: each for each in case.disturbances if each.label}
+    if table.of not in named:
+        raise ArgumentError(
+            unknown_name("disturbance", table.of, named)
+            if named
+            else f"no [[disturbance]] has the label {table.of!r}"
+        )
+    if [each.label for each in case.disturbances].count(table.of) > 1:
+        raise ArgumentError(f"two disturbances have the label {table.of!r}: give each its own")
+    profile = named[table.of].profile
+    if table.quantity == "amplitude":
+        return 0.0
+    if isinstance(profile, Pulse) and table.quantity == "onset":
+        return profile.start
+    value: Any = getattr(profile, table.quantity, None)
+    if value is None:
+        raise ArgumentError(f"a {type(profile).__name__} profile has no {table.quantity}")
+    return float(value)
+
+
+def _of_start(table: UncertainTable, case: Case, plant: Any) -> float:
+    return case.x0[[state.name for state in plant.system.states].index(table.of)]
+
+
+def _of_parameter(table: UncertainTable, case: Case, plant: Any) -> float:
+    if isinstance(plant, MujocoPlant):
+        raise ArgumentError("the plant has a model in MuJoCo: name a body or a joint instead")
+    if not hasattr(plant.parameters, table.of):
+        raise ArgumentError(unknown_name("parameter", table.of, vars(plant.parameters)))
+    return 1.0
+
+
+_NOMINAL = {
+    "body": _of_body,
+    "joint": _of_joint,
+    "disturbance": _of_disturbance,
+    "start": _of_start,
+    "parameter": _of_parameter,
+}
+
+
+def _model(plant: AnalyticPlant | MujocoPlant, owner: str) -> mujoco.MjModel:
+    """The model of a plant that has one."""
+    if isinstance(plant, MujocoPlant):
+        return plant.model
+    raise ArgumentError(f"the plant has no model in MuJoCo, so no {owner}: name a parameter")
+
+
+def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Array:
+    """The correlations as a matrix."""
+    found = np.eye(len(names))
+    for table in tables:
+        for name in table.between:
+            if name not in names:
+                raise ArgumentError(f"correlation: {unknown_name('number', name, names)}")
+        i, j = (names.index(name) for name in table.between)
+        if i == j:
+            raise ArgumentError(f"correlation of {names[i]} with itself: name two different ones")
+        if found[i, j]:
+            raise ArgumentError(f"correlation between {' and '.join(table.between)}: given twice")
+        found[i, j] = found[j, i] = table.coefficient
+    if np.linalg.eigvalsh(found).min() < 1e-12:
+        raise ArgumentError(
+            "correlation: no numbers can be correlated like that: the matrix is not positive "
+            "definite"
+        )
+    return found

@@ -1,0 +1,96 @@
+"""One member of a family: a plant, what acts on it and where it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from grosmc_mj.campaign.family.family import Quantity
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
+from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.problem import Plant
+
+
+@dataclass(frozen=True)
+class PlantSample:
+    """What the uncertain numbers make of a case.
+
+    Attributes:
+        case: Start, edits and disturbances.
+        scales: Factors on parameters of an analytic plant of the user's own.
+    """
+
+    case: Case
+    scales: tuple[tuple[str, float], ...] = ()
+
+    def plant(self, like: Plant) -> Plant:
+        """The plant, from one without uncertainty."""
+        if isinstance(like, MujocoPlant):
+            return like.edited(*self.case.edits)
+        assert isinstance(like, AnalyticPlant)
+        changed = {name: factor * getattr(like.parameters, name) for name, factor in self.scales}
+        return like.with_parameters(**changed)
+
+
+def plant_sample_of(
+    case: Case, quantities: Sequence[Quantity], values: Sequence[float]
+) -> PlantSample:
+    """The member with these values of the uncertain numbers, in the order of the quantities."""
+    edits, x0 = list(case.edits), list(case.x0)
+    disturbances, scales = list(case.disturbances), []
+    for quantity, value in zip(quantities, values, strict=True):
+        if quantity.owner == "start":
+            x0[quantity.index] = value
+        elif quantity.owner == "parameter":
+            scales.append((quantity.of, value))
+        elif quantity.owner == "disturbance":
+            disturbances = [
+                _disturbed(each, quantity.quantity, value) if each.label == quantity.of else each
+                for each in disturbances
+            ]
+        else:
+            _edit(edits, quantity, value)
+    changed = replace(case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances))
+    return PlantSample(changed, tuple(scales))
+
+
+def _disturbed(disturbance: Disturbance, quantity: str, value: float) -> Disturbance:
+    """A disturbance with another amplitude, or with another course in time."""
+    if quantity == "amplitude":
+        fx, fy, fz, tx, ty, tz = (value * each for each in disturbance.wrench)
+        return replace(disturbance, wrench=(fx, fy, fz, tx, ty, tz))
+    return replace(disturbance, profile=retimed(disturbance.profile, quantity, value))
+
+
+def retimed(profile: Profile, quantity: str, value: float) -> Profile:
+    """A profile with another frequency, phase or onset; a pulse keeps its length."""
+    known: Any = profile
+    if isinstance(profile, Pulse):
+        return Pulse(value, value + (profile.stop - profile.start))
+    return replace(known, **{quantity: value})
+
+
+def _edit(edits: list[Edit], quantity: Quantity, value: float) -> None:
+    """Bring one number of a body or joint into the edits."""
+    change = {quantity.quantity: value}
+    if quantity.quantity == "added_mass":
+        if value > 0:
+            edits.append(AddedMass(quantity.of, value, quantity.at))
+        return
+    for index, each in enumerate(edits):
+        if _edited(each) == (quantity.owner, quantity.of):
+            edits[index] = replace(each, **change)
+            return
+    made = BodyEdit if quantity.owner == "body" else JointEdit
+    edits.append(made(quantity.of, **change))
+
+
+def _edited(edit: Edit) -> tuple[str, str] | None:
+    """Whose numbers an edit has, where further ones can be brought into it."""
+    if isinstance(edit, BodyEdit):
+        return "body", edit.body
+    return ("joint", edit.joint) if isinstance(edit, JointEdit) else None

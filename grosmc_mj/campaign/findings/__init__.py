@@ -1,0 +1,1 @@
+"""What rows say: rates and intervals, differences, sensitivities, worst plants and radii."""

@@ -1,0 +1,121 @@
+"""What the runs of a campaign say: rates, margins, differences and what drives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.findings.basis import Basis
+from grosmc_mj.campaign.findings.pairing import PairedDifference, paired
+from grosmc_mj.campaign.findings.sensitivity import Sensitivity, sensitivities
+from grosmc_mj.campaign.findings.statistics import (
+    MarginSummary,
+    PassRate,
+    margin_summary,
+    pass_rate,
+)
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.part import EVERYTHING, Counts, margin_column
+from grosmc_mj.campaign.runs.requirements import COMPLETES
+from grosmc_mj.errors import SetupError
+
+# Runs that distributions, differences and drivers are computed from; counts are of all.
+MOST = 2**20
+# What the least margin of all requirements is called.
+ALL = "all requirements"
+_WORST = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """The statements of a campaign.
+
+    Attributes:
+        sampled: What the rates rest on.
+        looked_at: What the rest does.
+        rates: By requirement, in words, and law.
+        cut_short: Runs that ended early, by law.
+        margins: By requirement, in words, and law, (n,) each.
+        summaries: Of these.
+        differences: By requirement, first and second law.
+        drivers: By law: what drives its least margin, in parts of the limit.
+        worst: By law: numbers of its worst runs, the worst first.
+        units: Of margins, by requirement.
+    """
+
+    sampled: Basis
+    looked_at: Basis
+    rates: Mapping[tuple[str, str], PassRate]
+    cut_short: Mapping[str, int]
+    margins: Mapping[tuple[str, str], Array]
+    summaries: Mapping[tuple[str, str], MarginSummary]
+    differences: Mapping[tuple[str, str, str], PairedDifference]
+    sensitivities: Mapping[str, list[Sensitivity]]
+    worst: Mapping[str, list[int]]
+    units: Mapping[str, str]
+
+
+def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
+    """Read back what is there of a campaign and compute what it says.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept.
+        confidence: Of every interval, between 0 and 1.
+
+    Raises:
+        GrosmcError: If there are no runs, a part is broken, or the confidence is no share.
+    """
+    specification = campaign.specification
+    counts = folder.counts(campaign, range(specification.shards))
+    if not counts:
+        raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
+    first = range(min(specification.shards, -(-MOST // specification.shard)))
+    asked = [margin_column(each.key) for each in campaign.requirements]
+    columns = folder.columns(campaign, ["id", "relative", *campaign.family.names, *asked], first)
+    causes: dict[str, list[Sensitivity]] = {}
+    worst: dict[str, list[int]] = {}
+    for law, own in columns.items():
+        order = own["relative"].argsort(kind="stable")
+        worst[law] = own["id"][order[:_WORST]].tolist()
+        values = {name: own[name] for name in campaign.family.names}
+        causes[law] = sensitivities(values, own["relative"], confidence)
+    margins = {(ALL, law): own["relative"] for law, own in columns.items()}
+    for each in campaign.requirements:
+        margins |= {(each.words, law): columns[law][margin_column(each.key)] for law in each.of}
+    looked = len(next(iter(columns.values()))["id"])
+    runs = next(iter(counts.values()))["runs"]
+    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
+    last = list(campaign.laws)[-1]
+    return Findings(
+        sampled=sampled,
+        looked_at=sampled._replace(runs=looked),
+        rates=_rates(campaign, counts, confidence),
+        cut_short={law: each["runs"] - each[COMPLETES] for law, each in counts.items()},
+        margins=margins,
+        summaries={key: margin_summary(each) for key, each in margins.items()},
+        differences={
+            (requirement, law, last): paired(each, margins[requirement, last], confidence)
+            for (requirement, law), each in margins.items()
+            if law != last and (requirement, last) in margins
+        },
+        sensitivities=causes,
+        worst=worst,
+        units={ALL: "of the limit", **{each.words: each.unit for each in campaign.requirements}},
+    )
+
+
+def _rates(
+    campaign: Campaign, counts: Counts, confidence: float
+) -> dict[tuple[str, str], PassRate]:
+    """Pass rates of all requirements, and of all together."""
+    asked = [(COMPLETES, COMPLETES, tuple(campaign.laws))]
+    asked += [(each.words, each.key, each.of) for each in campaign.requirements]
+    asked.append((ALL, EVERYTHING, tuple(campaign.laws)))
+    return {
+        (words, law): pass_rate(counts[law][key], counts[law]["runs"], confidence)
+        for words, key, of in asked
+        for law in of
+    }

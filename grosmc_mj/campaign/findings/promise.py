@@ -1,0 +1,212 @@
+"""What the premises of a sliding mode law promise of a family of plants.
+
+The promise is eq. (14)'s: with the switching gain that the law has, |s| cannot grow, anywhere in
+the operating region, on a plant with these numbers and under wrenches up to these.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.family import Quantity
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import GrosmcError
+from grosmc_mj.premises.audit import REGIONS, least_margin
+from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+# Scales are known to this part of themselves, up to the largest.
+_TOLERANCE, MOST = 0.01, 8.0
+# Gains that were computed for a plant hold for it to rounding of the largest rates.
+_ROUNDING = 1e-9
+# What the equations, from which the premises are computed, do not have.
+_NOT_IN_EQUATIONS = ("damping", "friction", "armature")
+
+
+class Promise(NamedTuple):
+    """How far the premises reach.
+
+    Attributes:
+        scale: Of the uncertainty, up to which they hold; None where they cannot be computed.
+        note: Why not, or what limits it.
+    """
+
+    scale: float | None
+    note: str
+
+
+@dataclass(frozen=True, eq=False)
+class PromisedFamily:
+    """The premise of one law over the family of a campaign.
+
+    Attributes:
+        campaign: The campaign.
+        law: The law, as it runs.
+        bound: Operating region, |z1|, |z2| ...
+    """
+
+    campaign: Campaign
+    law: Controller
+    bound: tuple[float, ...]
+
+    @classmethod
+    def of(cls, campaign: Campaign, controller: str) -> PromisedFamily | str:
+        """The premises of a controller, or in words why there are none."""
+        law, case = campaign.laws[controller], campaign.experiment.case
+        if not law.switching:
+            return f"{controller} does not switch: it promises nothing about uncertainty"
+        plant = campaign.plant
+        if not isinstance(plant, MujocoPlant) or plant.system.read_parameters is None:
+            return "premises are computed for the package's own systems in MuJoCo only"
+        if case.controllers not in REGIONS:
+            return "no operating region is declared for this design"
+        for each in campaign.family.quantities:
+            if each.quantity in _NOT_IN_EQUATIONS:
+                return f"the equations have no {each.quantity}, so {each.name} has no premise"
+        return cls(campaign, law, REGIONS[case.controllers])
+
+    def margin(self, values: Array, amplitude: Array) -> float:
+        """Configured less required switching rate, the least of the operating region.
+
+        Args:
+            values: Of the uncertain numbers, (d,); those of disturbances and starts play no part.
+            amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
+        """
+        plant = self.campaign.plant_sample(values).plant(self.campaign.bare)
+        assert isinstance(plant, MujocoPlant)
+        return least_margin(self.law, plant.analytic(), self.bound, amplitude)
+
+    def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:
+        """The largest wrenches of the family, scaled, (6 * bodies,).
+
+        Args:
+            scale: Of the uncertainty.
+            known: Factors on disturbances, by their labels, that are not at their largest.
+        """
+        campaign = self.campaign
+        bodies = campaign.plant.system.bodies
+        largest = np.zeros((len(bodies), 6))
+        factors = {
+            each.of: max(map(abs, each.ends(scale)))
+            for each in campaign.family.quantities
+            if each.quantity == "amplitude"
+        }
+        factors.update(known or {})
+        for each in campaign.experiment.case.disturbances:
+            size = np.abs(each.wrench) * factors.get(each.label, 1.0) * self._peak(each.profile)
+            largest[bodies.index(each.body)] += size
+        return largest.ravel()
+
+    def _peak(self, profile: Profile) -> float:
+        """The largest magnitude of a profile: 1 of the package's own."""
+        if isinstance(profile, (Constant, Pulse, SineFrom)):
+            return 1.0
+        timestep = self.campaign.experiment.settings.timestep
+        steps = round(self.campaign.duration / timestep)
+        return max(abs(float(profile(step * timestep))) for step in range(steps))
+
+    def corners(self, scale: float) -> list[Array]:
+        """The extreme plants of the family, scaled: the corners of its numbers' ranges."""
+        campaign = self.campaign
+        ends = [
+            each.ends(scale) if each.of_plant else (each.nominal,)
+            for each in campaign.family.quantities
+        ]
+        return [np.array(corner) for corner in itertools.product(*ends)]
+
+    def holds(self, scale: float) -> bool:
+        """Whether the premises hold for all extreme plants, and the starts lie in the region."""
+        if not self.starts_inside(scale):
+            return False
+        amplitude = self.amplitude(scale)
+        return all(self.margin(values, amplitude) >= -_ROUNDING for values in self.corners(scale))
+
+    def starts_inside(self, scale: float) -> bool:
+        """Whether every start has its error state in the operating region."""
+        campaign, law = self.campaign, self.law
+        ends = [
+            each.ends(scale) if each.owner == "start" else (each.nominal,)
+            for each in campaign.family.quantities
+        ]
+        bound = np.array(self.bound) * (1 + _ROUNDING)
+        for corner in itertools.product(*ends):
+            x0 = np.array(campaign.plant_sample(np.array(corner)).case.x0)
+            z = law.coordinates.along([0.0], x0[None], law.parameters)[0]
+            if np.any(np.abs(z) > bound):
+                return False
+        return True
+
+    def promise(self) -> Promise:
+        """The largest scale of the uncertainty at which the premises hold, by bisection."""
+        if not self.holds(0.0):
+            return Promise(0.0, "the premises do not hold for the nominal plant")
+        most = min(MOST, self.campaign.family.largest_scale * (1 - 1e-9))
+        if self.holds(most):
+            return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
+        low, high = 0.0, most
+        while high - low > _TOLERANCE * max(low, _TOLERANCE):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.holds(middle) else (low, middle)
+        region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
+        left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
+        return Promise(low, f"over {region}{left}")
+
+
+def speaks_of(quantity: Quantity) -> bool:
+    """Whether premises depend on a number: on the plant's and on how large a disturbance is."""
+    return quantity.of_plant or quantity.quantity == "amplitude"
+
+
+def promise(campaign: Campaign, controller: str) -> Promise:
+    """How far the premises of a controller reach, or why nobody knows."""
+    found = PromisedFamily.of(campaign, controller)
+    if isinstance(found, str):
+        return Promise(None, found)
+    if not campaign.family.bounded:
+        return Promise(None, "the uncertainty has no end, so no premise covers all of it")
+    try:
+        return found.promise()
+    except GrosmcError as error:
+        return Promise(None, str(error))
+
+
+def premise_grid(
+    campaign: Campaign, controller: str, axes: tuple[Quantity, Quantity], points: int
+) -> tuple[Array, Array, Array] | None:
+    """The premise over two numbers, with all other numbers at their worst.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        axes: Two numbers that premises speak of.
+        points: On each axis.
+
+    Returns:
+        Values on the first axis, on the second, and the margins (second, first); None where there
+        is no premise to compute.
+    """
+    found = PromisedFamily.of(campaign, controller)
+    if isinstance(found, str) or not campaign.family.bounded or not found.starts_inside(1.0):
+        return None
+    quantities = campaign.family.quantities
+    across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
+    places = [quantities.index(axis) for axis in axes]
+    rest = [k for k in range(len(quantities)) if k not in places]
+    corners = {tuple(corner[rest]) for corner in found.corners(1.0)}
+    grid = np.full((points, points), np.inf)
+    for (row, y), (column, x) in itertools.product(enumerate(up), enumerate(across)):
+        pairs = zip(axes, (x, y), strict=True)
+        known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
+        amplitude = found.amplitude(1.0, known)
+        for corner in corners:
+            values = campaign.family.nominal
+            values[places], values[rest] = (x, y), corner
+            grid[row, column] = min(grid[row, column], found.margin(values, amplitude))
+    return across, up, grid

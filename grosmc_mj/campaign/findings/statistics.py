@@ -1,0 +1,129 @@
+"""What the runs of one law say of one requirement: pass rate and distribution of margins."""
+
+from __future__ import annotations
+
+from decimal import ROUND_CEILING, Decimal
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from grosmc_mj.campaign.findings.checks import checked_margins, checked_share
+from grosmc_mj.errors import ArgumentError
+
+# The worst part whose mean is the CVaR [%].
+TAIL = 5
+
+
+class PassRate(NamedTuple):
+    """How many runs kept a requirement.
+
+    Attributes:
+      kept: Runs that kept it.
+      runs: All runs.
+      rate: kept / runs.
+      low: Lower end of the interval.
+      high: Upper end.
+      confidence: With which the interval covers the distribution's pass rate.
+    """
+
+    kept: int
+    runs: int
+    rate: float
+    low: float
+    high: float
+    confidence: float
+
+
+class MarginSummary(NamedTuple):
+    """The distribution of a margin; every quantile is a margin that occurred.
+
+    Attributes:
+      least: The smallest, in the margin's unit like the others.
+      q01: 1 % quantile.
+      q05: 5 % quantile.
+      median: 50 % quantile.
+      q95: 95 % quantile.
+      cvar: Mean of the worst 5 % of the margins: the conditional value at risk.
+      diverged: Runs at -inf: those that did not complete.
+      runs: All runs.
+    """
+
+    least: float
+    q01: float
+    q05: float
+    median: float
+    q95: float
+    cvar: float
+    diverged: int
+    runs: int
+
+
+def pass_rate(kept: int, runs: int, confidence: float = 0.95) -> PassRate:
+    """Pass rate with the exact two-sided interval of Clopper and Pearson.
+
+    The interval covers the rate p of the sampled distribution with at least the confidence
+    whatever p is, if the runs are independent: P(X <= kept | p = high) = P(X >= kept | p = low) =
+    (1 - confidence) / 2 for X ~ Bin(runs, p).
+
+    Args:
+      kept: Runs that kept the requirement.
+      runs: All runs.
+      confidence: Between 0 and 1.
+
+    Raises:
+      ArgumentError: If there are no runs, more were kept than run, or the confidence is no share.
+    """
+    checked_share("confidence", confidence)
+    whole = isinstance(kept, (int, np.integer)) and isinstance(runs, (int, np.integer))
+    if not whole or runs < 1 or not 0 <= kept <= runs:
+        raise ArgumentError(f"{kept} of {runs} runs kept: give at least one run, and 0 to all kept")
+    found = stats.binomtest(int(kept), int(runs)).proportion_ci(confidence, method="exact")
+    return PassRate(
+        int(kept), int(runs), kept / runs, float(found.low), float(found.high), confidence
+    )
+
+
+def runs_needed(rate: float, confidence: float = 0.95) -> int:
+    """Runs without one failure after which "at least ``rate`` passes" has the confidence.
+
+    The smallest n with rateⁿ <= 1 - confidence, for independent runs. Both numbers are taken as
+    the decimals that they are written as: a tie like 0.1¹ = 1 - 0.9 is met.
+
+    Args:
+      rate: Pass rate to be stated, between 0 and 1.
+      confidence: Between 0 and 1.
+
+    Raises:
+      ArgumentError: If one of them is not between 0 and 1.
+    """
+    share = Decimal(repr(checked_share("rate", rate)))
+    doubt = 1 - Decimal(repr(checked_share("confidence", confidence)))
+    runs = int((doubt.ln() / share.ln()).to_integral_value(ROUND_CEILING))
+    # A tie that the rounded quotient missed from above.
+    return runs - 1 if share ** (runs - 1) <= doubt else runs
+
+
+def margin_summary(margins: Any) -> MarginSummary:
+    """Quantiles of the margins, and the mean of the worst of them.
+
+    The q-quantile is the smallest margin m such that at least q of the runs have m or less; the
+    CVaR is the mean of the ceil(0.05 n) smallest.
+
+    Args:
+      margins: Signed margins, (n,), -inf for a run that did not complete.
+
+    Raises:
+      ArgumentError: If there are none, or one is NaN or +inf.
+    """
+    rising = np.sort(checked_margins("margins", margins))
+    runs = len(rising)
+
+    def count(percent: int) -> int:
+        """That many of the runs, rounded up and in whole numbers: 0.05 * 140 is not 7."""
+        return max(-(-percent * runs // 100), 1)
+
+    least, q01, q05, median, q95 = (float(rising[count(p) - 1]) for p in (0, 1, 5, 50, 95))
+    cvar = float(rising[: count(TAIL)].mean())
+    diverged = int(np.count_nonzero(rising == -np.inf))
+    return MarginSummary(least, q01, q05, median, q95, cvar, diverged, runs)

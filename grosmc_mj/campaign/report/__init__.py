@@ -1,0 +1,1 @@
+"""Results of a campaign as a document, tables and figures."""

@@ -1,0 +1,150 @@
+"""The distribution of each requirement's margin under each law, as one figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.findings.checks import checked_margins
+from grosmc_mj.campaign.report.drawing import (
+    FAILED_SHADE,
+    WIDE_STYLE,
+    LawStyle,
+    board,
+    in_lines,
+    law_styles,
+    write,
+)
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.report.palette import OPTIMUM
+
+_SIZE = (4.9, 3.2)
+# Of one law in the legend [inch].
+_ENTRY_HEIGHT = 0.24
+# Tukey's fence of what lies far out, in distances of the quartiles.
+_FENCE = 1.5
+# How much wider than the tightest law the axis may be, so that this one can still be read.
+_WIDEST = 8.0
+# The part of the axis that each side of zero has at least.
+_LEAST_SIDE = 0.16
+
+
+class MarginPanel(NamedTuple):
+    """One requirement.
+
+    Attributes:
+      title: It in words.
+      unit: Of the margin; empty for a number without.
+      margins: Each law's, (n,), -inf for a run that did not complete.
+    """
+
+    title: str
+    unit: str
+    margins: Mapping[str, Array]
+
+
+def save_margins(
+    panels: Sequence[MarginPanel], title: str, footnote: str, files: Sequence[Path]
+) -> None:
+    """Draw the distributions and write them to each file, by its ending.
+
+    Args:
+      panels: One a requirement.
+      title: Of the figure: of what, and what was sampled.
+      footnote: What it does not prove.
+      files: PNG or SVG.
+
+    Raises:
+      ArgumentError: If there is nothing to draw, a margin is NaN or +inf, or an ending is unknown.
+      SetupError: If a file cannot be written.
+    """
+    write(draw_margins(panels, title, footnote), files)
+
+
+def draw_margins(panels: Sequence[MarginPanel], title: str, footnote: str) -> Figure:
+    """The figure of :func:`save_margins`: a panel a requirement, a curve a law."""
+    if not panels or not all(panel.margins for panel in panels):
+        raise ArgumentError("no margins to draw: give at least one requirement and one law for it")
+    styles = law_styles(dict.fromkeys(law for panel in panels for law in panel.margins))
+    with mpl.rc_context(WIDE_STYLE):
+        size = (_SIZE[0], _SIZE[1] + _ENTRY_HEIGHT * len(styles))
+        found = board(len(panels), size, title, footnote)
+        for axes, panel in zip(found.panels, panels, strict=True):
+            _draw(axes, panel, styles)
+    return found.figure
+
+
+def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> None:
+    """One requirement's empirical distribution functions."""
+    found = {
+        law: checked_margins(f"margins of {law}", margins) for law, margins in panel.margins.items()
+    }
+    low, high = _range(found.values())
+    # A little further left, so that a step at the edge is seen.
+    edge = low - 0.015 * (high - low)
+    axes.axvspan(edge, 0, color=FAILED_SHADE, zorder=0)
+    axes.axvline(0, color=OPTIMUM, lw=1.0, zorder=1)
+    for law, margins in found.items():
+        rising = np.sort(margins)
+        # The runs that did not complete are a step at the left edge.
+        x = np.concatenate([[low], np.clip(rising, low, None), [max(high, rising[-1])]])
+        y = np.concatenate([[0.0], np.arange(1, len(rising) + 1), [len(rising)]]) / len(rising)
+        style = styles[law]
+        axes.plot(
+            x, y, drawstyle="steps-post", color=style.colour, ls=style.line, lw=1.8,
+            label=_entry(style.label, rising, low, high),
+        )  # fmt: skip
+    axes.set_xlim(edge, high)
+    axes.set_ylim(0, 1.02)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5))
+    place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "va": "bottom"}
+    axes.annotate("failed", (0, 1), (-4, 1), ha="right", fontsize=8.5, **place)
+    axes.annotate("kept", (0, 1), (4, 1), ha="left", fontsize=8.5, **place)
+    axes.set_title(in_lines(panel.title), pad=16)
+    axes.set_xlabel(f"margin [{panel.unit}]" if panel.unit else "margin")
+    axes.set_ylabel("runs with this margin or less")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
+
+
+def _entry(label: str, rising: Array, low: float, high: float) -> str:
+    """A law in the legend, with what the axis does not show."""
+    text = f"{label}: {np.count_nonzero(rising >= 0)} of {len(rising)} kept"
+    counts = {
+        "did not complete": np.count_nonzero(rising == -np.inf),
+        "beyond the left edge": np.count_nonzero((rising > -np.inf) & (rising < low)),
+        "beyond the right edge": np.count_nonzero(rising > high),
+    }
+    said = [text, *(f"{count} {what}" for what, count in counts.items() if count)]
+    return in_lines("; ".join(said), 52)
+
+
+def _range(margins: Iterable[Array]) -> tuple[float, float]:
+    """Where the axis begins and ends: no margin far out, zero inside, no law squeezed to a line."""
+    ends = np.array([_fences(each[each > -np.inf]) for each in margins if each.max() > -np.inf])
+    if not len(ends):
+        return (-1.0, 1.0)
+    low, high = min(ends[:, 0].min(), 0.0), max(ends[:, 1].max(), 0.0)
+    scales = np.abs(ends).max(axis=1)
+    if scales.any():
+        widest = _WIDEST * scales[scales > 0].min()
+        low, high = max(low, -widest), min(high, widest)
+    width = 1.06 * ((high - low) or 2.0)
+    left, right = max(-low, _LEAST_SIDE * width), max(high, _LEAST_SIDE * width)
+    return (-1.06 * left, 1.03 * right)
+
+
+def _fences(margins: Array) -> tuple[float, float]:
+    """The least and the largest margin that is not far out."""
+    lower, upper = np.quantile(margins, [0.25, 0.75])
+    reach = _FENCE * (upper - lower)
+    near = margins[(margins >= lower - reach) & (margins <= upper + reach)]
+    return (float(near.min()), float(near.max()))

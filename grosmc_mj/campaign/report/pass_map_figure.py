@@ -1,0 +1,225 @@
+"""Which runs kept their requirements, over two parameters, beside what the premises promise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.findings.checks import checked_margins, checked_values
+from grosmc_mj.campaign.report.drawing import WIDE_STYLE, board, in_lines, law_styles, write
+from grosmc_mj.errors import ArgumentError, unknown_name
+
+_SIZE = (4.4, 4.1)
+_EDGE, _HATCH = "#117733", "//"
+BOUNDARY = "premise's boundary (other parameters at their worst)"
+
+
+class PassMark(Enum):
+    """What became of a run."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    DIVERGED = "did not complete"
+
+
+# Okabe and Ito's colours and a marker each; the later lie above.
+_MARKS: Mapping[PassMark, tuple[str, str]] = {
+    PassMark.PASSED: ("#56B4E9", "o"),
+    PassMark.FAILED: ("#D55E00", "X"),
+    PassMark.DIVERGED: ("#222222", "^"),
+}
+
+
+class AxisOf(NamedTuple):
+    """A parameter as an axis: its name and unit (empty for a number without)."""
+
+    name: str
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+class Points(NamedTuple):
+    """The runs of one law: both parameters, (n,), and the signed margin, (n,)."""
+
+    x: Array
+    y: Array
+    margins: Array
+
+
+class Boundary(NamedTuple):
+    """The signed margin of the premises over a grid.
+
+    Attributes:
+      x: First parameter, (nx,), rising.
+      y: Second, (ny,), rising.
+      margin: (ny, nx); below zero a premise does not hold.
+    """
+
+    x: Array
+    y: Array
+    margin: Array
+
+
+class PassMap(NamedTuple):
+    """What is drawn.
+
+    Attributes:
+      x: The first parameter.
+      y: The second.
+      laws: The runs of each law.
+      boundary: Of the laws whose premises were asked.
+    """
+
+    x: AxisOf
+    y: AxisOf
+    laws: Mapping[str, Points]
+    boundary: Mapping[str, Boundary]
+
+
+def outcomes(margins: Any) -> dict[PassMark, NDArray[np.bool_]]:
+    """Which runs came out how, a mask each: kept at 0 or more, -inf is a run not completed.
+
+    Raises:
+      ArgumentError: If there are no margins, or one is NaN or +inf.
+    """
+    found = checked_margins("margins", margins)
+    diverged = found == -np.inf
+    return {
+        PassMark.PASSED: found >= 0,
+        PassMark.FAILED: (found < 0) & ~diverged,
+        PassMark.DIVERGED: diverged,
+    }
+
+
+def save_pass_map(shown: PassMap, title: str, footnote: str, files: Sequence[Path]) -> None:
+    """Draw the map and write it to each file, by its ending.
+
+    Args:
+      shown: What to draw.
+      title: Of the figure: of what, and what was sampled.
+      footnote: What it does not prove.
+      files: PNG or SVG.
+
+    Raises:
+      ArgumentError: If there is nothing to draw, arrays do not fit each other, or an ending is
+        unknown.
+      SetupError: If a file cannot be written.
+    """
+    write(draw_pass_map(shown, title, footnote), files)
+
+
+def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
+    """The figure of :func:`save_pass_map`: a panel a law, a mark a run."""
+    if not shown.laws:
+        raise ArgumentError("no runs to draw: give at least one law")
+    for law in shown.boundary:
+        if law not in shown.laws:
+            raise ArgumentError(unknown_name("law of a boundary", law, shown.laws))
+    styles = law_styles(shown.laws)
+    seen: set[PassMark] = set()
+    with mpl.rc_context(WIDE_STYLE):
+        found = board(len(shown.laws), _SIZE, title, footnote)
+        for axes, (law, points) in zip(found.panels, shown.laws.items(), strict=True):
+            seen |= _draw(axes, law, points)
+            if law in shown.boundary:
+                _draw_boundary(axes, law, shown.boundary[law])
+            rate = f"{np.count_nonzero(points.margins >= 0)} of {len(points.x)} passed"
+            axes.set_title(in_lines(f"{styles[law].label}: {rate}"))
+            axes.set_xlabel(shown.x.label)
+            axes.set_ylabel(shown.y.label)
+            axes.set_xlim(*_ends(shown, 0))
+            axes.set_ylim(*_ends(shown, 1))
+        found.area.legend(
+            handles=_entries(seen, [each.margin for each in shown.boundary.values()]),
+            loc="outside lower center",
+            ncols=min(len(shown.laws), 2),
+            frameon=False,
+            handleheight=1.2,
+        )
+    return found.figure
+
+
+def _ends(shown: PassMap, axis: int) -> tuple[float, float]:
+    """The ends of an axis, the same for all laws: every run and every boundary is inside."""
+    values = np.concatenate(
+        [each[axis] for each in (*shown.laws.values(), *shown.boundary.values())]
+    )
+    low, high = float(values.min()), float(values.max())
+    room = 0.02 * (high - low) or 0.5
+    return (low - room, high + room)
+
+
+def _draw(axes: Axes, law: str, points: Points) -> set[PassMark]:
+    """The runs of one law, and which outcomes there are."""
+    masks = outcomes(points.margins)
+    runs = len(points.margins)
+    x = checked_values(f"first parameter of {law}", points.x, runs)
+    y = checked_values(f"second parameter of {law}", points.y, runs)
+    area = float(np.clip(16000 / runs, 3, 40))
+    for layer, (outcome, mask) in enumerate(masks.items()):
+        colour, marker = _MARKS[outcome]
+        if not mask.any():
+            continue
+        axes.scatter(
+            x[mask], y[mask], s=area * (1 if outcome is PassMark.PASSED else 1.4), c=colour,
+            marker=marker, linewidths=0, zorder=2 + 0.1 * layer, rasterized=True,
+            label=outcome.value,
+        )  # fmt: skip
+    return {outcome for outcome, mask in masks.items() if mask.any()}
+
+
+def _draw_boundary(axes: Axes, law: str, boundary: Boundary) -> None:
+    """The line on which the premises begin to fail, and hatching where they do."""
+    x, y, margin = (np.asarray(each, dtype=float) for each in boundary)
+    if margin.shape != (len(y), len(x)) or min(margin.shape) < 2:
+        raise ArgumentError(
+            f"{law}'s premise has shape {margin.shape}: give (ny, nx) = ({len(y)}, {len(x)}), "
+            "two or more each"
+        )
+    if np.isnan(margin).any():
+        raise ArgumentError(f"{law}'s premise is NaN somewhere: give signed margins, -inf allowed")
+    # A contour needs finite numbers; beyond the largest, only the sign matters.
+    finite = np.abs(margin[np.isfinite(margin)])
+    cap = float(finite.max(initial=0.0)) or 1.0
+    capped = np.clip(margin, -cap, cap)
+    if (capped < 0).any():
+        axes.contourf(
+            x, y, capped, levels=[-2 * cap, 0.0], colors="none", hatches=[_HATCH], zorder=3,
+        ).set(edgecolor=_EDGE, linewidth=0)  # fmt: skip
+    if (capped < 0).any() and (capped >= 0).any():
+        axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)
+
+
+def _entries(seen: set[PassMark], premises: Sequence[Array]) -> list[Artist]:
+    """The legend's entries: the outcomes that occur, and what is drawn of the premises."""
+    entries: list[Artist] = [
+        Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome.value)
+        for outcome, (colour, marker) in _MARKS.items()
+        if outcome in seen
+    ]
+    broken = [np.asarray(margin) < 0 for margin in premises]
+    if any(each.any() and not each.all() for each in broken):
+        entries.append(Line2D([], [], color=_EDGE, lw=2, label=BOUNDARY))
+    if any(each.any() for each in broken):
+        entries.append(
+            Patch(fc="none", ec=_EDGE, hatch=_HATCH, lw=0, label="a premise does not hold")
+        )
+    elif broken:
+        entries.append(Line2D([], [], ls="", label="the premises hold all over the map"))
+    return entries

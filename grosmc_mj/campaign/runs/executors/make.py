@@ -1,0 +1,55 @@
+"""An executor by its name."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from loky import cpu_count
+
+from grosmc_mj.campaign.runs.executors.batch import Batch
+from grosmc_mj.campaign.runs.executors.interface import Executor
+from grosmc_mj.campaign.runs.executors.processes import Processes
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+
+# On one machine.
+_MOST_WORKERS = 1024
+
+EXECUTORS = ("batch", "processes", "dask")
+
+
+def make_executor(
+    name: str, *, workers: int | None = None, scheduler: str | None = None
+) -> Executor:
+    """The executor of a name.
+
+    Args:
+        name: `batch`: this process, on all cores. `processes`: spawned workers. `dask`: the
+            workers of a Dask scheduler, or of a cluster on this machine.
+        workers: How many processes, for `processes` and for `dask` without a scheduler; None for
+            one a core.
+        scheduler: Address of a running Dask scheduler, for instance `tcp://10.0.0.1:8786`, or the
+            file that `dask scheduler --scheduler-file` writes.
+
+    Raises:
+        ArgumentError: If there is no such executor, or it does not take one of the arguments.
+        SetupError: If `dask` is asked for and not installed.
+    """
+    if name not in EXECUTORS:
+        raise ArgumentError(unknown_name("executor", name, EXECUTORS))
+    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
+        raise ArgumentError(f"workers = {workers} must be 1 or more, up to {_MOST_WORKERS}")
+    if scheduler is not None and name != "dask":
+        raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
+    if workers is not None and (name == "batch" or scheduler is not None):
+        whose = "executor 'batch' is" if name == "batch" else "a scheduler has"
+        what = "one process on all cores" if name == "batch" else "workers of its own"
+        raise ArgumentError(f"{whose} {what}: leave workers out")
+    if name == "batch":
+        return Batch()
+    if name == "processes":
+        return Processes(workers or cpu_count())
+    if find_spec("distributed") is None:
+        raise SetupError("executor 'dask' needs Dask: pip install 'grosmc_mj[dask]'")
+    from grosmc_mj.campaign.runs.executors.dask_workers import DaskWorkers
+
+    return DaskWorkers(workers or cpu_count(), scheduler)

@@ -1,0 +1,142 @@
+"""One run of a campaign again: recorded, on either engine, and compared bit by bit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.report.document import FOUND, found_values
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.part import margin_column
+from grosmc_mj.campaign.runs.requirements import METRICS
+from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
+from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
+from grosmc_mj.experiments.metrics import compare_with_optimum, measure
+from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import Engine, simulate
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayedRun:
+    """A run that was repeated.
+
+    Attributes:
+        result: The run, recorded.
+        outcome: What its meters say.
+        values: The uncertain numbers, by name.
+        differences: Of the stored row, a line each; empty if it is the same bit by bit.
+        stored: Whether there was a row to compare with.
+    """
+
+    result: RunResult
+    outcome: Outcomes
+    values: Mapping[str, float]
+    differences: tuple[str, ...]
+    stored: bool
+
+
+def replay(
+    campaign: Campaign, folder: Folder, which: str, controller: str | None, engine: Engine
+) -> ReplayedRun:
+    """Repeat a run.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept.
+        which: Number of the run, or ``worst``, ``shrunk`` or ``outside``.
+        controller: Its name; None for the campaign's last one.
+        engine: ``native`` or ``python``.
+
+    Raises:
+        GrosmcError: If there is no such run or controller.
+    """
+    name = list(campaign.laws)[-1] if controller is None else controller
+    if name not in campaign.laws:
+        raise ArgumentError(unknown_name("controller", name, campaign.laws))
+    number = _number(campaign, which)
+    if number is None:
+        values = found_values(campaign, folder.path, which, name)
+    else:
+        values = campaign.values(range(number, number + 1))[0]
+    result, outcome = _run(campaign, name, values, which, engine)
+    stored = None if number is None else _stored(campaign, folder, number, name)
+    return ReplayedRun(
+        result=result,
+        outcome=outcome,
+        values=dict(zip(campaign.family.names, values.tolist(), strict=True)),
+        differences=() if stored is None else _differences(campaign, stored, outcome),
+        stored=stored is not None,
+    )
+
+
+def _number(campaign: Campaign, which: str) -> int | None:
+    """Number of a run; None for a plant that was searched for."""
+    if which in FOUND:
+        return None
+    runs = campaign.specification.runs
+    if not which.isdecimal() or len(which) > 18 or not int(which) < runs:
+        raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(FOUND)}")
+    return int(which)
+
+
+def _run(
+    campaign: Campaign, controller: str, values: Array, which: str, engine: Engine
+) -> tuple[RunResult, Outcomes]:
+    """The run, recorded, on the plant as it is drawn."""
+    plant_sample, law = campaign.plant_sample(values), campaign.laws[controller]
+    (plant,) = plants_of(campaign, [plant_sample], drawn=True)
+    settings, ended = campaign.experiment.settings, ""
+    try:
+        run = simulate(
+            plant,
+            with_meters(campaign, law, plant_sample),
+            plant_sample.case.x0,
+            duration=campaign.duration,
+            control_period=campaign.control_period,
+            timestep=settings.timestep,
+            disturbances=plant_sample.case.disturbances,
+            engine=engine,
+        )
+    except DivergenceError as error:
+        run, ended = error.trajectory, str(error)
+    comparison = compare_with_optimum(run, law)
+    metrics = measure(run, law, comparison, plant_sample.case.onset)
+    case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
+    physics: PlantName = "physics" if isinstance(plant, MujocoPlant) else "corrected"
+    result = RunResult(case, physics, law, run, comparison, metrics, ended, plant)
+    ends = (run.memory[-1:], [run.status], [run.valid_until])
+    return result, outcomes(campaign, controller, values[None], [plant_sample], *ends)
+
+
+def _stored(
+    campaign: Campaign, folder: Folder, number: int, controller: str
+) -> Mapping[str, Any] | None:
+    """The row of a run; None if its part is not there."""
+    index = number // campaign.specification.shard
+    names = [*METRICS, *(margin_column(each.key) for each in campaign.requirements)]
+    wanted = [*names, "relative", "ended", "status"]
+    columns = folder.columns(campaign, wanted, [index])[controller]
+    place = number - campaign.specification.ids(index).start
+    return {name: each[place] for name, each in columns.items()} if len(columns["ended"]) else None
+
+
+def _differences(campaign: Campaign, stored: Mapping[str, Any], found: Outcomes) -> tuple[str, ...]:
+    """What of a stored row a replay has not to the last bit."""
+    own: dict[str, Any] = {
+        **found.metrics,
+        **{margin_column(key): each for key, each in found.margins.items()},
+        "relative": found.relative,
+        "ended": found.ended,
+        "status": found.status,
+    }
+    return tuple(
+        f"{name}: {stored[name]} was stored, {own[name][0]} is found"
+        for name in stored
+        if np.asarray(stored[name]).tobytes() != np.asarray(own[name][0]).tobytes()
+    )

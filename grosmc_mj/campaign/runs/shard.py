@@ -1,0 +1,156 @@
+"""One part of a campaign: its plants, each under every controller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.plant_sample import PlantSample
+from grosmc_mj.campaign.runs.meter import metered
+from grosmc_mj.campaign.runs.requirements import METRICS, Recording, afters, relative
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Status
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What became of n plants under one controller.
+
+    Attributes:
+        controller: Its name.
+        values: The uncertain numbers, (n, d).
+        metrics: By name, (n,) each; NaN for runs that ended early.
+        margins: By the requirement's key, (n,) each; NaN where it is not this controller's.
+        status: How each run ended, in lower case, (n,).
+        ended: Up to when it is valid [s], (n,).
+        relative: See ``requirements.relative``, (n,).
+    """
+
+    controller: str
+    values: Array
+    metrics: dict[str, Array]
+    margins: dict[str, Array]
+    status: Sequence[str]
+    ended: Array
+    relative: Array
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which runs keep everything, (n,)."""
+        return self.relative >= 0
+
+
+def evaluate(campaign: Campaign, controller: str, values: Array, threads: int = 0) -> Outcomes:
+    """Run plants under one controller, as ``evaluate_all`` does."""
+    return evaluate_all(campaign, [controller], values, threads)[0]
+
+
+def evaluate_all(
+    campaign: Campaign, controllers: Iterable[str], values: Array, threads: int = 0
+) -> list[Outcomes]:
+    """Run the same plants under each controller, as one batch, with nothing recorded.
+
+    Args:
+        campaign: The campaign.
+        controllers: Names of the controllers; their batches share the plants' compiled models.
+        values: The uncertain numbers, (n, d).
+        threads: 0 for all cores.
+    """
+    plant_samples = [campaign.plant_sample(row) for row in values]
+    plants = plants_of(campaign, plant_samples)
+    found = []
+    for controller in controllers:
+        law = campaign.laws[controller]
+        run = simulate(
+            plants,
+            [with_meters(campaign, law, plant_sample) for plant_sample in plant_samples],
+            np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
+            duration=campaign.duration,
+            control_period=campaign.control_period,
+            timestep=campaign.experiment.settings.timestep,
+            disturbances=[list(plant_sample.case.disturbances) for plant_sample in plant_samples],
+            engine=campaign.experiment.settings.engine_for(law),
+            record=False,
+            threads=threads,
+        )
+        ends = (run.memory[:, -1], run.status, run.valid_until)
+        found.append(outcomes(campaign, controller, values, plant_samples, *ends))
+    return found
+
+
+def outcomes(
+    campaign: Campaign,
+    controller: str,
+    values: Array,
+    plant_samples: Sequence[PlantSample],
+    memory: Any,
+    status: Iterable[Any],
+    valid_until: Any,
+) -> Outcomes:
+    """What the meters of n runs say.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        values: (n, d).
+        plant_samples: n of them.
+        memory: The law's memory at the last sample of each, (n,).
+        status: How each ended, ``Status`` values, (n,).
+        valid_until: Up to when each is valid [s], (n,).
+    """
+    meters = memory["meters"]
+    recording = Recording(
+        campaign.control_period,
+        campaign.duration,
+        np.array([plant_sample.case.onset for plant_sample in plant_samples]),
+    )
+    words = [each.name.lower() for each in status]
+    completed = np.array(words) == Status.COMPLETED.name.lower()
+    ended = np.where(completed, campaign.duration, np.asarray(valid_until, float))
+    nothing = np.full(len(values), np.nan)
+    margins = {
+        each.key: each.margins(meters, completed, recording) if controller in each.of else nothing
+        for each in campaign.requirements
+    }
+    return Outcomes(
+        controller=controller,
+        values=values,
+        metrics={
+            name: np.where(completed, measured(meters, recording), np.nan)
+            for name, (_, measured) in METRICS.items()
+        },
+        margins=margins,
+        status=words,
+        ended=ended,
+        relative=relative(
+            np.stack([nothing, *margins.values()], axis=1),
+            np.array([1.0, *(each.limit for each in campaign.requirements)]),
+            completed,
+        ),
+    )
+
+
+def plants_of(
+    campaign: Campaign, plant_samples: Sequence[PlantSample], *, drawn: bool = False
+) -> list[Plant]:
+    """The members' plants; those with the same edits are one, compiled once."""
+    like, made = campaign.plant if drawn else campaign.bare, {}
+    for plant_sample in plant_samples:
+        key = (plant_sample.case.edits, plant_sample.scales)
+        if key not in made:
+            made[key] = plant_sample.plant(like)
+    return [made[plant_sample.case.edits, plant_sample.scales] for plant_sample in plant_samples]
+
+
+def with_meters(campaign: Campaign, law: Controller, plant_sample: PlantSample) -> Controller:
+    """A law with the meters that the requirements need."""
+    after = afters(campaign.experiment.limits)
+    return metered(law, campaign.control_period, after, plant_sample.case.onset)

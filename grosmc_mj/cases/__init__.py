@@ -1,0 +1,1 @@
+"""The shipped cases: data, and beside them Python that one case alone needs."""

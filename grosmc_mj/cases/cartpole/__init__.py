@@ -1,0 +1,1 @@
+"""dm_control's cart-pole, as an example of a plant from elsewhere."""

@@ -1,0 +1,1 @@
+"""dm_control's Jaco arm, as an example of a robot from elsewhere."""

@@ -1,0 +1,244 @@
+"""The Kinova Jaco arm that dm_control ships, and what it is to track."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import (
+    AS_PRINTED,
+    Realization,
+    computed_torque_pd,
+    linearized_lqr,
+    tracking_grosmc,
+)
+from grosmc_mj.control.references import FourierSeries, ReferenceFunction, fourier_series
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.simulation.edits import AddedMass
+from grosmc_mj.simulation.robots.robot import Robot
+
+JOINTS = tuple(f"joint_{i}" for i in range(1, 7))
+# Where the fingers meet: the tip, and where a payload is held.
+TIP, HAND = "jaco_hand/pinchsite", "jaco_hand/hand"
+# An elbow-up pose in the middle of the workspace, away from joint limits and singularities [rad].
+HOME = (0.0, 3.6, 1.6, 1.2, 1.9, 0.0)
+
+# Sines: amplitudes and integer multiples of the base frequency for each joint. The wrist can
+# accelerate by 3.4 rad/s² (6.8 N m over an armature of 2 kg m²), of which gravity, friction and
+# the payload need a half.
+_AMPLITUDES = (0.4, 0.25, 0.25, 0.3, 0.3, 0.4)
+_MULTIPLES = (1, 2, 1, 2, 1, 2)
+_SINE_PERIOD = 8.0
+
+# Weights of every joint's error and acceleration: two poles at 3.2 rad/s, damped by 0.71. From
+# 0.1 rad off the reference that asks for 1 rad/s² at first, 2 N m of the wrist's 6.8.
+_Q, _R = (100.0, 0.0), 1.0
+# The PD is faster, as two equal poles can be without more torque at the start than there is.
+_PD_FREQUENCY, _PD_DAMPING = 5.0, 1.0
+# What 1 kg, which the law does not know of, and dry friction push s' by along both references is
+# at most 1.75 rad/s², at joint 4. Since the payload also leaves the switching term 0.81 of its
+# effect, 1.90 are needed on the eight and, for moments, 2.06 on the sines. The wrist's headroom
+# ends at about 2: each rad/s² costs it 2 N m. k brings back what saturation let go.
+_EPSILON, _REACHING = 2.0, 5.0
+
+# The figure of eight, in the plane across the arm: half width and half height [m].
+_EIGHT, _EIGHT_PERIOD = (0.12, 0.06), 8.0
+_SAMPLES, _HARMONICS = 48, 8
+# An inverse kinematics step this far off has lost the curve [m].
+_LOST = 1e-6
+
+
+class Path(NamedTuple):
+    """A reference in joint space and how well its tip keeps to a curve.
+
+    Attributes:
+        reference: y_r(t) of the six joints with two derivatives.
+        parameters: Its series.
+        tip_error: Largest distance of the tip from the curve [m]; 0 if there is no curve.
+    """
+
+    reference: ReferenceFunction
+    parameters: FourierSeries
+    tip_error: float
+
+
+class JacoControllers(NamedTuple):
+    """The controllers that are compared.
+
+    Attributes:
+        lqr: Computed torque with the LQR of the chains.
+        pd: Computed torque with the same two poles for every joint.
+        grosmc: The law (55) in the same feedback.
+    """
+
+    lqr: Controller
+    pd: Controller
+    grosmc: Controller
+
+
+def jaco(timestep: float = 1e-3) -> Robot:
+    """The six joints of the arm under torque control, with the hand rigid.
+
+    dm_control drives the joints by velocity servos of 30.5 and 6.8 N m; their place is taken by
+    torques within these limits.
+
+    Args:
+        timestep: Of physics [s].
+
+    Raises:
+        SetupError: If dm_control is not installed.
+    """
+    try:
+        with without_graphics():
+            from dm_control.entities.manipulators import kinova
+    except ImportError as error:
+        raise SetupError(
+            "the Jaco arm comes with dm_control, which is not installed: pip install dm_control"
+        ) from error
+    arm = kinova.JacoArm()
+    arm.attach(kinova.JacoHand())
+    model: Any = arm.mjcf_model
+    _stage(model)
+    return Robot.from_mjcf(model, joints=JOINTS, timestep=timestep)
+
+
+def _stage(model: Any) -> None:
+    """A sky, a floor, lights and a camera: the entity has none. Nothing touches the floor.
+
+    The site ``tip`` is where the fingers meet, whose path films draw.
+    """
+    site, hand = model.find("site", TIP), model.find("body", HAND)
+    hand.add("site", name="tip", pos=site.pos, group=4)
+    sky = {"rgb1": (0.93, 0.95, 0.98), "rgb2": (0.8, 0.85, 0.92), "width": 256, "height": 256}
+    model.asset.add("texture", name="sky", type="skybox", builtin="gradient", **sky)
+    model.visual.headlight.set_attributes(ambient=(0.35,) * 3, diffuse=(0.5,) * 3)
+    floor = {"type": "plane", "size": (1, 1, 0.1), "rgba": (0.85, 0.87, 0.9, 1)}
+    model.worldbody.add("geom", name="floor", contype=0, conaffinity=0, **floor)
+    model.worldbody.add("light", name="lamp", pos=(-0.9, -0.7, 2.2), dir=(0.35, 0.3, -1))
+    model.worldbody.add(
+        "camera",
+        name="fixed",
+        pos=(-1.3, -0.3, 0.68),
+        xyaxes=(0.403, -0.915, 0.0, 0.227, 0.1, 0.969),
+    )
+
+
+def controllers(robot: Robot, path: Path, realization: Realization = AS_PRINTED) -> JacoControllers:
+    """LQR, computed-torque PD and GROSMC for a path, all by the arm without a payload.
+
+    Args:
+        robot: The arm.
+        path: What it is to track.
+        realization: How GROSMC is sampled.
+    """
+    n = robot.joints
+    Q, R = np.kron(np.eye(n), np.diag(_Q)), _R * np.eye(n)
+    task = robot.task(path.reference, path.parameters, Q, R, realization)
+    return JacoControllers(
+        lqr=linearized_lqr(task, "lqr"),
+        pd=computed_torque_pd(task, _PD_FREQUENCY, _PD_DAMPING),
+        grosmc=tracking_grosmc(task, _REACHING, _EPSILON),
+    )
+
+
+def start(path: Path, off: float = 0.1) -> Array:
+    """At rest, every joint this far from where the path begins [rad]; (12,)."""
+    q = np.array(path.reference(0.0, path.parameters))[::3]
+    return np.concatenate([q + off, np.zeros(len(q))])
+
+
+def payload(robot: Robot, mass: float) -> AddedMass:
+    """A point mass held between the fingers [kg]."""
+    site = robot.plant.model.site(TIP)
+    x, y, z = (float(value) for value in site.pos)
+    return AddedMass(HAND, mass, (x, y, z))
+
+
+def joint_sines(robot: Robot, scale: float = 1.0) -> Path:
+    """Sines about the home pose, each joint with its own amplitude, of a common period of 8 s.
+
+    Args:
+        robot: The arm.
+        scale: Of all amplitudes.
+    """
+    n = robot.joints
+    sine = np.zeros((n, max(_MULTIPLES)))
+    sine[range(n), np.array(_MULTIPLES) - 1] = scale * np.array(_AMPLITUDES)
+    series = FourierSeries(2 * math.pi / _SINE_PERIOD, np.array(HOME), np.zeros_like(sine), sine)
+    return Path(fourier_series(n, sine.shape[1]), series, 0.0)
+
+
+def figure_of_eight(robot: Robot, scale: float = 1.0, harmonics: int = _HARMONICS) -> Path:
+    """The tip along a figure of eight about its home, the hand's orientation kept.
+
+    Inverse kinematics at samples of the curve gives joint angles, of which a cut Fourier series
+    is made: smooth, and with exact derivatives.
+
+    Args:
+        robot: The arm.
+        scale: Of the curve.
+        harmonics: How many the series keeps.
+
+    Raises:
+        ArgumentError: If the curve leaves the arm's reach.
+    """
+    angles = np.arange(_SAMPLES) * (2 * math.pi / _SAMPLES)
+    at_home = _tip(robot, np.array(HOME))[None]
+    samples = _inverse_kinematics(robot, _curve(at_home[0], angles, scale))
+    series = FourierSeries.through(samples, 2 * math.pi / _EIGHT_PERIOD, harmonics)
+    reference = fourier_series(robot.joints, harmonics)
+    fine = np.linspace(0, 2 * math.pi, 1000)
+    wanted = _curve(at_home[0], fine, scale)
+    reached = [_tip(robot, np.array(reference(a / series.frequency, series))[::3]) for a in fine]
+    return Path(reference, series, float(np.linalg.norm(reached - wanted, axis=1).max()))
+
+
+def tip_path(robot: Robot, q: Array) -> Array:
+    """Where the nominal arm's tip is at joint angles (N, 6); returns (N, 3) [m]."""
+    return np.array([_tip(robot, row) for row in q])
+
+
+def _curve(centre: Array, angle: Array, scale: float) -> Array:
+    """The figure of eight, (N, 3)."""
+    width, height = (scale * half for half in _EIGHT)
+    across, up = width * np.sin(angle), height * np.sin(2 * angle)
+    return centre + np.stack([np.zeros_like(angle), across, up], axis=1)
+
+
+def _tip(robot: Robot, q: Array) -> Array:
+    """Where the tip is [m], (3,)."""
+    model = robot.plant.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    return data.site(TIP).xpos.copy()
+
+
+def _inverse_kinematics(robot: Robot, points: Array) -> Array:
+    """Joint angles that bring the tip to each point in turn, with the orientation of home."""
+    from dm_control import mujoco as dm_mujoco
+    from dm_control.mujoco.wrapper import MjModel
+    from dm_control.utils.inverse_kinematics import qpos_from_site_pose
+
+    physics: Any = dm_mujoco.Physics.from_model(MjModel(robot.plant.model))
+    physics.data.qpos[:] = HOME
+    mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
+    upright = np.zeros(4)
+    mujoco.mju_mat2Quat(upright, physics.named.data.site_xmat[TIP])
+    rows = []
+    for point in points:
+        found = qpos_from_site_pose(physics, TIP, target_pos=point, target_quat=upright)
+        if not found.success:
+            raise ArgumentError(
+                f"the arm cannot bring its tip to {np.round(point, 3).tolist()} m as at home: "
+                f"{found.err_norm:.2g} m off"
+            )
+        physics.data.qpos[:] = found.qpos
+        rows.append(found.qpos)
+    return np.array(rows)

@@ -1,0 +1,99 @@
+"""Claims and premises as plain values, for JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from grosmc_mj.chapter.claims.claim import Finding, PlantFinding
+from grosmc_mj.chapter.expected_verdicts import Expectation
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.premises.audit import Audit, Premise, Reading
+
+
+def claim_document(
+    finding: Finding, expectation: Expectation | None, lab: Laboratory
+) -> dict[str, Any]:
+    """One claim with what was found."""
+    claim = finding.claim
+    return {
+        "id": claim.id,
+        "system": claim.system,
+        "source": claim.source,
+        "statement": claim.statement,
+        "criterion": claim.criterion,
+        "sense": claim.sense,
+        "threshold": claim.threshold,
+        "unit": claim.unit,
+        "why": claim.why,
+        "suspected_defect": claim.defect,
+        "verdict": finding.verdict.value,
+        "because": finding.because,
+        "untested": claim.untested,
+        "plants": {name: _plant(each, lab) for name, each in finding.plants.items()},
+        "expected": None
+        if expectation is None
+        else {
+            "verdicts": {name: verdict.value for name, verdict in expectation.verdicts.items()},
+            "reason": expectation.reason,
+        },
+    }
+
+
+def _plant(found: PlantFinding, lab: Laboratory) -> dict[str, Any]:
+    """What was found on one plant, with the evidence that it has converged."""
+    evidence: dict[str, Any] = {"exact": found.refined is None}
+    if found.refined is not None:
+        evidence |= {
+            "control_period": [lab.settings.control_period, lab.settings.control_period / 2],
+            "timestep": [lab.settings.timestep, lab.settings.timestep / 2],
+            "values": [_number(found.measured.value), _number(found.refined.value)],
+            "notes": [found.measured.note, found.refined.note],
+        }
+    return {
+        "value": _number(found.measured.value),
+        "note": found.measured.note,
+        "verdict": found.verdict.value,
+        "evidence": evidence,
+    }
+
+
+def audit_document(audit: Audit) -> dict[str, Any]:
+    """The premises of one law in one case."""
+    return {
+        "system": audit.case.system,
+        "case": audit.case.name,
+        "controller": audit.controller,
+        "premises": [_premise(premise) for premise in audit.premises],
+    }
+
+
+def _premise(premise: Premise) -> dict[str, Any]:
+    """One premise."""
+    return {
+        "name": premise.name,
+        "source": premise.source,
+        "requirement": premise.requirement,
+        "unit": premise.unit,
+        "holds": premise.holds,
+        "region": _reading(premise.region),
+        "along_run": _reading(premise.along),
+        "restored_by": premise.restores,
+        "note": premise.note,
+    }
+
+
+def _reading(reading: Reading | None) -> dict[str, Any] | None:
+    """A premise at its worst point."""
+    if reading is None:
+        return None
+    return {
+        "margin": _number(reading.margin),
+        "violated": reading.violated,
+        "worst": {"t": _number(reading.worst.t), "x": list(reading.worst.x)},
+    }
+
+
+def _number(value: float | None) -> float | None:
+    """A number that JSON can hold."""
+    return None if value is None or not math.isfinite(value) else value

@@ -1,0 +1,170 @@
+"""The ledger for people, at most 100 columns wide."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, Verdict
+from grosmc_mj.chapter.claims.faults import Caught
+from grosmc_mj.chapter.expected_verdicts import Expectation
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.premises.audit import Audit, Reading
+
+WIDTH = 100
+_STYLES = {
+    Verdict.SUPPORTED: "bold #009E73",
+    Verdict.REFUTED: "bold #D55E00",
+    Verdict.INCONCLUSIVE: "bold #E69F00",
+}
+_SIGNS = {"at most": "<=", "at least": ">="}
+
+
+def word(verdict: Verdict) -> Text:
+    """A verdict in words and colour."""
+    return Text(verdict.value.upper(), style=_STYLES[verdict])
+
+
+def shown(measured: Measured) -> str:
+    """A value, or that there is none."""
+    return "none" if measured.value is None else f"{measured.value:.3g}"
+
+
+def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
+    """One table for each system: each claim with its value on the plant that decides."""
+    for system in dict.fromkeys(finding.claim.system for finding in findings):
+        table = Table(title=system, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
+        table.add_column("claim", no_wrap=True)
+        table.add_column("statement", ratio=1)
+        table.add_column("found", justify="right", no_wrap=True)
+        table.add_column("verdict", no_wrap=True)
+        for finding in findings:
+            claim = finding.claim
+            if claim.system != system:
+                continue
+            table.add_row(
+                claim.id + (" *" if claim.defect else ""),
+                claim.statement,
+                f"{shown(finding.plants[claim.plants[-1]].measured)} {_criterion(claim)}",
+                word(finding.verdict),
+            )
+        table.width = WIDTH
+        yield table
+
+
+def _criterion(claim: Claim) -> str:
+    """The threshold, in few characters."""
+    unit = "" if claim.unit in ("1", "unit of s per s") else claim.unit
+    return f"({_SIGNS[claim.sense]} {claim.threshold:g}{' ' if unit else ''}{unit})"
+
+
+LEGEND = (
+    "* suspected misprint or gap. In brackets: what the statement needs. Values are on the plant "
+    "that decides: physics or, where it cannot be asked, the printed or the corrected equations; "
+    "--explain CLAIM tells the rest."
+)
+
+
+def story(finding: Finding, expectation: Expectation | None, lab: Laboratory) -> Iterator[Text]:
+    """The whole story of one claim, line by line."""
+    claim = finding.claim
+    yield Text.assemble((claim.id, "bold"), "  ", word(finding.verdict))
+    yield from _paragraph("statement", claim.statement)
+    yield from _paragraph("source", claim.source)
+    if claim.equation:
+        yield from _paragraph("equation", claim.equation)
+    yield from _paragraph("criterion", claim.criterion)
+    yield from _paragraph("why so", claim.why)
+    T = lab.settings.control_period
+    for plant, found in finding.plants.items():
+        value = (
+            f"{shown(found.measured)} {claim.unit}" if claim.unit != "1" else shown(found.measured)
+        )
+        if found.refined is None:
+            evidence = "no time step enters"
+        else:
+            evidence = f"{shown(found.refined)} at T/2 (T = {1e3 * T:g} ms)"
+        line = Text(f"  {plant:<12}").append_text(word(found.verdict))
+        yield line.append(f"  {value}, {evidence}")
+        if found.measured.note:
+            yield from _paragraph("", found.measured.note)
+    if finding.because:
+        yield from _paragraph("because", f"a premise failed: {finding.because}")
+    yield from _paragraph("not tested", claim.untested or "nothing that the claim speaks of")
+    if expectation is not None:
+        yield from _paragraph("expected", expectation.reason)
+
+
+def _paragraph(title: str, text: str) -> Iterator[Text]:
+    """A titled paragraph within the width."""
+    lines = textwrap.wrap(text, WIDTH - 14, break_long_words=False) or [""]
+    yield Text(f"  {title:<12}", style="dim").append(lines[0], style="default")
+    for line in lines[1:]:
+        yield Text(" " * 14 + line)
+
+
+def audit_table(audit: Audit) -> Table:
+    """The premises of one law in one case."""
+    title = f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}"
+    table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("premise", no_wrap=True)
+    table.add_column("region", justify="right", no_wrap=True)
+    table.add_column("along run", justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    table.add_column("what is required, and what was found", ratio=1)
+    for premise in audit.premises:
+        holds = Text("holds", style=_STYLES[Verdict.SUPPORTED])
+        fails = Text("FAILS", style=_STYLES[Verdict.REFUTED])
+        words = [f"{premise.requirement} [{premise.source}]"]
+        words += [premise.note] if premise.note else []
+        words += [f"restored by {premise.restores}"] if premise.restores else []
+        table.add_row(
+            premise.name,
+            _margin(premise.region, premise.unit),
+            _margin(premise.along, premise.unit),
+            holds if premise.holds else fails,
+            Text("; ".join(words)),
+        )
+    table.width = WIDTH
+    return table
+
+
+def _margin(reading: Reading | None, unit: str) -> str:
+    """The least margin, and how often it is violated."""
+    if reading is None:
+        return ""
+    text = f"{reading.margin:.3g}" + (f" {unit}" if unit != "1" else "")
+    return text + (f"\n({100 * reading.violated:.0f} % violated)" if reading.violated else "")
+
+
+def worst_points(audit: Audit) -> Iterator[str]:
+    """Where the premises that fail are worst."""
+    for premise in audit.failed():
+        for where, reading in (("region", premise.region), ("run", premise.along)):
+            if reading is not None and reading.margin < 0 and reading.worst.x:
+                x = ", ".join(f"{value:.3g}" for value in reading.worst.x)
+                yield (
+                    f"{premise.name}: worst in the {where} at t = {reading.worst.t:.3g} s, "
+                    f"x = [{x}]"
+                )
+
+
+def caught_table(found: Sequence[Caught], claims: Sequence[Claim]) -> Table:
+    """Which claims noticed each fault."""
+    table = Table(
+        title="What the claims noticed", title_style="bold", title_justify="left",
+        box=box.SIMPLE_HEAD,
+    )  # fmt: skip
+    table.add_column("fault", no_wrap=True)
+    table.add_column("noticed by", justify="right", no_wrap=True)
+    table.add_column("claims", ratio=1)
+    for caught in found:
+        table.add_row(
+            caught.fault.name, f"{len(caught.claims)} of {len(claims)}", ", ".join(caught.claims)
+        )
+    table.width = WIDTH
+    return table

@@ -1,0 +1,62 @@
+"""The README's table of results, written from a validation.json."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from grosmc_mj.errors import SetupError
+from grosmc_mj.report.tables import number
+
+BEGIN, END = "<!-- results -->", "<!-- /results -->"
+_COLUMNS = (
+    ("max \\|x1 − x1\\*\\|", "deviation"),
+    ("settled", "settling_time"),
+    ("max \\|s\\|", "max_sliding"),
+    ("J / J\\*", ""),
+    ("max \\|u\\|", "max_input"),
+    ("cart travel", "cart_travel"),
+)
+
+
+def results_table(document: dict[str, Any]) -> str:
+    """The table, in Markdown, of the runs on physics in a validation.json."""
+    header = ["system", "case", "law", *(title for title, _ in _COLUMNS)]
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * 3 + "---:|" * len(_COLUMNS)]
+    for run in document["runs"]:
+        if run["plant"] != "physics":
+            continue
+        cells = [_cell(run["metrics"], name) for _, name in _COLUMNS]
+        lines.append(
+            "| " + " | ".join([run["system"], run["case"], run["controller"], *cells]) + " |"
+        )
+    return "\n".join(lines)
+
+
+def _cell(metrics: dict[str, Any], name: str) -> str:
+    """A value with its unit."""
+    if not name:
+        return number(metrics["cost_whole"]["value"] / metrics["cost_optimal"]["value"])
+    metric = metrics.get(name, {"value": None, "note": ""})
+    if metric["value"] is None:
+        return "not reached" if metric["note"] == "not reached" else ""
+    return f"{number(metric['value'])} {metric['unit']}"
+
+
+def write_table(readme: Path, results: Path) -> None:
+    """Put the table between the README's marks.
+
+    Raises:
+        SetupError: If a file or a mark is missing.
+    """
+    for path in (readme, results):
+        if not path.is_file():
+            raise SetupError(f"{path} is missing: run make validate in the checkout first")
+    text = readme.read_text(encoding="utf-8")
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise SetupError(f"{readme} has no {BEGIN} ... {END}")
+    table = results_table(json.loads(results.read_text(encoding="utf-8")))
+    readme.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")

@@ -1,1 +1,0 @@
-"""The chapter's claims, each with a verdict, and the premises that they rest on."""

@@ -1,0 +1,219 @@
+"""Outputs' errors as what a law regulates, whatever their plant's dynamics are computed by."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arguments import require
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.chains import Chains
+from grosmc_mj.control.references import ReferenceFunction
+from grosmc_mj.control.vectors import Vector
+from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.plants import System
+
+_PER_SECOND = ("", "/s", "/s²", "/s³")
+
+# Jitable (t, x, v, memory, p) -> u: the feedback of eqs. (23) and (44).
+Feedback = Callable[[float, Any, Any, Any, Any], Vector]
+
+
+class Workspace(Protocol):
+    """What the feedback of one run computes in; it must live as long as the run.
+
+    Attributes:
+        address: Where it is in memory: a float64 holds every address exactly.
+    """
+
+    @property
+    def address(self) -> float:
+        """Where it is."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class OutputCoordinates(ABC):
+    """z = sign * (T(x) - [y_r, y_r', ...]), each output with its derivatives below r_i.
+
+    Attributes:
+        system: The plant's signals and names.
+        reference: y_r(t) and its derivatives, from ``p.reference``.
+        sign: +1 for y - y_r, -1 for y_r - y.
+        outputs: y in symbols, as many as inputs; the system's own by default.
+    """
+
+    system: System
+    reference: ReferenceFunction
+    sign: Literal[1, -1] = 1
+    outputs: tuple[Any, ...] | None = None
+
+    def __post_init__(self) -> None:
+        require("system", self.system, System, "a System, such as plant.system")
+        if not callable(self.reference):
+            raise ArgumentError(
+                f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
+                "derivatives, such as constant(2)"
+            )
+        if isinstance(self.sign, bool) or not isinstance(self.sign, int) or abs(self.sign) != 1:
+            raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")
+
+    @cached_property
+    @abstractmethod
+    def linearization(self) -> Chains:
+        """The chains that the feedback makes of the plant."""
+
+    def require_derivatives(self, degrees: tuple[int, ...], whose: str) -> None:
+        """Refuse a reference that has not as many derivatives as the outputs need.
+
+        Args:
+            degrees: Relative degrees of the outputs.
+            whose: The outputs in words.
+
+        Raises:
+            PremiseError: If it has others.
+        """
+        given = getattr(self.reference, "degrees", degrees)
+        if given != degrees:
+            raise PremiseError(
+                f"{self.system.name}: {whose} have relative degrees {degrees}, the reference has "
+                f"derivatives for {given}"
+            )
+
+    @property
+    @abstractmethod
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each output, m of them."""
+
+    @cached_property
+    @abstractmethod
+    def state(self) -> Callable[[float, Any, Any], Vector]:
+        """Jitable (t, x, p) -> z, by the nominal ``p.plant``."""
+
+    @cached_property
+    @abstractmethod
+    def feedback(self) -> Feedback:
+        """Jitable (t, x, v, memory, p) -> the u that makes z_i^(r_i) = v_i: eqs. (23), (44).
+
+        Where there is none, it sets ``memory.undefined`` and returns zeros.
+        """
+
+    @cached_property
+    @abstractmethod
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> the v that an input comes to: ``feedback``'s inverse."""
+
+    @abstractmethod
+    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
+        """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
+
+    @abstractmethod
+    def moved(
+        self, t: float, x: Array, p: Any, plant: Any, w: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
+        """(drift, gain) of z' = drift + gain u on a true plant, as the law sees it: eq. (24).
+
+        z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            p: The law's parameters, with ``plant`` and ``reference``.
+            plant: The true plant, as these coordinates take it.
+            w: Wrenches on it, (6 * bodies,); None for none.
+
+        Returns:
+            drift (size,) and gain (size, m).
+        """
+
+    @abstractmethod
+    def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
+        """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
+
+    @abstractmethod
+    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
+        """A state with this error, with all else at rest, (n,).
+
+        Args:
+            t: Time [s].
+            z: Error state, (size,).
+            p: The law's parameters, with ``plant`` and ``reference``.
+            near: Where to look, (n,); the coordinates' own guess by default.
+
+        Raises:
+            PremiseError: If there is none near the guess.
+        """
+
+    def workspace(self, p: Any) -> Workspace | None:
+        """What the feedback of one run computes in, for ``memory.workspace``; None for nothing.
+
+        Args:
+            p: The law's parameters.
+        """
+        return None
+
+    @property
+    def inputs(self) -> int:
+        """m, the number of inputs and outputs."""
+        return len(self.system.inputs)
+
+    @property
+    def size(self) -> int:
+        """Number of entries of z."""
+        return sum(self.linearization.relative_degree)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each entry of z."""
+        degrees = self.linearization.relative_degree
+        return tuple(
+            unit + _PER_SECOND[min(order, 3)]
+            for unit, degree in zip(self.output_units, degrees, strict=True)
+            for order in range(degree)
+        )
+
+    @property
+    def output_rows(self) -> tuple[int, ...]:
+        """Entries of z that are outputs' errors; the others are their derivatives."""
+        return self.linearization.first_rows
+
+    @cached_property
+    def _lower(self) -> tuple[int, ...]:
+        """Where the reference's values are that z is measured from."""
+        places, first = [], 0
+        for degree in self.linearization.relative_degree:
+            places += range(first, first + degree)
+            first += degree + 1
+        return tuple(places)
+
+    @cached_property
+    def _highest(self) -> tuple[int, ...]:
+        """Where the reference's derivatives of order r_i are."""
+        return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
+
+    def unmatched(self, t: float, x: Array, p: Any, drift: Array) -> Array:
+        """What a drift of z' does to the rows without an input, beyond the chains of eq. (24)."""
+        chains = self.linearization
+        z = np.array(self.state(t, x, p))
+        return np.delete(drift - chains.A @ z, chains.last_rows)
+
+    def along(self, time: ArrayLike, x: ArrayLike, parameters: Any) -> Array:
+        """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
+        z = self.outputs_along(x, parameters.plant)
+        return self.sign * (z - self.reference_along(time, parameters.reference))
+
+    def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
+        """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""
+        rows = [self.reference(t, parameters) for t in np.asarray(time, float).tolist()]
+        return np.array(rows)[:, self._lower]
+
+    def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
+        """T(x) of every state with this error z, (size,); returns (size,)."""
+        lower = np.array(self.reference(t, p.reference))[list(self._lower)]
+        return lower + self.sign * np.asarray(z, float)

@@ -1,0 +1,182 @@
+"""The error state that a law regulates, and how the inputs move it: eqs. (17), (24) and (45)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
+from grosmc_mj.control.coordinates.feedback_linearization import (
+    FeedbackLinearization,
+    feedback_linearization,
+)
+from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
+from grosmc_mj.errors import PremiseError
+from grosmc_mj.jitable import jitable
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorCoordinates(OutputCoordinates):
+    """The errors of outputs in symbols: z = sign * (T(x) - [y_r, y_r', ...]).
+
+    It is the chapter's x for the servo (sign -1: theta_d - theta, eq. (17)), its z = T(x) for
+    the pendulum (y_r = 0, eq. (22)) and its e for the arm (eq. (45)).
+
+    Attributes:
+        guess: A state near which z determines x, (n,); zero by default. It matters where
+            several states have the same outputs.
+        unit: Unit of the outputs, if they are no states.
+    """
+
+    guess: tuple[float, ...] | None = None
+    unit: str = ""
+
+    @cached_property
+    def linearization(self) -> FeedbackLinearization:
+        """T, K and E of the outputs.
+
+        Raises:
+            PremiseError: If they have no vector relative degree, or the reference another one.
+        """
+        chains = feedback_linearization(self.system.equations, self.outputs)
+        self.require_derivatives(chains.relative_degree, "the outputs")
+        return chains
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each output."""
+        states = dict(zip(self.linearization.equations.x, self.system.states, strict=True))
+        return tuple(states[y].unit if y in states else self.unit for y in self.linearization.h)
+
+    @cached_property
+    def state(self) -> Callable[[float, Any, Any], Vector]:
+        """Jitable (t, x, p) -> z, by the nominal ``p.plant``."""
+        reference, transformation = self.reference, self.linearization.transformation
+        difference = signed_difference(self.size, float(self.sign), self._lower)
+
+        def error_state(t: float, x: Any, p: Any) -> Vector:
+            return difference(transformation(x, p.plant), reference(t, p.reference))
+
+        return jitable(error_state)
+
+    @cached_property
+    def nonlinearity(self) -> Callable[[float, Any, Any], Vector]:
+        """Jitable (t, x, p) -> alpha of z_i^(r_i) = alpha_i + (E u)_i, by the nominal plant.
+
+        It is L_f^r h - y_r^(r) of eqs. (23) and (44).
+        """
+        reference, nonlinearity = self.reference, self.linearization.nonlinearity
+        difference = signed_difference(self.inputs, float(self.sign), self._highest)
+
+        def error_nonlinearity(t: float, x: Any, p: Any) -> Vector:
+            return difference(nonlinearity(x, p.plant), reference(t, p.reference))
+
+        return jitable(error_nonlinearity)
+
+    @cached_property
+    def decoupling_matrix(self) -> Callable[[Any, Any], Vector]:
+        """Jitable (x, p) -> E, row by row, by the nominal plant."""
+        matrix, sign = self.linearization.decoupling_matrix, float(self.sign)
+        if self.sign == 1:
+            return jitable(lambda x, p: matrix(x, p.plant))
+        negated = each(self.inputs**2, lambda i, E: sign * E[i])
+        return jitable(lambda x, p: negated(matrix(x, p.plant)))
+
+    @cached_property
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> v = alpha + E u, eqs. (24) and (45)."""
+        nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
+        m = self.inputs
+
+        def entry(i: int, alpha: Any, E: Any, u: Any) -> float:
+            total = alpha[i]
+            for j in range(m):
+                total += E[i * m + j] * u[j]
+            return total
+
+        rows = each(m, entry)
+        return jitable(lambda t, x, u, memory, p: rows(nonlinearity(t, x, p), matrix(x, p), u))
+
+    @cached_property
+    def feedback(self) -> Feedback:
+        """Jitable (t, x, v, memory, p) -> u = E^-1 (v - alpha), eqs. (23) and (44).
+
+        It is not defined outside the system's region and where E is singular.
+        """
+        nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
+        linearizable, operations = self.system.linearizable, algebra(self.inputs)
+        solve, regular, subtract = operations.solve, operations.regular, operations.subtract
+        nothing = operations.nothing
+
+        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any) -> Vector:
+            E = matrix(x, p)
+            if not (linearizable(x) and regular(E)):
+                memory.undefined = 1.0
+                return nothing
+            return solve(E, subtract(v, nonlinearity(t, x, p)))
+
+        return jitable(feedback)
+
+    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
+        """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
+        alpha = np.array(self.nonlinearity(t, x, p))
+        return alpha, np.reshape(self.decoupling_matrix(x, p), (self.inputs, self.inputs))
+
+    def moved(
+        self, t: float, x: Array, p: Any, plant: Any, w: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
+        """As for every coordinates; ``plant`` has the parameters of the true plant."""
+        equations = self.system.equations
+        f = np.array(equations.drift(x, plant))
+        if w is not None:
+            f = f + np.array(equations.disturbance(x, np.asarray(w, float), plant))
+        g = np.reshape(equations.input_matrix(x, plant), (len(f), -1))
+        slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(f)))
+        raised = np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
+        return self.sign * (slope @ f - raised), self.sign * slope @ g
+
+    def pushed(self, x: Array, p: Any, plant: Any, w: ArrayLike) -> Array:
+        """What a wrench on a true plant does to z', as the law sees it, (size,)."""
+        d = np.array(self.system.equations.disturbance(x, np.asarray(w, float), plant))
+        slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(d)))
+        return self.sign * slope @ d
+
+    def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
+        """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
+        x, chains = np.asarray(x, float), self.linearization
+        if chains.plain is not None:
+            return x[:, chains.plain]
+        return np.array([chains.transformation(row, plant) for row in x])
+
+    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
+        """A state with this error, with all else at rest or as it is near, (n,)."""
+        near = self.guess if near is None else near
+        guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
+        return self.linearization.place(self.placed(t, z, p), p.plant, guess)
+
+    def jacobian(self, p: Any) -> tuple[Array, Array]:
+        """(A, B) of the linearization of z' about z = 0 with the other coordinates at rest.
+
+        Args:
+            p: With ``plant`` and ``reference``, as the laws have them.
+
+        Returns:
+            A (size, size) and B (size, m).
+        """
+        chains, x = self.linearization, self.place(0.0, np.zeros(self.size), p)
+        if self.inputs > 1 and not chains.complete:
+            raise PremiseError(f"{self.system.name}: z leaves out a part of the state")
+        seen, n = chains.seen, len(x)
+        of_T = np.reshape(chains.slope(x, p.plant), (self.size, n))[:, seen]
+        of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, n))[:, seen]
+        A, B, rows = chains.A.copy(), np.zeros((self.size, self.inputs)), list(chains.last_rows)
+        # Of alpha + E u at u = 0, through x = T^-1; a sign of z takes itself out.
+        A[rows] = of_K @ np.linalg.inv(of_T)
+        B[rows] = self.dynamics(0.0, x, p)[1]
+        return A, B

@@ -1,0 +1,123 @@
+"""The figure of a case file: output, distance from the optimum, sliding variable, input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.report.figure import labelled_below
+from grosmc_mj.report.palette import COLOURS, DISTURBANCE, LABELS, LINES, OPTIMUM, PLANTS, colour_of
+
+SIZE = (7.2, 9.0)
+_ALONE: dict[str, Any] = {"lw": 1.6}
+# Thin enough to show how dense a signal is that jumps at every sample.
+_THIN: dict[str, Any] = {"lw": 0.8}
+
+
+def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
+    """Draw all runs of a case file on an empty figure, over time."""
+    sliding = any(result.trajectory.sliding is not None for result in results)
+    panels = list(figure.subplots(4 if sliding else 3, 1, sharex=True))
+    colours = _colours(results)
+    smooth, switched = panels[:2], panels[2:]
+    for result in results:
+        name = result.controller.name
+        label = f"{LABELS.get(name, name)}, {PLANTS[result.plant]}"
+        line = LINES[result.plant] if len(_plants(results)) > 1 else _ALONE
+        for panel, curve in zip(smooth, _outputs(result), strict=True):
+            time = result.trajectory.time
+            panel.plot(time, curve, color=colours[name], label=label, rasterized=True, **line)
+    for result in _calmest_last(results):
+        for panel, curve in zip(switched, _signals(result, sliding=sliding), strict=True):
+            held = result.trajectory.time[:-1]
+            panel.plot(held, curve, color=colours[result.controller.name], rasterized=True, **_THIN)
+    _reference(panels[0], results[0])
+    for panel, label in zip(panels, _labels(results, sliding=sliding), strict=True):
+        panel.set_ylabel(label)
+        _shade(panel, results[0])
+    panels[-1].set_xlabel("time t [s]")
+    figure.suptitle(results[0].case.title, fontsize=11.5)
+    labelled_below(figure, panels)
+
+
+def _plants(results: Sequence[RunResult]) -> list[PlantName]:
+    """Plants that were run on."""
+    return list(dict.fromkeys(result.plant for result in results))
+
+
+def _colours(results: Sequence[RunResult]) -> dict[str, str]:
+    """A colour for each controller."""
+    names = list(dict.fromkeys(result.controller.name for result in results))
+    own = [name for name in names if name not in COLOURS]
+    return {name: colour_of(name, own.index(name) if name in own else 0) for name in names}
+
+
+def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:
+    """The runs on the last plant, physics if it is there: what chatters is drawn below the rest."""
+    last = [result for result in results if result.plant == _plants(results)[-1]]
+    return sorted(last, key=lambda result: -(result.metrics["total_variation"].value or 0.0))
+
+
+def _outputs(result: RunResult) -> list[Array]:
+    """The output, or the size of several outputs' errors; and the distance from the optimum."""
+    comparison, error = result.comparison, result.controller.error
+    output = comparison.error
+    if len(comparison.outputs) == 1 and error is not None:
+        output = comparison.reference[:, 0] + error.sign * comparison.error
+    return [output, comparison.deviation]
+
+
+def _signals(result: RunResult, *, sliding: bool) -> list[Array]:
+    """s, where a law has a surface, and the input."""
+    run = result.trajectory
+    s = np.full(len(run.time) - 1, np.nan) if run.sliding is None else _largest(run.sliding)
+    return [s, _largest(run.input)] if sliding else [_largest(run.input)]
+
+
+def _largest(rows: Array) -> Array:
+    """A single signal as it is; of several the largest magnitude."""
+    return rows if rows.ndim == 1 else np.abs(rows).max(axis=1)
+
+
+def _labels(results: Sequence[RunResult], *, sliding: bool) -> list[str]:
+    """What the panels' axes are called."""
+    result = results[0]
+    error, system = result.controller.error, result.trajectory.system
+    assert error is not None
+    several = len(result.comparison.outputs) > 1
+    unit = error.units[result.comparison.outputs[0]]
+    output = "|y − yᵣ|" if several else "output y"
+    units = [r.controller.sliding_unit for r in results if r.controller.sliding_unit]
+    s = [f"{'largest |s|' if several else 's'} [{units[0]}]"] if sliding and units else []
+    s = s or (["s"] if sliding else [])
+    u = system.inputs[0]
+    return [
+        f"{output} [{unit}]",
+        f"distance from y* [{unit}]",
+        *s,
+        f"{'largest |u|' if len(system.inputs) > 1 else u.name} [{u.unit}]",
+    ]
+
+
+def _reference(axes: Axes, result: RunResult) -> None:
+    """Where the output should be."""
+    comparison = result.comparison
+    several = len(comparison.outputs) > 1
+    y = np.zeros(len(comparison.time)) if several else comparison.reference[:, 0]
+    axes.plot(comparison.time, y, color=OPTIMUM, lw=1, ls=(0, (1, 2)), label="reference", zorder=5)
+
+
+def _shade(axes: Axes, result: RunResult) -> None:
+    """Shade the time in which a disturbance acts."""
+    end = result.case.duration
+    for disturbance in result.case.disturbances:
+        start, stop = disturbance.window
+        label = disturbance.label or f"disturbance on {disturbance.body}"
+        axes.axvspan(start, min(stop, end), color=DISTURBANCE, alpha=0.13, lw=0, label=label)
+    axes.set_xlim(0, end)

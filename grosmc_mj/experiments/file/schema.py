@@ -1,0 +1,298 @@
+"""What a case file may say."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+
+from grosmc_mj.errors import shown
+from grosmc_mj.experiments.file.table import (
+    Kilograms,
+    Metres,
+    NewtonMetres,
+    Newtons,
+    Radians,
+    RadiansPerSecond,
+    Seconds,
+    Table,
+    Three,
+)
+from grosmc_mj.experiments.file.uncertain import CorrelationTable, UncertainTable
+
+_LONGEST_NAME = 100
+
+
+def _weight(value: Any) -> Any:
+    """A number, a diagonal or the rows of a matrix, of numbers."""
+    rows = value if isinstance(value, list) else [value]
+    entries = [each for row in rows for each in (row if isinstance(row, list) else [row])]
+    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
+        raise ValueError(f"{shown(value)} must be a number, a list of numbers or a list of rows")
+    return value
+
+
+def file_name(name: str) -> str:
+    """A name that folders and files may have: results are kept under it.
+
+    Raises:
+        ValueError: If it is another.
+    """
+    plain = name.isprintable() and "/" not in name and name not in {".", ".."}
+    if not plain or len(name) > _LONGEST_NAME:
+        raise ValueError(
+            f"{shown(name)} must be a name for files: no slash, no dots alone, printable, "
+            f"{_LONGEST_NAME} characters at most"
+        )
+    return name
+
+
+Weight = Annotated[Any, BeforeValidator(_weight)]
+
+
+class PlantTable(Table):
+    """``[plant]``: what is controlled; one of ``system``, ``model`` and ``plant``.
+
+    Attributes:
+        system: A system of the package.
+        model: An MJCF file beside the case file: a robot of the user's own.
+        plant: ``module:name`` of an analytic plant, a plant in MuJoCo or a robot, or of a
+            function without arguments that makes one.
+        joints: Joints of a robot; all by default.
+        actuators: Its actuators, one for each joint; all by default.
+        compare: Plants to run on; all that there are by default.
+    """
+
+    system: str | None = None
+    model: str | None = None
+    plant: str | None = None
+    joints: list[str] | None = None
+    actuators: list[str] | None = None
+    compare: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
+
+    @model_validator(mode="after")
+    def _one_of_three(self) -> PlantTable:
+        given = [name for name in ("system", "model", "plant") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give one of system, model and plant, not {given or 'none'}")
+        if self.model is None and (self.joints or self.actuators):
+            raise ValueError("joints and actuators are for a model")
+        return self
+
+
+class RunTable(Table):
+    """``[run]``: from where, for how long, how sampled.
+
+    Attributes:
+        start: States at t = 0 by name, with their units; the others are zero.
+        duration: [s].
+        control_period: Time between two samples of the laws [s]; 1 ms, or the timestep if that is
+            longer.
+        timestep: Physics timestep [s]; 1 ms, or that of a model of one's own.
+        integrator: MuJoCo's integrator; RK4, or that of a model of one's own.
+        engine: ``native`` compiles the laws; ``python`` runs any callable.
+    """
+
+    start: dict[str, Any] = {}
+    duration: Seconds
+    control_period: Seconds | None = None
+    timestep: Seconds | None = None
+    integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] | None = None
+    engine: Literal["native", "python"] = "native"
+
+
+# What an edit may change, by what it is an edit of.
+_CHANGES = {
+    "body": ("mass_scale", "length_scale", "added_mass", "at"),
+    "joint": ("damping", "friction", "armature"),
+    "parameter": ("scale",),
+}
+
+
+class EditTable(Table):
+    """``[[edit]]``: what the true plant has that the laws do not know; one thing each.
+
+    Attributes:
+        body: A body of the model.
+        mass_scale: Factor on its mass and inertia.
+        length_scale: Factor on all its lengths.
+        added_mass: A point mass on it [kg].
+        at: Where on the body, in its own frame [m], (3,).
+        joint: A joint of the model.
+        damping: Of the joint [N m s/rad or N s/m].
+        friction: Dry friction of the joint [N m or N].
+        armature: Of the joint [kg m^2 or kg].
+        parameter: A parameter of an analytic plant of one's own.
+        scale: Factor on it.
+    """
+
+    body: str | None = None
+    mass_scale: float = 1.0
+    length_scale: float = 1.0
+    added_mass: Kilograms | None = None
+    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
+    joint: str | None = None
+    damping: float | None = None
+    friction: float | None = None
+    armature: float | None = None
+    parameter: str | None = None
+    scale: float | None = None
+
+    @model_validator(mode="after")
+    def _of_one_thing(self) -> EditTable:
+        owners = [name for name in _CHANGES if getattr(self, name) is not None]
+        if len(owners) != 1:
+            raise ValueError(f"name one of {', '.join(_CHANGES)}, not {owners or 'none'}")
+        given = self.model_fields_set - {owners[0]}
+        if idle := sorted(given - set(_CHANGES[owners[0]])):
+            valid = ", ".join(_CHANGES[owners[0]])
+            raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {valid}")
+        if not given - {"at"}:
+            raise ValueError("the edit changes nothing")
+        if "added_mass" in given and given & {"mass_scale", "length_scale"}:
+            raise ValueError("added_mass and a scale are two edits: write two [[edit]]")
+        if "at" in given and "added_mass" not in given:
+            raise ValueError("at is where an added_mass is: give it one")
+        return self
+
+
+class DisturbanceTable(Table):
+    """``[[disturbance]]``: a wrench on a body, in world axes at its centre of mass.
+
+    Attributes:
+        body: A body of the plant.
+        force: [N], (3,).
+        torque: [N m], (3,).
+        profile: Its course in time: ``constant``, ``pulse`` (from ``start`` to ``stop``), ``sine``
+            (sin(frequency t + phase) from ``onset`` on), or ``module:name`` of a function of t.
+        start: Of a pulse [s].
+        stop: Of a pulse [s].
+        frequency: Of a sine [rad/s]; 1 Hz is a turn a second.
+        phase: Of a sine [rad].
+        onset: Of a sine [s].
+        label: What figures call it.
+    """
+
+    body: str
+    force: Annotated[list[Newtons], Three] = [0.0, 0.0, 0.0]
+    torque: Annotated[list[NewtonMetres], Three] = [0.0, 0.0, 0.0]
+    profile: str = "constant"
+    start: Seconds = 0.0
+    stop: Seconds | None = None
+    frequency: RadiansPerSecond | None = None
+    phase: Radians = 0.0
+    onset: Seconds = 0.0
+    label: str = ""
+
+
+class TaskTable(Table):
+    """``[task]``: what the laws are designed for; for the package's systems it has defaults.
+
+    Attributes:
+        design: A further design of the package, such as ``two_link_arm regulation``.
+        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
+            ``module:name`` of a reference with its parameters.
+        Q: Weight of the error state, a matrix or its diagonal.
+        R: Weight of the input, a number, a matrix or its diagonal.
+    """
+
+    design: str | None = None
+    reference: list[str] | None = None
+    Q: Weight = None
+    R: Weight = None
+
+
+class ControllerTable(Table):
+    """``[[controller]]``: a law and its numbers, which stand beside these keys.
+
+    Attributes:
+        law: A law by its name, or ``module:name`` of a law, of a function that makes a controller
+            of the nominal plant, or of a controller.
+        name: What it is called; its law by default.
+        switching: Switching law of a sliding mode law.
+        surface: ``printed`` or ``discrete``.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    law: str
+    name: str | None = None
+    switching: str = "sign"
+    surface: Literal["printed", "discrete"] = "printed"
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The law's numbers."""
+        return dict(self.model_extra or {})
+
+
+class RequirementTable(Table):
+    """``[[requirement]]``: what runs must keep. Limits have the unit of what they limit.
+
+    Attributes:
+        of: Controllers that must keep it; all by default.
+        on: Plants on which; physics by default, or all where there is none.
+        settles_within: The error stays within 2 % of its start from then on [s], up to the onset
+            of a later disturbance.
+        stays_within: Largest error from ``after`` on.
+        after: [s].
+        deviation_below: Largest distance from the law's own nominal optimum.
+        input_below: Largest input.
+        sliding_below: Largest |s|; of the laws that have a surface by default.
+        cart_travel_below: How far the cart goes from its start [m].
+        no_reaching_phase: The sliding variable starts at zero, as an integral surface does by its
+            definition; of the laws that have one by default.
+        cost_ratio_below: J with the whole input over J*.
+    """
+
+    of: list[str] | None = Field(None, min_length=1)
+    on: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
+    settles_within: Seconds | None = None
+    stays_within: Any = None
+    after: Seconds = 0.0
+    deviation_below: Any = None
+    input_below: Any = None
+    sliding_below: Any = None
+    cart_travel_below: Metres | None = None
+    no_reaching_phase: bool = False
+    cost_ratio_below: float | None = None
+
+    @model_validator(mode="after")
+    def _after_something(self) -> RequirementTable:
+        if "after" in self.model_fields_set and self.stays_within is None:
+            raise ValueError("after is for stays_within, which is not there")
+        if self.after < 0:
+            raise ValueError(f"after {self.after:g} s must not be negative")
+        return self
+
+
+class CaseFile(Table):
+    """A whole file.
+
+    Attributes:
+        name: Name of the case; the file's own by default.
+        title: For people.
+        source: Where it comes from.
+        plant: What is controlled.
+        run: How it is run.
+        edit: What the true plant has that the laws do not know.
+        disturbance: What acts on it.
+        task: What the laws are designed for.
+        controller: The laws.
+        requirement: What they must keep.
+        uncertain: Numbers that a campaign varies; a single run has the others' values.
+        correlation: Which of them vary together.
+    """
+
+    name: Annotated[str, AfterValidator(file_name)] = ""
+    title: str = ""
+    source: str = ""
+    plant: PlantTable
+    run: RunTable
+    edit: list[EditTable] = []
+    disturbance: list[DisturbanceTable] = []
+    task: TaskTable = TaskTable()
+    controller: Annotated[list[ControllerTable], Field(min_length=1)]
+    requirement: list[RequirementTable] = []
+    uncertain: list[UncertainTable] = []
+    correlation: list[CorrelationTable] = []

@@ -1,0 +1,173 @@
+"""What a case file may say of numbers that are not known: ranges, distributions, correlations."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from grosmc_mj.errors import shown, unknown_name
+from grosmc_mj.experiments.file.table import Metres, Table, Three
+
+# What may be uncertain, by what it belongs to, with the unit of its values; a state has its own,
+# and those of a joint are written without one, as in [[edit]].
+QUANTITIES: dict[str, dict[str, str]] = {
+    "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
+    "joint": {"damping": "", "friction": "", "armature": ""},
+    "disturbance": {"amplitude": "", "frequency": "rad/s", "phase": "rad", "onset": "s"},
+    "start": {"value": ""},
+    "parameter": {"scale": ""},
+}
+_KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
+
+
+class DistributionTable(Table):
+    """A distribution and its numbers, each with the unit of the quantity.
+
+    Attributes:
+        distribution: ``uniform`` and ``loguniform`` from ``least`` to ``most``; ``triangular`` with
+            its top at ``mode``; ``normal`` with ``mean`` and ``deviation``; ``lognormal`` with
+            ``median`` and ``spread``, the standard deviation of its logarithm. The last two are cut
+            off at ``least`` and ``most``, where given.
+        least: Smallest value.
+        most: Largest value.
+        mode: Most likely value.
+        mean: Before it is cut off.
+        deviation: Standard deviation, before it is cut off.
+        median: Before it is cut off.
+        spread: A pure number.
+    """
+
+    distribution: str
+    least: Any = None
+    most: Any = None
+    mode: Any = None
+    mean: Any = None
+    deviation: Any = None
+    median: Any = None
+    spread: Any = None
+
+
+def _spread(value: Any) -> list[Any] | DistributionTable:
+    """A range as it is, a table as a distribution."""
+    if isinstance(value, list) and len(value) == 2:
+        return value
+    if not isinstance(value, dict):
+        raise ValueError(  # noqa: TRY004
+            f"{shown(value)} must be a range [least, most] or a table such as "
+            '{ distribution = "normal", mean = 0.1, deviation = 0.02 }'
+        )
+    for key in value:
+        if key not in DistributionTable.model_fields:
+            raise ValueError(unknown_name("key", key, DistributionTable.model_fields))
+    if value.get("distribution") not in _KINDS:
+        raise ValueError(unknown_name("distribution", value.get("distribution"), _KINDS))
+    return DistributionTable(**value)
+
+
+# A range, or a table with a distribution and its numbers.
+Spread = Annotated[Any, BeforeValidator(_spread)]
+
+
+class UncertainTable(Table):
+    """``[[uncertain]]``: one number of the plant, a disturbance or the start that is not known.
+
+    Each is a range ``[least, most]``, uniform in between, or a table with a ``distribution``.
+
+    Attributes:
+        body: A body of the model.
+        mass_scale: Factor on its mass and inertia.
+        length_scale: Factor on all its lengths.
+        added_mass: A point mass on it [kg].
+        at: Where on the body, in its own frame [m], (3,).
+        joint: A joint of the model.
+        damping: Of the joint [N m s/rad or N s/m].
+        friction: Dry friction of the joint [N m or N].
+        armature: Of the joint [kg m^2 or kg].
+        disturbance: A disturbance of the file, by its label.
+        amplitude: Factor on its wrench.
+        frequency: Of a sine.
+        phase: Of a sine.
+        onset: Of a sine or pulse; a pulse keeps its length.
+        start: A state, by its name.
+        value: Of that state at t = 0.
+        parameter: A parameter of an analytic plant of one's own.
+        scale: Factor on it.
+        name: What it is called; what it is of and the quantity by default.
+        nominal: The value that is no uncertainty, from which the radius is measured: by default
+            what the file has without this table, and no disturbance.
+    """
+
+    body: str | None = None
+    mass_scale: Spread = None
+    length_scale: Spread = None
+    added_mass: Spread = None
+    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
+    joint: str | None = None
+    damping: Spread = None
+    friction: Spread = None
+    armature: Spread = None
+    disturbance: str | None = None
+    amplitude: Spread = None
+    frequency: Spread = None
+    phase: Spread = None
+    onset: Spread = None
+    start: str | None = None
+    value: Spread = None
+    parameter: str | None = None
+    scale: Spread = None
+    name: str = ""
+    nominal: Any = None
+
+    @model_validator(mode="after")
+    def _one_number_of_one_thing(self) -> UncertainTable:
+        owners = [name for name in QUANTITIES if getattr(self, name) is not None]
+        if len(owners) != 1:
+            raise ValueError(f"name one of {', '.join(QUANTITIES)}, not {owners or 'none'}")
+        valid = list(QUANTITIES[owners[0]])
+        every = {name for names in QUANTITIES.values() for name in names}
+        given = sorted(every & self.model_fields_set)
+        if idle := [name for name in given if name not in valid]:
+            raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {', '.join(valid)}")
+        if len(given) != 1:
+            raise ValueError(
+                f"give one of {', '.join(valid)}, not {', '.join(given) or 'none'}: one "
+                "[[uncertain]] is one number"
+            )
+        if "at" in self.model_fields_set and given != ["added_mass"]:
+            raise ValueError("at is where an added_mass is: give it one")
+        return self
+
+    @property
+    def owner(self) -> str:
+        """``body``, ``joint``, ``disturbance``, ``start`` or ``parameter``."""
+        return next(name for name in QUANTITIES if getattr(self, name) is not None)
+
+    @property
+    def of(self) -> str:
+        """Name of the body, joint, disturbance, state or parameter."""
+        return getattr(self, self.owner)
+
+    @property
+    def quantity(self) -> str:
+        """Which of its numbers is uncertain."""
+        return next(name for name in QUANTITIES[self.owner] if getattr(self, name) is not None)
+
+    @property
+    def called(self) -> str:
+        """Its name."""
+        if self.name:
+            return self.name
+        return self.of if self.owner == "start" else f"{self.of} {self.quantity.replace('_', ' ')}"
+
+
+class CorrelationTable(Table):
+    """``[[correlation]]``: two uncertain numbers that are not independent.
+
+    Attributes:
+        between: Their names.
+        coefficient: Correlation of the Gaussian copula, from -1 to 1.
+    """
+
+    between: Annotated[list[str], Field(min_length=2, max_length=2)]
+    coefficient: Annotated[float, Field(gt=-1, lt=1)]

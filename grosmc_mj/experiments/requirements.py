@@ -1,0 +1,203 @@
+"""What a run must keep, and by how much it does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.experiments.file.schema import RequirementTable
+from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.simulation.trajectory import Status
+
+# s(0) is zero to rounding of z and of its reference.
+_ROUNDING = 1e-9
+# Required of laws with a surface only.
+_OF_SURFACE = ("sliding_below", "no_reaching_phase")
+# What reading the file has turned into numbers already.
+_READ = ("settles_within", "cart_travel_below")
+
+
+class Limit(NamedTuple):
+    """One requirement with its number.
+
+    Attributes:
+        kind: Name of the key in the file.
+        written: The largest value allowed, as the file has it.
+        value: The same in ``unit``.
+        unit: Its unit.
+        after: From when on it holds [s].
+        of: Controllers that must keep it.
+        on: Plants on which.
+    """
+
+    kind: str
+    written: str
+    value: float
+    unit: str
+    after: float
+    of: tuple[str, ...]
+    on: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """The requirement in words."""
+        if self.kind == "no_reaching_phase":
+            return "no reaching phase: s(0) = 0"
+        since = f" from {self.after:g} s on" if self.after else ""
+        return f"{self.kind.replace('_', ' ')} {self.written}{since}"
+
+
+class Judgement(NamedTuple):
+    """A requirement of one run.
+
+    Attributes:
+        limit: The requirement.
+        controller: Whose run.
+        plant: On which plant.
+        measured: What was measured, in the limit's unit; None if there is nothing to measure.
+        margin: Limit less measured; None without a measurement.
+        kept: Whether the run keeps it.
+        note: Why nothing was measured.
+    """
+
+    limit: Limit
+    controller: str
+    plant: str
+    measured: float | None
+    margin: float | None
+    kept: bool
+    note: str = ""
+
+
+def limits(
+    table: RequirementTable, controllers: Sequence[Controller], plants: Sequence[str]
+) -> list[Limit]:
+    """The requirements that a table of a case file makes, with their units checked.
+
+    Raises:
+        ArgumentError: If it requires nothing, names what is not there, or a unit does not fit.
+    """
+    names = tuple(controller.name for controller in controllers)
+    named, on = tuple(table.of or ()), tuple(table.on or _judged(plants))
+    surfaced = tuple(law.name for law in controllers if law.sliding_unit)
+    error = controllers[0].error
+    assert error is not None
+    output = error.units[error.output_rows[0]]
+    u = error.system.inputs[0].unit
+    units = {
+        "settles_within": "s",
+        "stays_within": output,
+        "deviation_below": output,
+        "input_below": u,
+        "sliding_below": _sliding_unit(controllers, named),
+        "cart_travel_below": "m",
+        "no_reaching_phase": "",
+        "cost_ratio_below": "1",
+    }
+    found = []
+    for kind, unit in units.items():
+        value: Any = getattr(table, kind)
+        if value is None or value is False:
+            continue
+        of: tuple[str, ...] = named or (surfaced if kind in _OF_SURFACE else names)
+        if kind in _OF_SURFACE and not of:
+            raise ArgumentError(f"{kind}: no law has a surface")
+        if kind == "cart_travel_below" and error.system.name != "cart_pendulum":
+            raise ArgumentError(f"{kind}: {error.system.name} has no cart")
+        if unit == output and len({error.units[row] for row in error.output_rows}) > 1:
+            raise ArgumentError(f"{kind}: the outputs have different units: there is no one error")
+        if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
+            raise ArgumentError(f"{kind}: the inputs have different units")
+        try:
+            number = _number(kind, value, unit)
+        except ValueError as wrong:
+            raise ArgumentError(f"{kind}: {wrong}") from None
+        after = table.after if kind == "stays_within" else 0.0
+        written = f"{value:g} {unit}" if kind in _READ else str(value)
+        found.append(Limit(kind, written, number, unit, after, of, on))
+    if not found:
+        raise ArgumentError(f"nothing is required: give one of {', '.join(units)}")
+    return found
+
+
+def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
+    """Unit of s of the laws that are meant."""
+    units = [law.sliding_unit for law in controllers if law.name in named or not named]
+    return next((unit for unit in units if unit), "")
+
+
+def _judged(plants: Sequence[str]) -> Sequence[str]:
+    """Plants that are judged unless the file names them: physics, or all without it."""
+    return ("physics",) if "physics" in plants else plants
+
+
+def _number(kind: str, value: Any, unit: str) -> float:
+    """The number of a limit."""
+    if kind == "no_reaching_phase":
+        return _ROUNDING
+    number = float(value) if kind in _READ else number_in(value, unit)
+    if not number > 0:
+        raise ValueError(f"{shown(value)} must be positive")
+    return number
+
+
+def judge(limit: Limit, result: RunResult) -> Judgement:
+    """Whether a run keeps a requirement; one that ended early keeps none."""
+    who = (limit, result.controller.name, result.plant)
+    if result.status is not Status.COMPLETED:
+        ended = f"the run ended at {float(result.trajectory.valid_until):.3g} s"
+        return Judgement(*who, None, None, kept=False, note=ended)
+    measured, note = _measured(limit, result)
+    if measured is None:
+        return Judgement(*who, None, None, kept=False, note=note)
+    margin = limit.value - measured
+    return Judgement(*who, measured, margin, kept=margin >= 0)
+
+
+def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
+    """What a limit is about, or why there is nothing to measure."""
+    comparison, metrics = result.comparison, result.metrics
+    if limit.kind == "stays_within":
+        error = np.abs(comparison.error[comparison.time >= limit.after * (1 - 1e-12)])
+        return (float(error.max()), "") if len(error) else (None, "the run is shorter")
+    if limit.kind == "no_reaching_phase":
+        sliding = result.trajectory.sliding
+        if sliding is None:
+            return None, "the law has no surface"
+        return float(np.abs(sliding[0]).max()), ""
+    if limit.kind == "cost_ratio_below":
+        whole, least = metrics["cost_whole"].value, metrics["cost_optimal"].value
+        if whole is None or not least:
+            return None, "J* is zero: the run starts where it shall end"
+        return whole / least, ""
+    names = {
+        "settles_within": "settling_time",
+        "deviation_below": "deviation",
+        "input_below": "max_input",
+        "sliding_below": "max_sliding",
+        "cart_travel_below": "cart_travel",
+    }
+    if limit.kind == "settles_within" and comparison.error[0] == 0:
+        return None, "there is no error at the start"
+    metric = metrics[names[limit.kind]]
+    return metric.value, metric.note
+
+
+def judge_all(found: Sequence[Limit], results: Sequence[RunResult]) -> list[Judgement]:
+    """Every requirement of every run that it is about."""
+    return [
+        judge(limit, result)
+        for limit in found
+        for result in results
+        if result.controller.name in limit.of and result.plant in limit.on
+    ]
+
+
+def failed(judgements: Sequence[Judgement]) -> list[Judgement]:
+    """Those that are not kept."""
+    return [each for each in judgements if not each.kept]

@@ -1,1 +1,0 @@
-"""Plants from other packages' models, read as they are."""

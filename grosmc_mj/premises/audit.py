@@ -1,0 +1,398 @@
+"""The premises of the chapter's theorems, over the declared operating region and along each run."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.references import Circle, Sine
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.designs import (
+    PENDULUM_REGION,
+    SERVO_UNCERTAINTY,
+    TWO_LINK_UNCERTAINTY,
+)
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.premises.balance import Balance, balance
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+
+# Where the premises are computed, |z1|, |z2| ..., by design: what the gains were declared for and,
+# for the arm and the circle, whose gains are given, what start and reference span.
+REGIONS: Mapping[str, tuple[float, ...]] = {
+    "servo": SERVO_UNCERTAINTY.region,
+    "cart_pendulum": PENDULUM_REGION,
+    "arm": (0.5, 1.5),
+    "two_link_arm": (0.15, 0.5, 0.15, 0.5),
+    "two_link_arm regulation": TWO_LINK_UNCERTAINTY.region,
+}
+# The grid's points are for all axes together.
+_GRID, _EVERY = 169, 5
+# Phases of a moving reference, by the number of axes.
+_PHASES = {2: 16, 4: 8}
+# The same for families of plants.
+_COARSE_GRID, _COARSE_PHASES = 25, 8
+# s(0), the rank of numbers and the like hold to rounding.
+ROUNDING = 1e-9
+
+
+class Point(NamedTuple):
+    """Where something was found: time [s], state and value."""
+
+    t: float
+    x: tuple[float, ...]
+    value: float
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A premise at many points.
+
+    Attributes:
+        worst: The point of the least margin.
+        margin: Positive where it holds, in the premise's unit.
+        violated: Part of the points, or of the time, at which it does not hold.
+    """
+
+    worst: Point
+    margin: float
+    violated: float
+
+
+@dataclass(frozen=True)
+class Premise:
+    """One premise of one law in one case.
+
+    Attributes:
+        name: Short name.
+        source: Assumption or theorem.
+        requirement: In words.
+        unit: Of the margins.
+        region: Over the operating region; None if it has no meaning there.
+        along: Along the run; None if it has no meaning there.
+        restores: The smallest gain that restores it, in words; empty if it holds.
+        note: What to know.
+    """
+
+    name: str
+    source: str
+    requirement: str
+    unit: str
+    region: Reading | None
+    along: Reading | None
+    restores: str = ""
+    note: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds in the region and along the run."""
+        readings = [each for each in (self.region, self.along) if each is not None]
+        return all(reading.margin >= 0 for reading in readings)
+
+
+@dataclass(frozen=True)
+class Audit:
+    """All premises of a law in a case.
+
+    Attributes:
+        case: The case.
+        controller: Name of the controller.
+        premises: In the order of the theory.
+        signals: Along the run, for figures: time, required and configured rho.
+    """
+
+    case: Case
+    controller: str
+    premises: tuple[Premise, ...]
+    signals: Mapping[str, Array] = field(default_factory=dict)
+
+    def failed(self) -> list[Premise]:
+        """Those that do not hold."""
+        return [premise for premise in self.premises if not premise.holds]
+
+
+def audit(lab: Laboratory, case: Case, controller: str = "grosmc") -> Audit:
+    """Compute the premises of a law for a case, on physics."""
+    return lab.once(("audit", case, controller), lambda: _audit(lab, case, controller))
+
+
+def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
+    """The premises, one by one."""
+    law = lab.controller(case, "physics", name)
+    run = lab.run(case, "physics", name).trajectory
+    true = lab.equations(case, "physics")
+    amplitude = _largest_wrench(lab, case)
+    bound = REGIONS[case.controllers]
+    here = list(_region(law, true, bound, amplitude, _GRID, _PHASES[len(bound)]))
+    rows = range(0, len(run.time) - 1, _EVERY)
+    there = []
+    for row in rows:
+        t, x = float(run.time[row]), run.state[row]
+        w = np.zeros(6 * len(true.system.bodies)) if run.wrench is None else run.wrench[row]
+        there.append((t, x, balance(law, true, t, x, w)))
+    premises = [
+        *_linear(law),
+        _decoupling(law, here, there),
+        _matched(here, there),
+        _sign(here, there),
+    ]
+    if name == "grosmc":
+        premises += [_gain(law, here, there), initial_surface(run.sliding)]
+    premises.append(_met(run, law))
+    signals = {
+        "time": np.array([t for t, _, _ in there]),
+        "required": np.array([found.required for _, _, found in there]),
+        "configured": np.array([found.configured for _, _, found in there]),
+    }
+    return Audit(case, name, tuple(premises), signals)
+
+
+Points = list[tuple[float, Array, Balance]]
+
+
+def least_margin(
+    law: Controller, true: AnalyticPlant, bound: Sequence[float], amplitude: Array
+) -> float:
+    """Configured less required switching rate on a true plant, the least of an operating region.
+
+    Under a reference that moves it is looked for on a coarser grid than the audit's, with all
+    corners of the region: a family has many plants.
+
+    Args:
+        law: A law with a switching rate.
+        true: The plant that it meets.
+        bound: Of the region, |z1|, |z2| ...
+        amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
+    """
+    grid = _COARSE_GRID if _moves(law) else _GRID
+    points = _region(law, true, bound, amplitude, grid, _COARSE_PHASES)
+    return min(each.configured - each.required for _, _, each in points)
+
+
+def _region(
+    law: Controller,
+    true: AnalyticPlant,
+    bound: Sequence[float],
+    amplitude: Array,
+    grid: int,
+    phases: int,
+) -> Iterator[tuple[float, Array, Balance]]:
+    """The balance over the operating region, with the case's wrench at either bound."""
+    error, system = law.coordinates, true.system
+    points = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
+    axes = [np.linspace(-size, size, points) for size in bound]
+    times = np.linspace(0, 2, phases, endpoint=False) if _moves(law) else np.array([0.0])
+    pushes = list(_corners(amplitude))
+    for t, *z in itertools.product(times.tolist(), *axes):
+        x = error.place(t, z, law.parameters)
+        controlled = np.abs(x[list(system.controlled)])
+        if controlled.max() > system.position_bound or not system.linearizable(x):
+            continue
+        for w in pushes:
+            yield t, x, balance(law, true, t, x, w)
+
+
+def _moves(law: Controller) -> bool:
+    """Whether a law's reference moves."""
+    return isinstance(law.parameters.reference, (Sine, Circle))
+
+
+def _corners(amplitude: Array) -> Iterator[Array]:
+    """Every sign of each component that acts: two pushes need not point the same way."""
+    acting = np.flatnonzero(amplitude)
+    for signs in itertools.product((-1.0, 1.0), repeat=len(acting)):
+        w = np.zeros_like(amplitude)
+        w[acting] = signs * amplitude[acting]
+        yield w
+
+
+def _largest_wrench(lab: Laboratory, case: Case) -> Array:
+    """The largest value of each component of the case's wrenches, with its sign."""
+    run = lab.run(case, "physics", "grosmc").trajectory
+    if run.wrench is None:
+        return np.zeros(6 * len(run.system.bodies))
+    rows = np.abs(run.wrench).argmax(axis=0)
+    return run.wrench[rows, range(run.wrench.shape[1])]
+
+
+def reading_of(points: Points, margins: Iterable[float]) -> Reading:
+    """The least margin of many points."""
+    values = np.array(list(margins))
+    worst = int(values.argmin())
+    t, x, _ = points[worst]
+    return Reading(
+        Point(t, tuple(np.asarray(x, float).tolist()), float(values[worst])),
+        float(values[worst]),
+        float(np.mean(values < 0)),
+    )
+
+
+def single_reading(margin: float) -> Reading:
+    """A margin that has no place and no time."""
+    return Reading(Point(math.nan, (), margin), margin, float(margin < 0))
+
+
+def _linear(law: Controller) -> list[Premise]:
+    """Assumption 1 and G B, of the law's linear model."""
+    assert law.lqr is not None
+    A, B = law.lqr.A, law.lqr.B
+    reach = np.hstack([np.linalg.matrix_power(A, k) @ B for k in range(len(A))])
+    values = np.linalg.svd(reach, compute_uv=False)
+    found = [
+        Premise(
+            "controllability",
+            "Assumption 1",
+            "rank [B, AB ...] = n: smallest over largest singular value above rounding",
+            "1",
+            single_reading(float(values[-1] / values[0]) - ROUNDING),
+            None,
+            note=f"rank {np.linalg.matrix_rank(reach)} of {len(A)}",
+        )
+    ]
+    p: Any = law.parameters
+    if hasattr(p, "GB"):
+        least = float(np.linalg.svd(p.GB, compute_uv=False).min())
+        share = least / float(np.linalg.norm(p.G) * np.linalg.norm(B))
+        found.append(
+            Premise(
+                "G B nonsingular",
+                "eqs. (8), (31), (51)",
+                "least singular value of GB, over |G| |B|, above rounding",
+                "1",
+                single_reading(share - ROUNDING),
+                None,
+                note=f"G B = {_matrix(p.GB)}",
+            )
+        )
+    return found
+
+
+def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
+    """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
+    assert law.error is not None
+    x0 = law.coordinates.place(0.0, np.zeros(law.error.size), law.parameters)
+    scale = abs(float(np.linalg.det(law.coordinates.dynamics(0.0, x0, law.parameters)[1])))
+    degrees = ", ".join(map(str, law.coordinates.linearization.relative_degree))
+    return Premise(
+        f"relative degree {degrees}",
+        "eqs. (21)-(23), Assumption 7",
+        "decoupling matrix: |det E(x)| over the one at zero error, above rounding",
+        "1",
+        reading_of(here, (abs(each.determinant) / scale - ROUNDING for _, _, each in here)),
+        reading_of(there, (abs(each.determinant) / scale - ROUNDING for _, _, each in there)),
+    )
+
+
+def _matched(here: Points, there: Points) -> Premise:
+    """The uncertainty enters where the input does."""
+    matched = max(abs(each.push) for _, _, each in [*here, *there])
+    return Premise(
+        "matching",
+        "Assumptions 3, 5 and 9",
+        "no uncertainty in the rows of z' without an input",
+        "1/s",
+        reading_of(here, (ROUNDING - each.unmatched for _, _, each in here)),
+        reading_of(there, (ROUNDING - each.unmatched for _, _, each in there)),
+        note=f"the matched part moves s by up to {matched:.3g} a second; in mechanics this holds "
+        "by kinematics for the output, not for coordinates that the law does not see, such as a "
+        "cart",
+    )
+
+
+def _sign(here: Points, there: Points) -> Premise:
+    """The input pushes the way that the law believes."""
+    ratios = [each.gain_ratio for _, _, each in [*here, *there]]
+    return Premise(
+        "input gain",
+        "implied by Assumptions 3 and 5",
+        "r = E_true/E_nominal positive (several inputs: what dominance leaves of it)",
+        "1",
+        reading_of(here, (each.gain_ratio - ROUNDING for _, _, each in here)),
+        reading_of(there, (each.gain_ratio - ROUNDING for _, _, each in there)),
+        note=f"r from {min(ratios):.3g} to {max(ratios):.3g}",
+    )
+
+
+def _gain(law: Controller, here: Points, there: Points) -> Premise:
+    """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
+    everywhere = [*here, *there]
+    p: Any = law.parameters
+    unit = per_second(law.sliding_unit)
+    if hasattr(p, "epsilon"):
+        region, along = (max(each.required for _, _, each in points) for points in (here, there))
+        name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
+        restores = (
+            f"ε = {along:.3g} along the run and {region:.3g} over the region, "
+            f"instead of {p.epsilon:.3g}"
+        )
+    else:
+        needed = max(_times(each) for _, _, each in everywhere)
+        name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
+        restores = f"η, γ0 and γ1 {needed:.3g} times as large"
+        if math.isinf(needed):
+            eta = max(each.required for _, _, each in everywhere)
+            restores = f"η = {eta:.3g}; there is no gain to multiply"
+    found = Premise(
+        name,
+        source,
+        "the law's switching rate ρ at least push / r, what is required of it",
+        unit,
+        reading_of(here, (each.configured - each.required for _, _, each in here)),
+        reading_of(there, (each.configured - each.required for _, _, each in there)),
+        note=f"required at most {max(each.required for _, _, each in everywhere):.3g} {unit}",
+    )
+    if found.holds:
+        return found
+    return replace(found, restores=restores)
+
+
+def _matrix(values: Array) -> str:
+    """A small matrix in one line; one number without brackets."""
+    rows = ["  ".join(f"{value:.4g}" for value in row) for row in values]
+    return rows[0] if values.size == 1 else f"[{'; '.join(rows)}]"
+
+
+def per_second(unit: str) -> str:
+    """The unit of a rate of change."""
+    return f"{unit.removesuffix('/s')}/s²" if unit.endswith("/s") else f"{unit}/s"
+
+
+def _times(found: Balance) -> float:
+    """How many times the configured gain is required; none is enough of no gain at all."""
+    if found.configured == 0:
+        return math.inf if found.required else 0.0
+    return found.required / found.configured
+
+
+def initial_surface(sliding: Array | None) -> Premise:
+    """There is no reaching phase: s(0) = 0."""
+    start = math.nan if sliding is None or not len(sliding) else float(np.abs(sliding[0]).max())
+    return Premise(
+        "s(0) = 0", "eqs. (8), (31), (51)", "|s(0)| zero to rounding", "1", None,
+        single_reading(ROUNDING - start),
+    )  # fmt: skip
+
+
+def _met(run: Trajectory, law: Controller) -> Premise:
+    """No singular state was met and the actuator gave what it was asked for."""
+    assert law.error is not None
+    linearizable = law.error.system.linearizable
+    left = float(np.mean([not linearizable(x) for x in run.state[::_EVERY]]))
+    ended = run.status is not Status.COMPLETED
+    saturated = float(np.mean(run.command != run.input)) if len(run.input) else 0.0
+    margin = -1.0 if ended or left or saturated else 1.0
+    return Premise(
+        "region kept",
+        "section 3.2: X_0",
+        f"the run stays in {law.error.system.region}, and the actuator gives what is asked for",
+        "1",
+        None,
+        Reading(Point(math.nan, (), margin), margin, max(left, saturated, float(ended))),
+    )

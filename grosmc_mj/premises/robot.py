@@ -1,0 +1,267 @@
+"""The premises of a robot's run: switching rate, input gain, torques and joint limits.
+
+A robot has no declared operating region and no equations: everything is computed along the run,
+by MuJoCo's dynamics of the true plant and of the nominal one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.premises.audit import (
+    ROUNDING,
+    Audit,
+    Point,
+    Points,
+    Premise,
+    Reading,
+    initial_surface,
+    per_second,
+    reading_of,
+)
+from grosmc_mj.premises.balance import balance
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.quiet import warnings_counted_only
+from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
+from grosmc_mj.simulation.robots.dynamics import bias, inertia
+
+# The balance is computed at so many instants of a run; torques and angles at all.
+_INSTANTS = 400
+
+
+def is_robots(result: RunResult) -> bool:
+    """Whether a run is one that these premises are for: a robot's law on a robot in MuJoCo."""
+    return isinstance(result.controller.error, RobotCoordinates) and isinstance(
+        result.true, MujocoPlant
+    )
+
+
+def audits(results: Sequence[RunResult]) -> list[Audit]:
+    """The premises of every sliding mode law among the runs of robots in MuJoCo."""
+    return [
+        robot_audit(result)
+        for result in results
+        if is_robots(result)
+        and result.trajectory.sliding is not None
+        and len(result.trajectory.input)
+    ]
+
+
+def robot_premises(result: RunResult) -> tuple[Premise, ...]:
+    """The premises of a law along a run of a robot.
+
+    A law that does not switch has those of torques and joints only.
+
+    Args:
+        result: A run in MuJoCo under a law with ``RobotCoordinates``.
+
+    Raises:
+        ArgumentError: If it is another run, or has no interval.
+    """
+    return robot_audit(result).premises
+
+
+def robot_audit(result: RunResult) -> Audit:
+    """The same, with the required and the configured rate at each instant that was looked at.
+
+    Raises:
+        ArgumentError: If it is another run, or has no interval.
+    """
+    run, law = result.trajectory, result.controller
+    if not is_robots(result) or not len(run.input):
+        raise ArgumentError(f"{result.key} is no run of a robot in MuJoCo: it has no such premises")
+    points = _along(result)
+    premises = []
+    if run.sliding is not None:
+        premises = [_rate(result, points), _authority(points), initial_surface(run.sliding)]
+    premises += [_torque(result), _headroom(law, result.true, points), _joints(result)]
+    signals = {
+        "time": np.array([t for t, _, _ in points]),
+        "required": np.array([found.required for _, _, found in points]),
+        "configured": np.array([found.configured for _, _, found in points]),
+    }
+    return Audit(result.case, law.name, tuple(premises), signals)
+
+
+def _along(result: RunResult) -> Points:
+    """The balance along the run, by the torques that were applied."""
+    run, points = result.trajectory, []
+    rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
+    nothing = np.zeros(6 * len(run.system.bodies))
+    assert isinstance(result.true, MujocoPlant)
+    with warnings_counted_only():
+        for row in rows:
+            t, x = float(run.time[row]), run.state[row]
+            w = nothing if run.wrench is None else run.wrench[row]
+            found = balance(result.controller, result.true, t, x, w, run.input[row])
+            points.append((t, x, found))
+    return points
+
+
+def _rate(result: RunResult, points: Points) -> Premise:
+    """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
+    law, joints = result.controller, result.trajectory.system.joints
+    p: Any = law.parameters
+    t, _, most = max(points, key=lambda point: point[2].required)
+    joint = joints[int(np.abs(most.pushes).argmax())]
+    alone = "" if "unit-vector" in law.switching else _joint_by_joint(points)
+    unit = per_second(law.sliding_unit)
+    printed = hasattr(p, "epsilon")
+    found = Premise(
+        "epsilon" if printed else "switching gain",
+        "Theorem 3: ε >= (a_m + d_m) ‖GB‖" if printed else "Assumptions 4 and 6, eqs. (12), (37)",
+        "the law's switching rate ρ at least push / r, what is required of it",
+        unit,
+        None,
+        reading_of(points, (each.configured - each.required for _, _, each in points)),
+        note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
+        f"(at t = {t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
+        f"{alone}; in the push are the edits, the wrenches, and friction, joint limits and "
+        "contacts as MuJoCo has them under the applied torque; not in it: that the law is "
+        "sampled, and torque that was cut off",
+    )
+    if found.holds:
+        return found
+    return replace(found, restores=f"ρ = {most.required:.3g} {unit} instead of what is configured")
+
+
+def _joint_by_joint(points: Points) -> str:
+    """What is required if each joint's push is set against its own row of R."""
+    required = 0.0
+    for _, _, found in points:
+        diagonal = np.diag(found.R)
+        left = 2 * diagonal - np.abs(found.R).sum(axis=1)
+        if np.any(left <= 0):
+            return ""
+        required = max(required, float((np.abs(found.pushes) / left).max()))
+    return f", or {required:.3g} with each joint's push against its own row of R"
+
+
+def _authority(points: Points) -> Premise:
+    """The true inertia leaves something of the switching rate."""
+    ratios = [each.gain_ratio for _, _, each in points]
+    return Premise(
+        "input gain",
+        "implied by Assumptions 3 and 5",
+        "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹ = M*⁻¹ M",
+        "1",
+        None,
+        reading_of(points, (ratio - ROUNDING for ratio in ratios)),
+        note=f"r from {min(ratios):.3g} to {max(ratios):.3g}; M has armature in it, which no "
+        "payload changes",
+    )
+
+
+def _limits(plant: MujocoPlant) -> Array:
+    """Least and largest torque of each joint, (2, m); infinite for none."""
+    model = plant.model
+    limited = model.actuator_ctrllimited.astype(bool)
+    return np.where(limited, model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
+
+
+def _shares(torque: Array, limits: Array) -> Array:
+    """Torques as parts of the limit on their side, like ``torque``: 1 at the limit."""
+    low, high = limits
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(torque >= 0, torque / high, torque / low)
+    # 0 within limits that begin at 0.
+    return np.where(torque == 0, 0.0, share)
+
+
+def _torque(result: RunResult) -> Premise:
+    """The actuators give what the law asks for."""
+    run, plant = result.trajectory, result.true
+    assert isinstance(plant, MujocoPlant)
+    # A trajectory of one joint has no axis for its inputs.
+    command, applied = (rows.reshape(len(rows), -1) for rows in (run.command, run.input))
+    shares = _shares(command, _limits(plant))
+    cut = command != applied
+    largest = shares.max(axis=1)
+    row = int(largest.argmax())
+    margin = 1 - float(largest[row])
+    said = [
+        f"{joint} {100 * share:.0f} %" + (f" (cut {100 * part:.2g} % of the time)" if part else "")
+        for joint, share, part in zip(
+            run.system.joints, shares.max(axis=0), cut.mean(axis=0), strict=True
+        )
+    ]
+    point = Point(float(run.time[row]), tuple(run.state[row].tolist()), margin)
+    return Premise(
+        "torque limits",
+        "the law has no bound on u",
+        "no torque that the law asks for is cut: what is left of a joint's limit, as a part of it",
+        "1",
+        None,
+        Reading(point, margin, float(cut.any(axis=1).mean())),
+        note=f"largest, of the joint's limit: {', '.join(said)}",
+    )
+
+
+def _headroom(law: Controller, plant: Any, points: Points) -> Premise:
+    """The nominal torque leaves what the switching term may need, whatever its signs."""
+    error, limits = law.error, _limits(plant)
+    assert isinstance(error, RobotCoordinates)
+    margins, alone, switched = [], [], []
+    for t, _, found in points:
+        y_r, dy_r, ddy_r = np.reshape(error.reference(t, law.parameters.reference), (-1, 3)).T
+        M = inertia(error.model, y_r)
+        nominal = M @ ddy_r + bias(error.model, y_r, dy_r)
+        switching = np.abs(M).sum(axis=1) * found.configured
+        worst = np.maximum(*(_shares(nominal + side * switching, limits) for side in (-1.0, 1.0)))
+        margins.append(1 - float(worst.max()))
+        alone.append(_shares(nominal, limits))
+        switched.append(worst)
+    joints = error.system.joints
+    said = [
+        f"{joint} {100 * a:.0f} %" + (f", {100 * b:.0f} %" if np.any(b > a) else "")
+        for joint, a, b in zip(joints, np.max(alone, axis=0), np.max(switched, axis=0), strict=True)
+    ]
+    switches = any(found.configured for _, _, found in points)
+    return Premise(
+        "torque headroom",
+        "eqs. (44), (55): u = M v + h",
+        "along the reference, nominal inverse dynamics and |M| ρ of the switching term stay within "
+        "the limits: what is left, as a part of the limit",
+        "1",
+        None,
+        reading_of(points, margins),
+        note="largest, of the joint's limit, "
+        + ("alone and with switching: " if switches else "alone: ")
+        + "; ".join(said),
+    )
+
+
+def _joints(result: RunResult) -> Premise:
+    """No joint comes to its limit, where a torque acts that the law does not know."""
+    run, plant = result.trajectory, result.true
+    assert isinstance(plant, MujocoPlant)
+    model = plant.model
+    limited = np.flatnonzero(model.jnt_limited)
+    found = Premise(
+        "joint limits",
+        "the law does not know them",
+        "no joint touches its limit: what is left on the nearer side, as a part of its range",
+        "1",
+        None,
+        None,
+        note="no joint has a limit",
+    )
+    if not len(limited):
+        return found
+    low, high = model.jnt_range[limited].T
+    q = run.state[:, limited]
+    left = np.minimum(q - low, high - q) / (high - low)
+    row, column = divmod(int(left.argmin()), len(limited))
+    margin = float(left[row, column])
+    point = Point(float(run.time[row]), tuple(run.state[row].tolist()), margin)
+    touched = float((left.min(axis=1) < 0).mean())
+    near = f"nearest: {run.system.joints[limited[column]]} at t = {run.time[row]:.3g} s"
+    return replace(found, along=Reading(point, margin, touched), note=near)

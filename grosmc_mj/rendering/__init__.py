@@ -1,1 +1,0 @@
-"""Films of recorded runs, rendered off-screen in processes of their own."""

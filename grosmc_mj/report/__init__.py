@@ -1,0 +1,1 @@
+"""How results look: tables, the style of figures, colours, JSON documents."""

@@ -1,0 +1,155 @@
+"""A robot from its MJCF alone: MuJoCo's own dynamics as the nominal model of the laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.design import AS_PRINTED, Realization, Task
+from grosmc_mj.control.references import ReferenceFunction
+from grosmc_mj.plants import AnalyticPlant, Signal, System
+from grosmc_mj.plants.equations import NoEquations
+from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.simulation.quiet import quiet_reading
+from grosmc_mj.simulation.robots.actuators import joint_unit
+from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
+from grosmc_mj.simulation.robots.dynamics import InWorkspace, bias, inertia, nominal_model
+from grosmc_mj.simulation.robots.model import robot_spec
+
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A tree of n hinges and slides, each with a torque of its own.
+
+    Serial arms are such trees; branches do no harm, loops are refused.
+
+    Attributes:
+        plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
+            is q, then q'; the inputs are torques at the joints, in the order of the joints.
+        converted: What differs from the model as it was given, in sentences.
+    """
+
+    plant: MujocoPlant
+    converted: tuple[str, ...] = ()
+    _coordinates: dict[ReferenceFunction, RobotCoordinates] = field(default_factory=dict)
+
+    @classmethod
+    def from_mjcf(
+        cls,
+        model: Any,
+        joints: Iterable[str] | None = None,
+        actuators: Iterable[str] | None = None,
+        timestep: float | None = None,
+        integrator: Integrator | None = None,
+    ) -> Robot:
+        """Read a robot.
+
+        Motors on joints are taken with their gear and limits; position and velocity servos are
+        replaced by torque control within their force range. What else drives a joint is refused.
+
+        Args:
+            model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
+            joints: The joints to move, in any order; all others are locked where the model has
+                them. All by default.
+            actuators: The actuators to use; all others are left out. All by default.
+            timestep: Physics timestep [s]; None for the model's own.
+            integrator: MuJoCo's integrator; None for the model's own.
+
+        Raises:
+            ModelError: If the model is no such robot, with the reason and what to do.
+        """
+        with quiet_reading():
+            spec, converted = robot_spec(model, joints, actuators)
+        return cls(MujocoPlant(_system(spec), spec, (), timestep, integrator), converted)
+
+    @property
+    def joints(self) -> int:
+        """n, the number of joints."""
+        return self.plant.system.degrees_of_freedom
+
+    @property
+    def limits(self) -> Array:
+        """Least and largest torque of each joint [N m or N], (n, 2); infinite for none."""
+        model = self.plant.model_with_userdata(0)
+        free = np.tile([-np.inf, np.inf], (self.joints, 1))
+        return np.where(model.actuator_ctrllimited[:, None] != 0, model.actuator_ctrlrange, free)
+
+    @cached_property
+    def nominal(self) -> mujoco.MjModel:
+        """The model of the dynamics that the laws believe in."""
+        return nominal_model(self.plant.spec)
+
+    def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
+        """The errors of all joints from a reference in joint space.
+
+        One reference has one set of coordinates, so that its laws are compiled once.
+        """
+        if reference not in self._coordinates:
+            self._coordinates[reference] = RobotCoordinates(
+                self.plant.system, reference, model=self.nominal
+            )
+        return self._coordinates[reference]
+
+    def task(
+        self,
+        reference: ReferenceFunction,
+        parameters: Any,
+        Q: ArrayLike,
+        R: ArrayLike,
+        realization: Realization = AS_PRINTED,
+    ) -> Task:
+        """What ``tracking_grosmc``, ``linearized_lqr`` and ``computed_torque_pd`` design for.
+
+        Args:
+            reference: y_r(t) of every joint with two derivatives, joint by joint.
+            parameters: Its parameters.
+            Q: Weight of z = [e_1, e_1', e_2, ...], (2 n, 2 n).
+            R: Weight of v, the accelerations, (n, n) or a number.
+            realization: How a sliding mode law is sampled.
+        """
+        nominal = AnalyticPlant(self.plant.system, InWorkspace())
+        return Task(nominal, self.coordinates(reference), parameters, Q, R, realization)
+
+    def inertia(self, q: ArrayLike) -> Array:
+        """M(q) of the nominal model with the joints' armature, (n, n)."""
+        return inertia(self.nominal, q)
+
+    def bias(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """h(q, q') - passive: Coriolis and gravity torques less springs' and damping's, (n,)."""
+        return bias(self.nominal, q, dq)
+
+
+def _system(spec: mujoco.MjSpec) -> System:
+    """Names and signals of a robot, read from its model."""
+    model = compile_spec(spec)
+    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    torques = [joint_unit(model, i) for i in range(model.njnt)]
+    units = ["m" if unit == "N" else "rad" for unit in torques]
+    numbers = [str(i).translate(_SUBSCRIPTS) for i in range(1, model.njnt + 1)]
+    named = list(zip(joints, numbers, units, strict=True))
+    positions = [Signal(joint, f"q{i}", unit) for joint, i, unit in named]
+    rates = [Signal(f"{joint} rate", f"q̇{i}", f"{unit}/s") for joint, i, unit in named]
+    actuators = tuple(model.actuator(i).name for i in range(model.nu))
+    inputs = zip(actuators, numbers, torques, strict=True)
+    name = spec.modelname or "robot"
+    return System(
+        name=name,
+        title=name,
+        states=(*positions, *rates),
+        inputs=tuple(Signal(each, f"τ{i}", unit) for each, i, unit in inputs),
+        equations=NoEquations(name),
+        controlled=tuple(range(model.njnt)),
+        joints=joints,
+        actuators=actuators,
+        bodies=tuple(model.body(i).name for i in range(1, model.nbody)),
+    )

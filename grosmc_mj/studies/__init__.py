@@ -1,0 +1,1 @@
+"""Questions that go beyond one case, a folder each: ``measure``, ``figure``, ``report``."""

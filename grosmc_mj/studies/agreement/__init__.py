@@ -1,0 +1,1 @@
+"""Do the equations and MuJoCo agree, to rounding?"""

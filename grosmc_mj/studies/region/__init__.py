@@ -1,0 +1,1 @@
+"""From which starts does each law converge?"""

@@ -1,0 +1,157 @@
+"""The closed loop of a region map: all that a map needs to know about systems and laws."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.laws import Law
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import System
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A law on one plant of its system, stopped where it leaves the region of the laws.
+
+    Attributes:
+        system: The plant's system.
+        case: What is changed against the nominal plant.
+        controller: The law, guarded; designed for the nominal plant.
+        settings: Control period, timestep and integrator.
+    """
+
+    system: System
+    case: Case
+    controller: Controller
+    settings: Settings
+
+    @classmethod
+    def of(cls, system: System, case: Case, controller: str, settings: Settings) -> Loop:
+        """The loop of a named controller on the physics plant of a case."""
+        law = nominal_controller(
+            system.name,
+            controller,
+            "corrected",
+            settings.realization(case.controllers),
+            case.controllers,
+        )
+        return cls(system, case, guarded(law, system), settings)
+
+    @cached_property
+    def plant(self) -> MujocoPlant:
+        """The case's plant without what is only drawn."""
+        plant = case_plant(self.case, "physics", self.settings)
+        assert isinstance(plant, MujocoPlant)
+        return undrawn(plant)
+
+    def run(self, starts: Array, duration: float) -> Trajectory:
+        """Start and end of the runs from the starts (nsim, n)."""
+        return simulate(
+            self.plant,
+            self.controller,
+            starts,
+            duration=duration,
+            control_period=self.settings.control_period,
+            disturbances=self.case.disturbances,
+            record=False,
+        )
+
+    @cached_property
+    def _affine(self) -> tuple[Array, Array]:
+        """(C, c) of the error state at the start, z = C x + c."""
+        n = len(self.system.states)
+        c = self.errors(0.0, np.zeros((1, n)))[0]
+        return (self.errors(0.0, np.eye(n)) - c).T, c
+
+    @property
+    def sensitivity(self) -> Array:
+        """How each error moves with each state, (errors, n): 1, -1 or 0."""
+        return self._affine[0]
+
+    @property
+    def equilibrium(self) -> Array:
+        """The state without error at t = 0; what the law does not regulate is zero there, (n,)."""
+        sensitivity, offset = self._affine
+        return -np.linalg.pinv(sensitivity) @ offset
+
+    @property
+    def regulated(self) -> list[int]:
+        """The state that each error is measured on."""
+        return np.abs(self.sensitivity).argmax(axis=1).tolist()
+
+    def errors(self, time: float, states: Array) -> Array:
+        """Error states at one time [s] of states (nsim, n); returns (nsim, errors).
+
+        Raises:
+            ArgumentError: If the law regulates something that is no state.
+        """
+        error = self.controller.error
+        if error is None or error.outputs is not None:
+            raise ArgumentError(
+                f"{self.controller.name} in {self.case.name} of {self.system.name} regulates "
+                "outputs that are no states: take another --case"
+            )
+        times = np.full(len(states), time)
+        return error.along(times, states, self.controller.parameters)
+
+
+def guarded(controller: Controller, system: System) -> Controller:
+    """The same controller, whose run ends at the first sample outside the region.
+
+    The Jacobian LQR is defined everywhere and could swing the pole right round; its run ends
+    where those of the linearizing laws do.
+    """
+    return replace(controller, law=_guarded_law(controller.law, system))
+
+
+@cache
+def _guarded_law(law: Law, system: System) -> Law:
+    """The law, undefined outside the region."""
+    inner, linearizable = jitable(law), system.linearizable
+
+    def guarded_law(t: float, x: Any, memory: Any, p: Any) -> Any:
+        u = inner(t, x, memory, p)
+        if not linearizable(x):
+            memory.undefined = 1.0
+        return u
+
+    return guarded_law
+
+
+def outside(system: System, starts: Array) -> NDArray[np.bool_]:
+    """Which starts (nsim, n) are singular for the plant or outside the laws' region."""
+    return np.array([system.singular(x) or not system.linearizable(x) for x in starts], bool)
+
+
+def state_names(system: System) -> Sequence[str]:
+    """The states' symbols in ASCII, in order: p, theta, p_dot, theta_dot."""
+    return [_ascii(state.symbol) for state in system.states]
+
+
+def _ascii(symbol: str) -> str:
+    """θ̇ as theta_dot, q₁ as q1."""
+    words, dots = "", ""
+    for character in unicodedata.normalize("NFD", symbol):
+        name = unicodedata.name(character)
+        if name == "COMBINING DOT ABOVE":
+            dots = "_dot"
+        elif character.isdigit():
+            words += str(unicodedata.digit(character))
+        else:
+            words += character if character.isascii() else name.split()[-1].lower()
+    return words + dots

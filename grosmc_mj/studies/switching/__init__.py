@@ -1,0 +1,1 @@
+"""How accurate is each switching law, and how much does it chatter?"""

@@ -1,0 +1,299 @@
+"""Accuracy and chattering against sample time: every switching law on a scalar and on the cases.
+
+The scalar s' = r phi + w is sampled by the very functions that the laws call; the cases run in
+MuJoCo. Both say how far s and the run stray, and how much the input has to move for that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.memory import SurfaceMemory
+from grosmc_mj.control.switching import (
+    SWITCHINGS,
+    SuperTwisting,
+    Switching,
+    find_switching,
+)
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.runs import RunResult, Settings, Surface, run_case
+from grosmc_mj.plants import find_system
+
+# The laws for one input; those for several are the same ones then.
+LAWS = tuple(name for name in SWITCHINGS if "unit-vector" not in name)
+
+# The scalar benchmark: w = 0.5 sin 2 pi t under rho = 1, so r rho > W for r > 0.5.
+PUSH = 0.5
+FREQUENCY = 2 * math.pi
+SLOPE = PUSH * FREQUENCY  # largest |w'|
+GAIN = 1.0
+# Total variation of w per second: four times the amplitude in each cycle.
+OWN_VARIATION = 4 * PUSH * FREQUENCY / (2 * math.pi)
+# Two cycles to settle and two to measure.
+_SETTLED, _END = 2.0, 4.0
+_DIVERGED = 1e6
+
+SAMPLE_TIMES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
+GAIN_RATIOS = tuple((np.arange(6, 47) / 20).tolist())
+
+# The chapter's cases. The load of the servo's case 1 is a step: its w' is infinite twice.
+CASES: Mapping[str, tuple[str, ...]] = {
+    "servo": ("nominal", "case1", "case2"),
+    "cart_pendulum": ("case1",),
+    "arm": ("case1",),
+}
+PERIODS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3)
+SURFACES: tuple[Surface, ...] = ("printed", "discrete")
+TIMESTEP = 5e-4
+
+
+def law_for(name: str) -> Switching:
+    """The switching law of that name with numbers for the scalar's push.
+
+    Raises:
+        GainError: If there is no such law.
+    """
+    law = find_switching(name)
+    return replace(law, slope=SLOPE) if isinstance(law, SuperTwisting) else law
+
+
+class Sample(NamedTuple):
+    """One sample of the scalar benchmark.
+
+    Attributes:
+        t: Its time [s].
+        s: What the law saw.
+        phi: What it asked for.
+        memory: What it remembers from here on; the next sample changes it.
+    """
+
+    t: float
+    s: float
+    phi: float
+    memory: SurfaceMemory
+
+
+def sine_push(start: float, end: float) -> float:
+    """The integral of w = 0.5 sin 2 pi t from start to end [s]."""
+    return PUSH * (math.cos(FREQUENCY * start) - math.cos(FREQUENCY * end)) / FREQUENCY
+
+
+def scalar_samples(
+    law: Switching,
+    h: float,
+    *,
+    gain_ratio: float = 1.0,
+    k: float = 0.0,
+    rho: float = GAIN,
+    duration: float = _END,
+    push: Callable[[float, float], float] = sine_push,
+) -> Iterator[Sample]:
+    """Sample s' = r phi + w with phi held, from s(0) = 0: no discretization but the law's own.
+
+    Args:
+        law: With its numbers.
+        h: Sample time [s].
+        gain_ratio: r, the true input gain over the nominal one.
+        k: Proportional gain [1/s].
+        rho: Switching gain, in the unit of s per second.
+        duration: [s].
+        push: The integral of w between two instants.
+
+    Yields:
+        Each sample; none after |s| has grown beyond all bounds.
+    """
+    reach, memory, s = law.reach(1), law.new_memory(1, 1)(), 0.0
+    for i in range(round(duration / h)):
+        t = i * h
+        memory.elapsed, memory.t = t - memory.t, t
+        (phi,) = reach((s,), k, rho, memory, law)
+        yield Sample(t, s, phi, memory)
+        s += gain_ratio * h * phi + push(t, (i + 1) * h)
+        if not abs(s) < _DIVERGED:
+            return
+
+
+class Benchmark(NamedTuple):
+    """A law on the scalar benchmark, after the transient.
+
+    Attributes:
+        law: Its name.
+        h: Sample time [s].
+        gain_ratio: r.
+        max_sliding: Largest |s|; infinite if it diverged, as the others then are.
+        rms_sliding: RMS of s.
+        crossings: Changes of the sign of s per second.
+        total_variation: Of phi, per second; that of w is ``OWN_VARIATION``.
+    """
+
+    law: str
+    h: float
+    gain_ratio: float
+    max_sliding: float
+    rms_sliding: float
+    crossings: float
+    total_variation: float
+
+
+def benchmark(law: Switching, h: float, gain_ratio: float = 1.0) -> Benchmark:
+    """Measure one law at one sample time and gain ratio."""
+    rows = np.array([row[:3] for row in scalar_samples(law, h, gain_ratio=gain_ratio)])
+    if len(rows) < round(_END / h):
+        return Benchmark(law.name, h, gain_ratio, *[math.inf] * 4)
+    t, s, phi = rows[rows[:, 0] >= _SETTLED - h / 2].T
+    seconds = len(t) * h
+    return Benchmark(
+        law=law.name,
+        h=h,
+        gain_ratio=gain_ratio,
+        max_sliding=float(np.abs(s).max()),
+        rms_sliding=float(np.sqrt(np.mean(s**2))),
+        crossings=crossings(s) / seconds,
+        total_variation=float(np.abs(np.diff(phi)).sum() / seconds),
+    )
+
+
+def crossings(s: Array) -> int:
+    """How often s changes its sign; a zero in between counts once."""
+    signs = np.sign(s[s != 0.0])
+    return int(np.count_nonzero(np.diff(signs)))
+
+
+def order(h: Sequence[float], values: Sequence[float]) -> float:
+    """p of the fit values ~ h^p."""
+    return float(np.polyfit(np.log(h), np.log(values), 1)[0])
+
+
+def orders(rows: Sequence[Benchmark]) -> dict[str, float]:
+    """The order of each law's largest |s| in the sample time."""
+    laws = dict.fromkeys(row.law for row in rows)
+    chosen = {law: [row for row in rows if row.law == law] for law in laws}
+    return {
+        law: order([row.h for row in found], [row.max_sliding for row in found])
+        for law, found in chosen.items()
+    }
+
+
+def sample_time_sweep(sample_times: Sequence[float] = SAMPLE_TIMES) -> Iterator[Benchmark]:
+    """Every law over the sample times, with the nominal input gain."""
+    for name in LAWS:
+        for h in sample_times:
+            yield benchmark(law_for(name), h)
+
+
+def gain_ratio_sweep(
+    h: float = 1e-3, gain_ratios: Sequence[float] = GAIN_RATIOS
+) -> Iterator[Benchmark]:
+    """Every law over the input-gain ratios, within and beyond what it stands."""
+    for name in LAWS:
+        for gain_ratio in gain_ratios:
+            yield benchmark(law_for(name), h, gain_ratio)
+
+
+@dataclass(frozen=True)
+class SwitchingRun:
+    """One run of a case.
+
+    Attributes:
+        system: Name of the system.
+        case: Name of the case.
+        law: Name of the switching law.
+        surface: ``printed`` or ``discrete``.
+        control_period: [s].
+    """
+
+    system: str
+    case: str
+    law: str
+    surface: Surface
+    control_period: float
+
+    @property
+    def key(self) -> str:
+        """For people: what runs."""
+        return f"{self.system}/{self.case}/{self.law}/{self.surface} {self.control_period:g} s"
+
+
+class CaseRow(NamedTuple):
+    """A case in MuJoCo under one switching law.
+
+    Attributes:
+        experiment: What was run.
+        deviation: Largest distance from the optimal trajectory, in the output's unit.
+        max_sliding: Largest |s|, in the unit of the law's surface.
+        rms_sliding: RMS of s.
+        total_variation: Of the input per second, in its unit.
+        crossings: Changes of the sign of s per second.
+        cost_ratio: J with the whole input over J*.
+        ended: Empty, or why the run ended early.
+    """
+
+    experiment: SwitchingRun
+    deviation: float
+    max_sliding: float
+    rms_sliding: float
+    total_variation: float
+    crossings: float
+    cost_ratio: float
+    ended: str = ""
+
+
+def experiments(
+    system: str | None = None,
+    periods: Sequence[float] = PERIODS,
+    surfaces: Sequence[Surface] = SURFACES,
+) -> list[SwitchingRun]:
+    """All that is to be run, of one system or of all.
+
+    Raises:
+        ModelError: If there is no such system.
+        ArgumentError: If it has no case here.
+    """
+    if system is not None and find_system(system).name not in CASES:
+        raise ArgumentError(unknown_name("system of the chapter", system, CASES))
+    return [
+        SwitchingRun(name, case, law, surface, period)
+        for name in CASES
+        if system in (None, name)
+        for case in CASES[name]
+        for law in LAWS
+        for surface in surfaces
+        for period in periods
+    ]
+
+
+def run_experiment(experiment: SwitchingRun, timestep: float = TIMESTEP) -> RunResult:
+    """Run a case in MuJoCo under GROSMC with that switching law, surface and control period."""
+    settings = Settings(
+        control_period=experiment.control_period,
+        timestep=timestep,
+        switching=experiment.law,
+        surface=experiment.surface,
+    )
+    return run_case(find_case(experiment.system, experiment.case), "physics", "grosmc", settings)
+
+
+def measure_case(experiment: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
+    """Run a case and keep what accuracy and chattering are."""
+    result = run_experiment(experiment, timestep)
+    run = result.trajectory
+    assert run.sliding is not None
+    value = {name: metric.value for name, metric in result.metrics.items()}
+    found = {name: math.nan if x is None else x for name, x in value.items()}
+    return CaseRow(
+        experiment=experiment,
+        deviation=found["deviation"],
+        max_sliding=found["max_sliding"],
+        rms_sliding=found["rms_sliding"],
+        total_variation=found["total_variation"],
+        crossings=crossings(run.sliding) / float(run.time[-1]),
+        cost_ratio=found["cost_whole"] / found["cost_optimal"],
+        ended=result.ended,
+    )

@@ -1,1 +1,0 @@
-"""The chapter's cases, what is measured on them, and how it is reported."""

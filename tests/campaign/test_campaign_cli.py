@@ -1,0 +1,451 @@
+"""grosmc-mj campaign and replay: what they write, their exit codes, wrong use in one line."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, forged, replaced, servo
+
+from grosmc_mj import cli
+from grosmc_mj.cli.campaign import campaign as do_campaign
+from grosmc_mj.cli.campaign_commands import Campaign as CampaignCommand
+from grosmc_mj.cli.campaign_commands import Replay as ReplayCommand
+from grosmc_mj.cli.replay import replay as do_replay
+
+
+def run(*arguments: str | Path) -> int:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(each) for each in arguments])
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A servo's campaign under LQR, which compiles soonest."""
+    path = tmp_path_factory.mktemp("files") / "small.toml"
+    path.write_text(servo(laws=LQR, limits=DEVIATION))
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, run with all searches."""
+    path = tmp_path_factory.mktemp("campaign") / "out"
+    asked = ("campaign", file, "--runs", "16", "--out", path, "--no-figures")
+    assert run(*asked, "--worst", "--evaluations", "128", "--radius") == cli.DONE
+    return path
+
+
+def test_a_campaign_writes_what_it_says(folder: Path) -> None:
+    names = {path.name for path in folder.iterdir()}
+    documents = {"manifest.json", "results.json", "worst.json", "radius.json"}
+    assert names == {".lock", "parts", *documents}
+    results = json.loads((folder / "results.json").read_text())
+    assert results["sampled"]["words"] == "16 runs, sobol, seed 0"
+    relative = pq.read_table(folder / "parts" / "part-0000000.parquet")["relative"].to_numpy()
+    rates = {each["requirement"]: each for each in results["pass_rates"]}
+    assert rates["all requirements"]["kept"] == (relative >= 0).sum()
+    worst = json.loads((folder / "worst.json").read_text())["controllers"]["lqr"]
+    assert worst["fails"]
+    assert worst["relative"] <= relative.min()
+    radius = json.loads((folder / "radius.json").read_text())["controllers"]["lqr"]
+    assert radius["found"] < radius["outside_scale"] <= 1
+
+
+def test_a_campaign_says_its_numbers_and_what_they_do_not_prove(
+    file: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures") == 0
+    said = capsys.readouterr().out
+    assert "1 of 1 parts are there already." in said
+    assert "deviation below 3 mrad" in said
+    assert "no proof" in " ".join(said.split())
+
+
+@pytest.mark.parametrize(("share", "code"), [("0.05", cli.DONE), ("0.99", cli.DIFFERS)])
+def test_at_least_decides_the_exit_code(file: Path, folder: Path, share: str, code: int) -> None:
+    asked = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
+    assert run(*asked, "--at-least", share) == code
+
+
+def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
+    assert run("campaign", file, "--runs", "8", "--out", tmp_path) == cli.DONE
+    for name in ("margins.png", "margins.svg", "map.png", "map.svg"):
+        assert (tmp_path / name).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--runs", "0"), "--runs 0 must be from 1"),
+        (("--seed", "-1"), "--seed -1 must be 0 or more"),
+        (("--sampler", "sobel"), "unknown sampler 'sobel': did you mean 'sobol'?"),
+        (("--sampler", "corners", "--runs", "5"), "--runs 5: there are 4 corners"),
+        (("--executor", "slurm"), "unknown executor 'slurm'"),
+        (("--executor", "batch", "--workers", "2"), "workers"),
+        (("--axes", "load amplitude", "mass"), "unknown uncertain number 'mass'"),
+        (("--axes", "load amplitude", "load amplitude"), "twice: name two different numbers"),
+        (("--axes", "load amplitude"), "--axes names 1: name two uncertain numbers"),
+        (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
+        (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
+        (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),
+        (("--worst", "--evaluations", str(10**30)), "must be 128 or more, up to 10000000"),
+        (("--runs", str(10**30)), "must be from 1 to 1000000000000"),
+        (("--shard", str(10**30)), "must be from 1 to 1000000"),
+        (("--seed", str(10**30)), "must be 0 or more, below 2^63"),
+        (("--duration", "1e300"), "--duration 1e+300 s must be positive and at most 1e+06 s"),
+        (("--duration", "nan"), "--duration nan s must be positive"),
+        (("--control-period", "inf"), "--control-period inf s must be positive"),
+        (("--executor", "processes", "--workers", str(10**9)), "must be 1 or more, up to 1024"),
+        (("--controllers", "pid"), "unknown controller 'pid'"),
+        (("--control-period", "0.0015"), "no multiple of the timestep"),
+        (("--duration", "0"), "--duration 0 s must be positive"),
+    ],
+)
+def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
+    arguments: tuple[str, ...],
+    says: str,
+    file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("campaign", file, "--out", tmp_path / "out", *arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.startswith("grosmc-mj: ")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            servo(AMPLITUDE.replace("load", "lod"), laws=LQR, limits=DEVIATION),
+            "did you mean 'load'?",
+        ),
+        (servo('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n'), "must be positive"),
+        (servo(""), "nothing is uncertain"),
+        ("[plant", "no valid TOML"),
+        ('name = "../up"\n' + servo(laws=LQR, limits=DEVIATION), "must be a name for files"),
+    ],
+)
+def test_a_wrong_file_gets_one_line(
+    text: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    assert run("campaign", path, "--out", tmp_path / "out") == cli.WRONG
+    error = capsys.readouterr().err
+    assert error.startswith(f"grosmc-mj: {path}: ")
+    assert says in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [
+        ("servoo", "unknown system 'servoo': did you mean 'servo'?"),
+        ("nowhere.toml", "nowhere.toml: there is no such file"),
+        ("servo/nominal", "nothing is uncertain"),
+    ],
+)
+def test_an_unknown_target(
+    target: str, says: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run("campaign", target, "--out", tmp_path / "out") == cli.WRONG
+    assert says in capsys.readouterr().err
+
+
+def test_the_folder_of_another_campaign_is_refused(
+    file: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("campaign", file, "--runs", "17", "--out", folder, "--resume") == cli.WRONG
+    assert "runs: 16 there, 17 now" in capsys.readouterr().err
+    assert run("campaign", file, "--runs", "16", "--out", folder) == cli.WRONG
+    assert "--resume runs what is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
+def test_replays(folder: Path, which: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("replay", folder, which, "--engine", "python", "--no-figures") == cli.DONE
+    said = capsys.readouterr().out
+    assert ("bit for bit" in said) == (which == "3")
+    assert (folder / "replays" / f"{which}_lqr.json").exists()
+
+
+def test_a_tampered_run_is_no_replay(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("campaign", file, "--runs", "2", "--out", tmp_path, "--no-figures") == cli.DONE
+    part = tmp_path / "parts" / "part-0000000.parquet"
+    table = replaced(pq.read_table(part), "ended", 1, 0.049)
+    forged(part, table)
+    assert run("replay", tmp_path, "0", "--no-figures") == cli.DONE
+    assert run("replay", tmp_path, "1", "--no-figures") == cli.DIFFERS
+    assert "differs: ended: 0.049 was stored, 0.05 is found" in capsys.readouterr().out
+    pq.write_table(replaced(table, "ended", 1, 0.048), part)
+    assert run("replay", tmp_path, "0", "--no-figures") == cli.WRONG
+    said = capsys.readouterr().err
+    assert said.endswith(
+        f"{part}: has rows that its checksum is not of: remove it, and --resume runs it again\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("16",), "run '16': there are 0 to 15, worst, shrunk, outside"),
+        (("0", "--controller", "lqg"), "unknown controller 'lqg': did you mean 'lqr'?"),
+        (("0", "--engine", "fortran"), "valid: native, python"),
+    ],
+)
+def test_what_cannot_be_replayed(
+    folder: Path, arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("replay", folder, *arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+def test_a_folder_that_is_no_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("replay", tmp_path, "0") == cli.WRONG
+    assert "is no campaign: it has no manifest.json" in capsys.readouterr().err
+
+
+# ---- what is written, and when
+
+
+def interrupted(*_: Any, **__: Any) -> Any:
+    """Ctrl-C."""
+    raise KeyboardInterrupt
+
+
+def asked(file: Path, out: Path, **more: Any) -> CampaignCommand:
+    """A campaign of eight runs."""
+    return CampaignCommand(str(file), runs=8, out=out, **more)
+
+
+def test_an_interrupt_says_how_to_go_on(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grosmc_mj.campaign.runs.running.run_missing", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        do_campaign(asked(file, tmp_path))
+    assert str(stop.value) == (
+        "interrupted: 0 of 1 parts are done; the same command with --resume runs the others"
+    )
+
+
+ALL_RESULTS = {"results.json", "worst.json", "radius.json"}
+
+
+@pytest.mark.parametrize(
+    ("shown", "written"),
+    [
+        ("rich.console.Console.print", {"results.json"}),
+        ("grosmc_mj.campaign.report.search_tables.worst_table", {"results.json", "worst.json"}),
+        ("grosmc_mj.campaign.report.search_tables.radius_table", ALL_RESULTS),
+        ("grosmc_mj.campaign.report.figures.draw_margins", ALL_RESULTS),
+    ],
+)
+def test_results_are_written_before_they_are_shown(
+    shown: str,
+    written: set[str],
+    file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(shown, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        do_campaign(asked(file, tmp_path, worst=True, evaluations=128, radius=True, at_least=0.99))
+    assert {path.name for path in tmp_path.glob("*.json")} - {"manifest.json"} == written
+    assert not list(tmp_path.glob("*.png"))
+    said = capsys.readouterr().out
+    assert bool(said) == (shown != "rich.console.Console.print")
+    # Figures come after the verdict.
+    assert ("99 % are asked for" in said) == (
+        shown == "grosmc_mj.campaign.report.figures.draw_margins"
+    )
+
+
+def test_a_replay_is_written_before_it_is_shown(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("grosmc_mj.experiments.tables.results_table", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        do_replay(ReplayCommand(folder, "2", out=tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["2_lqr.json"]
+    assert "margin" not in capsys.readouterr().out
+
+
+# ---- a folder that is read only
+
+
+def plain_file(copy: Path, _: pytest.MonkeyPatch) -> None:
+    """What root cannot write either."""
+    (copy / "replays").touch()
+
+
+def elsewhere(copy: Path, _: pytest.MonkeyPatch) -> None:
+    """A folder of somebody else's may lead anywhere."""
+    (copy.parent / "elsewhere").mkdir()
+    (copy / "replays").symlink_to(copy.parent / "elsewhere")
+
+
+def read_only(_: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the operating system says it."""
+    real = Path.mkdir
+
+    def mkdir(self: Path, *arguments: Any, **more: Any) -> None:
+        if self.name == "replays":
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        real(self, *arguments, **more)
+
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+
+
+@pytest.mark.parametrize(
+    ("how", "stored", "code"),
+    [
+        (plain_file, True, cli.DONE),
+        (plain_file, False, cli.DIFFERS),
+        (elsewhere, True, cli.DONE),
+        (read_only, True, cli.DONE),
+    ],
+)
+def test_a_replay_of_what_cannot_be_written_is_judged(
+    folder: Path,
+    tmp_path: Path,
+    how: Any,
+    stored: bool,
+    code: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "copy", ignore=lambda *_: ["replays"]))
+    part = copy / "parts" / "part-0000000.parquet"
+    if not stored:
+        forged(part, replaced(pq.read_table(part), "ended", 3, 0.049))
+    how(copy, monkeypatch)
+    assert run("replay", copy, "3", "--film") == code
+    said = capsys.readouterr().out
+    assert ("bit for bit" in said) == stored
+    assert ("differs: ended" in said) == (not stored)
+    assert "Nothing is written: " in said
+    assert "--out DIR keeps it." in said
+    assert not list(tmp_path.rglob("3_lqr*"))
+    assert run("replay", copy, "3", "--no-figures", "--out", tmp_path / "kept") == code
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["3_lqr.json"]
+
+
+def test_a_place_that_was_asked_for_must_be_written(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "kept").touch()
+    capsys.readouterr()
+    assert run("replay", folder, "3", "--out", tmp_path / "kept") == cli.WRONG
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("grosmc-mj: cannot write ")
+
+
+def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
+    file = tmp_path / "case.toml"
+    laws = LQR + 'name = "/../../../up/../a.b"\n'
+    file.write_text(servo(AMPLITUDE, laws=laws, limits=DEVIATION))
+    out = tmp_path / "deep" / "er" / "out"
+    assert run("campaign", file, "--runs", "1", "--out", out, "--no-figures") == cli.DONE
+    assert run("replay", out, "0", "--no-figures") == cli.DONE
+    assert [path.name for path in out.rglob("0_*")] == ["0__.._.._.._up_.._a.b.json"]
+
+
+# ---- two processes
+
+HOLDS = """
+import sys
+from pathlib import Path
+from grosmc_mj.campaign.runs.folder import Folder
+with Folder(Path(sys.argv[1])).held():
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.slow
+def test_a_second_process_is_told_of_the_first(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    arguments = ("campaign", file, "--runs", "8", "--out", out, "--no-figures")
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDS, str(out)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    ) as first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == b"held\n"
+        for more in ((), ("--resume",)):
+            assert run(*arguments, *more) == cli.WRONG
+            assert capsys.readouterr().err == (
+                f"grosmc-mj: {out}: another grosmc-mj campaign (process {first.pid}) adds parts to "
+                "it: wait for its end, or take another --out\n"
+            )
+        assert [path.name for path in out.iterdir()] == [".lock"]
+        first.kill()
+    assert run(*arguments) == cli.DONE
+
+
+def test_a_lock_that_leads_elsewhere_is_not_followed(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("of somebody")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".lock").symlink_to(precious)
+    assert run("campaign", file, "--out", tmp_path / "out") == cli.WRONG
+    assert "cannot write" in capsys.readouterr().err
+    assert precious.read_text() == "of somebody"
+
+
+# ---- a single run of a file with uncertain numbers
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            AMPLITUDE.replace("load", "lod"),
+            "uncertain 1 (lod amplitude): unknown disturbance 'lod'",
+        ),
+        ('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n', "must be positive"),
+        (AMPLITUDE * 2, "two are uncertain 'load amplitude'"),
+    ],
+)
+def test_run_refuses_uncertainty_that_a_campaign_would(
+    text: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(servo(text, laws=LQR, limits=DEVIATION))
+    assert run("run", path, "--out", tmp_path / "out") == cli.WRONG
+    error = capsys.readouterr().err
+    assert error.startswith(f"grosmc-mj: {path}: ")
+    assert says in error
+    assert error.count("\n") == 1

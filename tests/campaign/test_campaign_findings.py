@@ -1,0 +1,121 @@
+"""What a campaign says, against the columns of its parts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, PAIR, begun, campaign, falling, kept, servo
+from scipy.stats import binomtest
+
+from grosmc_mj.campaign.findings.findings import ALL, Findings, findings
+from grosmc_mj.campaign.report.document import results_document
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.work import shards_of
+
+COMPLETES = "completes"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """Eight servos in two parts."""
+    return kept(campaign(servo()), tmp_path_factory.mktemp("campaign"))
+
+
+@pytest.fixture(scope="module")
+def found(folder: Folder) -> Findings:
+    """What they say."""
+    return findings(campaign(servo()), folder, 0.9)
+
+
+def column(folder: Folder, name: str, law: str) -> np.ndarray:
+    return folder.columns(campaign(servo()), [name], range(2))[law][name]
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_rates_count_what_the_columns_have(folder: Folder, found: Findings, law: str) -> None:
+    for words, name in (
+        ("deviation below 3 mrad", "margin deviation_below"),
+        ("input below 10 A", "margin input_below"),
+        (ALL, "relative"),
+    ):
+        own = column(folder, name, law)
+        rate = found.rates[words, law]
+        assert (rate.kept, rate.runs) == ((own >= 0).sum(), 8)
+        exact = binomtest(rate.kept, 8).proportion_ci(0.9, method="exact")
+        assert (rate.low, rate.high) == pytest.approx((exact.low, exact.high), abs=1e-12)
+    assert found.rates[COMPLETES, law].kept == 8
+    assert found.cut_short[law] == 0
+    assert np.array_equal(found.margins[ALL, law], column(folder, "relative", law))
+
+
+def test_laws_may_be_asked_for_the_same_in_two_tables(tmp_path: Path) -> None:
+    both = "".join(f'{DEVIATION}of = ["{law}"]\n' for law in ("lqr", "stiff"))
+    asked = campaign(servo(laws=PAIR, limits=both))
+    split = findings(asked, kept(asked, tmp_path), 0.9)
+    words = "deviation below 3 mrad"
+    for law in ("lqr", "stiff"):
+        assert split.rates[words, law].kept == (split.margins[words, law] >= 0).sum()
+    assert (words, "lqr", "stiff") in split.differences
+
+
+def test_a_requirement_of_one_law_says_nothing_of_another(found: Findings) -> None:
+    assert ("sliding below 0.02 A s", "grosmc") in found.rates
+    assert ("sliding below 0.02 A s", "lqr") not in found.rates
+    assert {first for _, first, _ in found.differences} == {"lqr"}
+    assert {second for _, _, second in found.differences} == {"grosmc"}
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_the_worst_runs_come_first(folder: Folder, found: Findings, law: str) -> None:
+    relative = column(folder, "relative", law)
+    assert sorted(found.worst[law]) == list(range(8))
+    assert np.all(np.diff(relative[found.worst[law]]) >= 0)
+
+
+def test_what_drives_a_margin_is_found(tmp_path: Path) -> None:
+    asked = campaign(servo(laws=LQR, limits=DEVIATION), runs=64, shard=64)
+    sensitivities = findings(asked, kept(asked, tmp_path), 0.95).sensitivities["lqr"]
+    # 50 ms from rest: the load has hardly moved the rotor, its inertia has.
+    assert sensitivities[0].parameter == "rotor mass scale"
+
+
+def test_a_campaign_that_is_not_complete_says_so(tmp_path: Path) -> None:
+    asked = campaign(servo())
+    folder = begun(asked, tmp_path)
+    shards_of(asked, folder, 0)(1)
+    found = findings(asked, folder, 0.95)
+    assert (found.sampled.runs, found.sampled.planned) == (4, 8)
+    assert found.sampled.words == "4 of 8 runs, sobol, seed 0"
+    assert sorted(found.worst["lqr"]) == [4, 5, 6, 7]
+
+
+def test_results_are_plain_json(found: Findings) -> None:
+    content = results_document(campaign(servo()), found)
+    assert json.loads(json.dumps(content, allow_nan=False)) == content
+    assert "no proof" in content["says"]
+
+
+@pytest.mark.slow
+def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
+    asked = falling()
+    folder = kept(asked, tmp_path)
+    found = findings(asked, folder, 0.95)
+    status = folder.columns(asked, ["status"], [0])["fl-lqr"]["status"]
+    early = int((status == "undefined_law").sum())
+    assert 0 < early < 16
+    assert found.cut_short["fl-lqr"] == early
+    assert found.rates[COMPLETES, "fl-lqr"].kept == 16 - early
+    assert found.rates[ALL, "fl-lqr"].kept <= 16 - early
+    assert np.isneginf(found.margins[ALL, "fl-lqr"]).sum() == early
+    assert status[found.worst["fl-lqr"][:early]].tolist() == ["undefined_law"] * early
+    # Infinities are texts in JSON.
+    json.dumps(results_document(asked, found), allow_nan=False)
+
+
+def test_one_uncertain_number_is_enough(tmp_path: Path) -> None:
+    asked = campaign(servo(AMPLITUDE, laws=LQR, limits=DEVIATION), runs=4)
+    found = findings(asked, kept(asked, tmp_path), 0.95)
+    assert [each.parameter for each in found.sensitivities["lqr"]] == ["load amplitude"]

@@ -1,0 +1,408 @@
+"""The folder of a campaign: whole parts, the same bits from everybody, refusals in one line."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from campaign_cases import begun, campaign, forged, kept, pair
+
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.findings.findings import ALL, findings
+from grosmc_mj.campaign.runs.executors import Executor, make_executor
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest
+from grosmc_mj.campaign.runs.part import EVERYTHING
+from grosmc_mj.campaign.runs.running import missing, run_missing
+from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
+from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
+
+FROZEN = Path(__file__).parents[1] / "data" / "campaign_v1"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """Eight servos in two parts."""
+    return kept(campaign(pair()), tmp_path_factory.mktemp("campaign"))
+
+
+@pytest.fixture
+def copy(finished: Folder, tmp_path: Path) -> Folder:
+    """The same, to be broken."""
+    return Folder(Path(shutil.copytree(finished.path, tmp_path / "copy")))
+
+
+def bits(folder: Folder) -> list[bytes]:
+    """The parts."""
+    return [folder.part(index).read_bytes() for index in range(2) if folder.done(index)]
+
+
+def told(of: Any, *arguments: Any, **more: Any) -> str:
+    """The one line that somebody gets."""
+    with pytest.raises(GrosmcError) as refused:
+        of(*arguments, **more)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def changed(folder: Folder, **content: Any) -> dict[str, Any]:
+    """Write other things into a manifest."""
+    path = folder.path / "manifest.json"
+    manifest = {**json.loads(path.read_text()), **content}
+    path.write_text(json.dumps(manifest))
+    return manifest
+
+
+def rehashed(folder: Folder, **content: Any) -> None:
+    """The same, with a hash that is right, in the manifest and in the parts."""
+    manifest = changed(folder, **content)
+    bound_to = _hash(manifest["schema_version"], {key: manifest[key] for key in _HASHED})
+    changed(folder, hash=bound_to)
+    for file in folder.parts.iterdir():
+        forged(file, pq.read_table(file), campaign=bound_to)
+
+
+def run(folder: Folder, index: int, threads: int = 0) -> Any:
+    """Run a part of the campaign that most tests are of."""
+    bound_to = manifest_of(campaign(pair()))["hash"]
+    return run_shard(str(folder.path), campaign(pair()).specification, bound_to, index, threads)
+
+
+def test_a_part_has_a_row_for_each_run_and_controller(finished: Folder) -> None:
+    asked = campaign(pair())
+    table = pq.read_table(finished.part(1))
+    assert table["id"].to_pylist() == [4, 5, 6, 7] * 2
+    assert table["controller"].to_pylist() == ["lqr"] * 4 + ["stiff"] * 4
+    for law in asked.laws:
+        own = finished.columns(asked, table.column_names, [1])[law]
+        found = evaluate(asked, law, asked.values(range(4, 8)))
+        assert np.array_equal(own["rotor mass scale"], found.values[:, 0])
+        assert np.array_equal(own["load amplitude"], found.values[:, 1])
+        for name, values in found.metrics.items():
+            assert own[name].tobytes() == values.tobytes()
+        for key, values in found.margins.items():
+            assert own[f"margin {key}"].tobytes() == values.tobytes()
+        assert own["relative"].tobytes() == found.relative.tobytes()
+        assert own["status"].tolist() == found.status
+        assert own["ended"].tolist() == [0.05] * 4
+    units = {
+        field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema
+    }
+    assert units["deviation"] == units["margin deviation_below"] == "rad"
+    assert units["max_input"] == "A"
+    assert units["ended"] == "s"
+
+
+def test_parts_are_the_same_in_any_order_and_with_any_threads(
+    finished: Folder, tmp_path: Path
+) -> None:
+    folder = begun(campaign(pair()), tmp_path / "again")
+    for index, threads in ((1, 1), (0, 3)):
+        report = run(folder, index, threads)
+        assert (report.index, report.first, report.runs) == (index, 4 * index, 4)
+    assert bits(folder) == bits(finished)
+    assert not list(folder.parts.glob(".*"))
+
+
+def executors() -> list[Any]:
+    return [
+        "batch",
+        pytest.param("processes", marks=pytest.mark.slow),
+        pytest.param("dask", marks=pytest.mark.slow),
+    ]
+
+
+@pytest.mark.parametrize("name", executors())
+def test_every_executor_writes_the_same_bits(name: str, finished: Folder, tmp_path: Path) -> None:
+    if name == "dask":
+        pytest.importorskip("distributed")
+    asked, advances = campaign(pair()), []
+    folder = begun(asked, tmp_path / "folder")
+    executor: Executor = make_executor(name, workers=None if name == "batch" else 2)
+    again = run_missing(asked, folder, executor, print, lambda *each: advances.append(each))
+    assert again == 0
+    assert bits(folder) == bits(finished)
+    assert sum(runs for runs, _ in advances) == 16
+    counts = finished.counts(asked, range(2))
+    assert advances[-1][1] == {law: each[EVERYTHING] / 8 for law, each in counts.items()}
+
+
+def test_only_what_is_missing_is_run(copy: Folder, finished: Folder) -> None:
+    asked = campaign(pair())
+    copy.part(0).unlink()
+    (copy.parts / ".part-0000000.0123456789abcdef.part.parquet").write_bytes(b"half")
+    (copy.parts / ".other.parquet").touch()
+    untouched = copy.part(1).stat().st_mtime_ns
+    copy.begin(asked, resume=True)
+    assert [file.name for file in copy.parts.glob(".*")] == [".other.parquet"]
+    assert missing(asked, copy) == [0]
+    run_missing(asked, copy, make_executor("batch"), print, lambda *_: None)
+    assert bits(copy) == bits(finished)
+    assert copy.part(1).stat().st_mtime_ns == untouched
+
+
+def test_a_full_disk_keeps_finished_parts(
+    copy: Folder, finished: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    copy.part(1).unlink()
+    monkeypatch.setattr(os, "fsync", full)
+    assert told(run, copy, 1) == (
+        f"cannot write {copy.part(1)}: No space left on device; free the disk or choose another "
+        "place"
+    )
+    assert [file.name for file in copy.parts.iterdir()] == [copy.part(0).name]
+    assert bits(copy) == bits(finished)[:1]
+
+
+def test_a_file_in_the_way(tmp_path: Path) -> None:
+    way = tmp_path / "file"
+    way.touch()
+    for path in (way, way / "below"):
+        assert told(begun, campaign(pair()), path).startswith(f"cannot write {path}")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "parts").touch()
+    said = told(begun, campaign(pair()), tmp_path / "folder")
+    assert "parts: File exists" in said
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    assert "Permission denied" in told(begun, campaign(pair()), tmp_path / "campaign")
+
+
+@pytest.mark.parametrize(
+    ("asked", "difference"),
+    [
+        ({"seed": 1}, "seed: 0 there, 1 now"),
+        ({"runs": 9}, "runs: 8 there, 9 now"),
+        ({"sampler": "lhs"}, "sampler: sobol there, lhs now"),
+        ({"duration": 0.06}, "duration: 0.05 there, 0.06 now"),
+        ({"controllers": ("lqr",)}, "controllers 2: stiff there, nothing now"),
+    ],
+)
+def test_another_campaign_in_the_folder_is_refused_with_the_difference(
+    finished: Folder, asked: dict[str, Any], difference: str
+) -> None:
+    other = Campaign.of(replace(campaign(pair()).specification, **asked))
+    for resume in (False, True):
+        said = told(finished.begin, other, resume=resume)
+        assert difference in said
+        assert said.endswith("take another --out")
+
+
+def test_a_changed_file_is_refused_with_what_is_changed(finished: Folder) -> None:
+    wider = campaign(pair().replace("[1, 3]", "[1, 4]"))
+    said = told(finished.begin, wider, resume=True)
+    assert "uncertain.rotor mass scale: uniform: least 1, most 3; nominal 1; unit  there" in said
+
+
+def test_the_same_campaign_needs_resume(finished: Folder) -> None:
+    asked = campaign(pair())
+    assert "--resume runs what is missing" in told(finished.begin, asked, resume=False)
+    assert manifest_of(asked)["hash"] == read_manifest(finished.path)["hash"]
+
+
+def test_parts_without_a_manifest_are_not_overwritten(copy: Folder) -> None:
+    (copy.path / "manifest.json").unlink()
+    said = told(copy.begin, campaign(pair()), resume=False)
+    assert "has parts without a manifest.json" in said
+    assert "is no campaign" in told(run, copy, 0)
+
+
+@pytest.mark.parametrize("cut", [0, 100, -20])
+def test_a_broken_part_is_named(copy: Folder, cut: int) -> None:
+    copy.part(1).write_bytes(copy.part(1).read_bytes()[:cut])
+    said = told(findings, campaign(pair()), copy, 0.95)
+    assert said.startswith(f"{copy.part(1)}: cannot be read (ArrowInvalid): remove it")
+
+
+MANIFESTS: list[tuple[dict[str, Any], str]] = [
+    ({"schema_version": 3}, "is of schema 3; this grosmc_mj reads up to 2: update it"),
+    ({"schema_version": 10**400}, "it has no schema_version that is a number"),
+    ({"schema_version": None}, "it has no schema_version that is a number"),
+    ({"schema_version": True}, "it has no schema_version that is a number"),
+    ({"schema_version": 1}, "its hash is not that of its content: it was changed"),
+    ({"hash": "new"}, "its hash is not that of its content: it was changed"),
+    ({"model": "0"}, "its hash is not that of its content: it was changed"),
+    ({"hash": 3}, "cannot be read: hash is no text"),
+    ({"configuration": []}, "cannot be read: configuration is no table"),
+    ({"sources": None}, "cannot be read: sources is no table"),
+    ({"sources": {"law.py": 1}}, "cannot be read: sources has what is no text"),
+    ({"versions": {"numpy": ["2"]}}, "cannot be read: versions has what is no text"),
+    ({"question": "servo"}, "cannot be read: question is no table"),
+    ({"model": "\ud800"}, "cannot be read: it is no text in UTF-8"),
+    ({"git_revision": float("inf")}, "cannot be read: Out of range float values"),
+]
+QUESTIONS: list[tuple[dict[str, Any], str]] = [
+    ({"text": 3}, "text must be a text"),
+    ({"folder": None}, "folder must be a text"),
+    ({"name": "../up"}, "'../up' must be a name for files"),
+    ({"name": ".."}, "'..' must be a name for files"),
+    ({"runs": True}, "runs must be a whole number"),
+    ({"runs": 8.0}, "runs must be a whole number"),
+    ({"runs": 10**4000}, "must be from 1 to"),
+    ({"seed": "0"}, "seed must be a whole number"),
+    ({"shard": [4]}, "shard must be a whole number"),
+    ({"sampler": {}}, "sampler must be a text"),
+    ({"controllers": "lqr"}, "controllers must be a list"),
+    ({"controllers": [["lqr"]]}, "controllers must be texts"),
+    ({"duration": "1 s"}, "duration must be a number"),
+    ({"duration": 10**4000}, "--duration 10000000000000000000 s must be positive and at most"),
+    ({"integrator": 1}, "integrator must be a text or null"),
+    ({"colour": "red"}, "unknown field 'colour'"),
+]
+
+
+@pytest.mark.parametrize(("content", "says"), MANIFESTS)
+def test_a_manifest_that_is_not_ours(copy: Folder, content: dict[str, Any], says: str) -> None:
+    changed(copy, **content)
+    for of in (read_manifest, read_campaign):
+        said = told(of, copy.path)
+        assert said.startswith(f"{copy.path / 'manifest.json'}")
+        assert says in said
+
+
+@pytest.mark.parametrize(("content", "says"), QUESTIONS)
+def test_a_question_that_is_none(copy: Folder, content: dict[str, Any], says: str) -> None:
+    changed(copy, specification={**read_manifest(copy.path)["question"], **content})
+    said = told(read_campaign, copy.path)
+    assert said.startswith(f"{copy.path / 'manifest.json'}: ")
+    assert says in said
+
+
+def test_a_question_needs_its_text(copy: Folder) -> None:
+    changed(copy, specification={"name": "small", "folder": "."})
+    assert "the question of this campaign cannot be read: no text" in told(read_campaign, copy.path)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"{", "manifest.json: cannot be read: Expecting"),
+        (b"[1]", "manifest.json: cannot be read: it is no table"),
+        (b"[" * 3000 + b"]" * 3000, "manifest.json: cannot be read: it is nested "),
+        (b'{"a":' * 3000 + b"1" + b"}" * 3000, "manifest.json: cannot be read: it is nested "),
+        (b"[" * 40 + b"]" * 40, "manifest.json: cannot be read: it is nested more than 32 deep"),
+        (b"1" * 5000, "manifest.json: cannot be read: Exceeds the limit"),
+        (b"\xff", "manifest.json: cannot be read: it is no text in UTF-8"),
+        (b'{"schema_version": 1}', "it has no hash and no configuration and no model"),
+    ],
+)
+def test_a_manifest_that_is_no_json(copy: Folder, content: bytes, says: str) -> None:
+    (copy.path / "manifest.json").write_bytes(content)
+    assert says in told(read_campaign, copy.path)
+
+
+def test_a_manifest_that_is_no_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "manifest.json")
+    assert told(read_campaign, tmp_path) == f"{tmp_path / 'manifest.json'}: is no file"
+
+
+def test_a_case_file_nested_too_deep_is_refused(copy: Folder) -> None:
+    specification = read_manifest(copy.path)["question"]
+    changed(copy, specification={**specification, "text": "a = " + "[" * 3000 + "]" * 3000})
+    assert "nested too deep" in told(read_campaign, copy.path)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [({"versions": {"numpy": "1.0"}}, "versions.numpy: 1.0 there, "), ({"model": "0"}, "model: 0")],
+)
+def test_what_would_be_computed_differently_is_refused(
+    copy: Folder, content: dict[str, Any], says: str
+) -> None:
+    rehashed(copy, **content)
+    asked = campaign(pair())
+    bound_to = read_manifest(copy.path)["hash"]
+    assert says in told(run_shard, str(copy.path), asked.specification, bound_to, 0)
+    assert "has another campaign than the one" in told(run, copy, 0)
+
+
+def test_another_campaign_under_the_same_name_is_not_taken_for_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "campaign"
+    kept(campaign(pair(), runs=2), path)
+    shutil.rmtree(path)
+    asked = campaign(pair(), runs=2, seed=1)
+    folder = kept(asked, path)
+    bound_to = read_manifest(path)["hash"]
+    assert open_campaign(str(path), asked.specification, bound_to).specification.seed == 1
+    before = campaign(pair(), runs=2).specification
+    assert "was begun with something else: seed: 1 there, 0 now" in told(
+        open_campaign, str(path), before, bound_to
+    )
+    own = folder.columns(asked, ["rotor mass scale"], [0])["lqr"]["rotor mass scale"]
+    assert np.array_equal(own, asked.values(range(2))[:, 0])
+
+
+def test_a_folder_of_the_first_schema_stays_readable(tmp_path: Path) -> None:
+    assert read_manifest(FROZEN)["schema_version"] == 1
+    before = sorted(file.name for file in FROZEN.rglob("*"))
+    asked, (notice,) = read_campaign(FROZEN)
+    assert notice.startswith(f"{FROZEN} is of schema 1: its parts carry no checksum")
+    found = findings(asked, Folder(FROZEN), 0.95)
+    assert sorted(file.name for file in FROZEN.rglob("*")) == before
+    assert (found.rates[ALL, "lqr"].kept, found.rates[ALL, "grosmc"].kept) == (3, 8)
+    assert found.worst["lqr"][:3] == [2, 0, 6]
+    assert found.margins["deviation below 3 mrad", "lqr"].min() == pytest.approx(-0.00392, abs=1e-5)
+    copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
+    (notice,) = copy.begin(asked, resume=True)
+    assert "its parts carry no checksum" in notice
+
+
+def test_counts_of_the_first_schema_are_those_of_the_rows(tmp_path: Path) -> None:
+    copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
+    asked, _ = read_campaign(copy.path)
+    true = copy.counts(asked, range(2))
+    table = pq.read_table(copy.part(0))
+    said = json.loads(table.schema.metadata[b"grosmc_mj"])
+    said["counts"]["lqr"][EVERYTHING] = 4
+    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), copy.part(0))
+    assert copy.counts(asked, range(2)) == true
+    shutil.copy(copy.part(0), copy.part(1))
+    assert "part-0000001.parquet: is another part than 1" in told(copy.counts, asked, range(2))
+
+
+def test_a_folder_of_the_first_schema_gets_no_new_parts(tmp_path: Path) -> None:
+    copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
+    asked, _ = read_campaign(copy.path)
+    copy.part(1).unlink()
+    said = told(copy.begin, asked, resume=True)
+    assert said.startswith(f"{copy.path} is not complete and is of schema 1: ")
+    assert said.endswith("take another --out")
+    bound_to = read_manifest(copy.path)["hash"]
+    assert "is of schema 1" in told(run_shard, str(copy.path), asked.specification, bound_to, 1)
+
+
+def test_findings_of_nothing(tmp_path: Path) -> None:
+    folder = begun(campaign(pair()), tmp_path / "empty")
+    with pytest.raises(SetupError, match="has no runs yet: --resume"):
+        findings(campaign(pair()), folder, 0.95)
+    one = campaign(pair(), runs=1)
+    folder = kept(one, tmp_path / "one")
+    with pytest.raises(ArgumentError):
+        findings(one, folder, 1.0)
+
+
+def test_other_versions_read_a_complete_campaign_and_add_nothing_to_another(copy: Folder) -> None:
+    asked = campaign(pair())
+    rehashed(copy, versions={**read_manifest(copy.path)["versions"], "scipy": "0.1"})
+    (line,) = copy.begin(asked, resume=True)
+    assert line.startswith("versions.scipy: 0.1 there, ")
+    _, (said,) = read_campaign(copy.path)
+    assert said.startswith("versions.scipy: 0.1 there, ")
+    assert said.endswith("bits may differ")
+    copy.part(1).unlink()
+    assert "install those to go on" in told(copy.begin, asked, resume=True)

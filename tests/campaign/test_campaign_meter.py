@@ -1,0 +1,172 @@
+"""Meters against what is measured on the recorded samples of the same run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from campaign_cases import LAWS, LQR, campaign, case, servo
+
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.runs.meter import metered
+from grosmc_mj.campaign.runs.requirements import METRICS, Recording, settling_time
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum, measure
+from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+
+PERIOD, AFTER = 0.002, [0.0, 0.05, 0.12]
+PUSH = (0.06, 0.09)
+
+
+@dataclass(frozen=True)
+class Metered:
+    """A run with its meters, and its samples as if nothing else were recorded."""
+
+    meters: Any
+    samples: Trajectory
+    comparison: Comparison
+    measured: Any
+
+
+def system(name: str) -> Campaign:
+    """The laws of a system."""
+    body, start = {
+        "servo": ("rotor", "{}"),
+        "cart_pendulum": ("pole", '{ "pole angle" = "-10 deg", "cart speed" = "0.3 m/s" }'),
+        "arm": ("link", '{ "joint rate" = "180 deg/s" }'),
+        "two_link_arm": ("lower", '{ "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }'),
+    }[name]
+    tables = f'[[uncertain]]\nbody = "{body}"\nmass_scale = [1, 2]\n'
+    return campaign(case(name, tables, start=start, laws=LAWS))
+
+
+def run(
+    asked: Campaign, law: str, engine: Any = "python", duration: float = 0.2, onset: float = 0.06
+) -> Metered:
+    """A recorded run under a pulse, sampled every other timestep."""
+    controller = asked.laws[law]
+    bodies = asked.plant.system.bodies
+    push = Disturbance(bodies[-1], (0.3, 0, 0.2, 0, 0.1, 0), Pulse(onset, onset + 0.03))
+    found = simulate(
+        asked.plant,
+        metered(controller, PERIOD, AFTER, onset),
+        asked.experiment.case.x0,
+        duration=duration,
+        control_period=PERIOD,
+        timestep=0.001,
+        disturbances=[push],
+        engine=engine,
+    )
+    samples = replace(
+        found,
+        time=found.time[:-1:2],
+        state=found.state[:-1:2],
+        command=found.command[:-2:2],
+        input=found.command[:-2:2],
+        sliding=None if found.sliding is None else found.sliding[::2],
+        weighed=found.weighed[:-2:2],
+    )
+    comparison = compare_with_optimum(samples, controller)
+    measured = measure(samples, controller, comparison, onset)
+    return Metered(found.memory["meters"][-1:], samples, comparison, (measured, found))
+
+
+def check(found: Metered, asked: Campaign, law: str) -> None:
+    """Meters are what the samples say."""
+    meters, samples, comparison = found.meters, found.samples, found.comparison
+    measured, whole = found.measured
+    controller = asked.laws[law]
+    assert meters["input"][0] == np.abs(whole.command[::2]).max()
+    if samples.sliding is not None:
+        assert controller.sliding_unit
+        assert meters["sliding"][0] == np.abs(samples.sliding).max()
+        assert meters["sliding_start"][0] == np.abs(samples.sliding[0]).max()
+    else:
+        assert not controller.sliding_unit
+        assert meters["sliding"][0] == meters["sliding_start"][0] == 0.0
+    if asked.plant.system.name == "cart_pendulum":
+        assert meters["travel"][0] == measured["cart_travel"].value > 0
+    else:
+        assert meters["travel"][0] == 0.0
+    # The meter steps the optimum on by one matrix; the recorded one is exp(A t) of each instant,
+    # and a norm's sum is rounded in another order.
+    assert meters["deviation"][0] == pytest.approx(measured["deviation"].value, rel=1e-9, abs=1e-15)
+    for after, error in zip(AFTER, meters["error"][0], strict=True):
+        later = np.abs(comparison.error[comparison.time >= after * (1 - 1e-12)])
+        assert error == pytest.approx(later.max(), rel=1e-12)
+    assert meters["start"][0] == pytest.approx(abs(comparison.error[0]), rel=1e-15)
+    transient = comparison.time <= PUSH[0]
+    outside = np.abs(comparison.error) > 0.02 * meters["start"][0]
+    last = comparison.time[transient & outside]
+    assert meters["outside"][0] == (last[-1] if len(last) else -1.0)
+
+
+SYSTEMS = ["servo", "cart_pendulum", "arm", "two_link_arm"]
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+@pytest.mark.parametrize("name", ["servo", "two_link_arm"])
+def test_meters_are_what_the_samples_say(name: str, law: str) -> None:
+    asked = system(name)
+    check(run(asked, law), asked, law)
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("servo", "lqr"),
+        ("servo", "grosmc"),
+        *(
+            pytest.param(name, law, marks=pytest.mark.slow)
+            for name in SYSTEMS[1:]
+            for law in ("lqr", "grosmc")
+        ),
+    ],
+)
+def test_both_engines_have_the_same_meters_bit_for_bit(name: str, law: str) -> None:
+    asked = system(name)
+    native, python = run(asked, law, "native"), run(asked, law)
+    check(native, asked, law)
+    assert native.meters.tobytes() == python.meters.tobytes()
+
+
+def recording(onset: float, duration: float) -> Recording:
+    return Recording(PERIOD, duration, np.array([onset]))
+
+
+@pytest.mark.parametrize(("duration", "onset"), [(6.0, 5.0), (6.0, 7.0), (6.0, 4.2), (3.0, 2.9)])
+def test_settling_is_that_of_the_recorded_run(duration: float, onset: float) -> None:
+    asked = campaign(servo(laws=LQR, limits=""))
+    found = run(asked, "lqr", "native", duration=duration, onset=onset)
+    recorded = found.measured[0]["settling_time"].value
+    # The servo settles at 4.02 s: too late to be sure of before 4.2 s, and not at all in 3 s.
+    assert (recorded is None) == (onset < 5)
+    (metered_one,) = settling_time(found.meters, recording(onset, duration))
+    # k T by adding T to (k - 1) T.
+    assert metered_one == pytest.approx(math.inf if recorded is None else recorded, rel=1e-12)
+
+
+def test_a_run_that_starts_at_its_reference_has_settled() -> None:
+    at_goal = case("servo", servo().split("[[uncertain]]")[1].join(["[[uncertain]]", ""]), laws=LQR)
+    asked = campaign(at_goal.replace("start = {}", 'start = { "rotor angle" = "1 rad" }'))
+    found = run(asked, "lqr")
+    assert found.meters["start"] == 0.0
+    assert settling_time(found.meters, recording(0.06, 0.2)) == [0.0]
+
+
+def test_one_law_measures_many_batches_without_compiling_again() -> None:
+    law = campaign(servo()).laws["grosmc"]
+    one, other = metered(law, 0.001, [], 0.02), metered(law, 0.001, [0.5], math.inf)
+    assert one.law is other.law
+    assert {"deviation", "settling_time", "max_input"} <= METRICS.keys()
+
+
+def test_a_law_without_an_optimum_cannot_be_metered() -> None:
+    law = replace(campaign(servo()).laws["lqr"], lqr=None)
+    with pytest.raises(ArgumentError, match="lqr has no error coordinates or no optimum"):
+        metered(law, 0.001, [], 0.0)

@@ -1,0 +1,129 @@
+"""One part of a campaign: its rows against single runs, and who computes them plays no part."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaign_cases import BOTH, LAWS, LQR, campaign, falling, servo
+
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.runs.meter import metered
+from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.errors import UndefinedLawError
+from grosmc_mj.simulation.simulate import simulate
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_rows_are_those_of_single_runs(law: str) -> None:
+    asked = campaign(servo())
+    values = asked.values(range(4))
+    found = evaluate(asked, law, values)
+    for i, row in enumerate(values):
+        plant_sample = asked.plant_sample(row)
+        run = simulate(
+            plant_sample.plant(asked.plant),
+            metered(asked.laws[law], 0.001, [], plant_sample.case.onset),
+            plant_sample.case.x0,
+            duration=0.05,
+            control_period=0.001,
+            timestep=0.001,
+            disturbances=plant_sample.case.disturbances,
+            engine="native",
+        )
+        meters = run.memory["meters"][-1]
+        assert found.metrics["deviation"][i] == meters["deviation"]
+        assert found.metrics["max_input"][i] == np.abs(run.command).max()
+        assert found.margins["deviation_below"][i] == 3e-3 - meters["deviation"]
+        assert found.margins["input_below"][i] == 10 - np.abs(run.command).max()
+        if law == "grosmc":
+            assert run.sliding is not None
+            assert found.metrics["max_sliding"][i] == np.abs(run.sliding).max()
+            assert found.margins["sliding_below"][i] == 0.02 - np.abs(run.sliding).max()
+        else:
+            assert np.isnan(found.margins["sliding_below"][i])
+    assert found.status == ["completed"] * 4
+    assert found.ended.tolist() == [0.05] * 4
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_a_row_does_not_depend_on_its_neighbours_or_threads(law: str) -> None:
+    asked = campaign(servo())
+    values = asked.values(range(6))
+    together = evaluate(asked, law, values, threads=1)
+    alone = [evaluate(asked, law, values[i : i + 1], threads=2) for i in range(6)]
+    for name, each in {**together.metrics, **together.margins}.items():
+        own = np.array([{**one.metrics, **one.margins}[name][0] for one in alone])
+        assert each.tobytes() == own.tobytes()
+
+
+def test_relative_is_the_least_margin_in_parts_of_its_limit() -> None:
+    asked = campaign(servo())
+    found = evaluate(asked, "grosmc", asked.values(range(8)))
+    limits = {"deviation_below": 3e-3, "input_below": 10.0, "sliding_below": 0.02}
+    shares = np.stack([found.margins[key] / limit for key, limit in limits.items()])
+    assert np.array_equal(found.relative, shares.min(axis=0))
+    assert np.array_equal(found.kept, np.all(np.stack(list(found.margins.values())) >= 0, axis=0))
+
+
+def test_runs_that_end_early_fail_with_their_cause() -> None:
+    asked = falling()
+    values = asked.values(range(16))
+    found = evaluate(asked, "fl-lqr", values)
+    ended = np.array(found.status) != "completed"
+    assert 0 < ended.sum() < 16
+    assert set(np.array(found.status)[ended]) == {"undefined_law"}
+    assert np.all(np.isneginf(found.margins["deviation_below"][ended]))
+    assert np.all(np.isneginf(found.relative[ended]))
+    assert not np.any(found.kept[ended])
+    assert np.all(np.isnan(found.metrics["deviation"][ended]))
+    assert np.all(found.ended[ended] < 0.3)
+    assert np.all(found.ended[~ended] == 0.3)
+    assert np.all(np.isfinite(found.margins["deviation_below"][~ended]))
+    first = int(np.flatnonzero(ended)[0])
+    plant_sample = asked.plant_sample(values[first])
+    with pytest.raises(UndefinedLawError) as why:
+        simulate(
+            plant_sample.plant(asked.plant),
+            asked.laws["fl-lqr"],
+            plant_sample.case.x0,
+            duration=0.3,
+            control_period=0.001,
+            engine="native",
+        )
+    assert float(why.value.trajectory.valid_until) == found.ended[first]
+
+
+def test_without_requirements_a_run_keeps_everything_if_it_completes() -> None:
+    asked = campaign(servo(laws=LQR, limits=""))
+    found = evaluate(asked, "lqr", asked.values(range(2)))
+    assert found.margins == {}
+    assert found.relative.tolist() == [1.0, 1.0]
+
+
+def test_two_requirements_of_a_kind_have_columns_of_their_own() -> None:
+    more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "4 mrad"\n'
+    asked = campaign(servo(BOTH, laws=LAWS) + more)
+    found = evaluate(asked, "lqr", asked.values(range(2)))
+    assert list(found.margins)[-1] == "deviation_below 2"
+    wider = found.margins["deviation_below 2"] - found.margins["deviation_below"]
+    np.testing.assert_allclose(wider, 1e-3, rtol=1e-12)
+
+
+def test_errors_after_an_instant_are_measured_from_then_on() -> None:
+    asked = campaign(
+        servo(laws=LQR, limits="")
+        + '[[requirement]]\nstays_within = "2 rad"\nafter = "40 ms"\n'
+        + '[[requirement]]\nstays_within = "2 rad"\n'
+    )
+    found = evaluate(asked, "lqr", asked.values(range(2)))
+    # The rotor starts 1 rad away and moves towards its goal.
+    assert found.margins["stays_within 2"].tolist() == [1.0, 1.0]
+    assert np.all(found.margins["stays_within"] > 1.0)
+
+
+def test_a_seed_is_a_family_of_its_own() -> None:
+    asked = campaign(servo(laws=LQR, limits=""))
+    other = Campaign.of(replace(asked.specification, seed=1))
+    assert not np.any(asked.values(range(8)) == other.values(range(8)))

@@ -1,0 +1,255 @@
+"""Executors run every shard once, survive their workers, and leave no process behind."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import executor_work
+import pytest
+from conftest import hear_interrupts
+from loky import cpu_count
+
+from grosmc_mj.campaign.runs.executors import make_executor
+from grosmc_mj.campaign.runs.executors.outcome import attempt
+from grosmc_mj.campaign.runs.executors.processes import Processes
+from grosmc_mj.errors import ArgumentError, DivergenceError, GainError, GrosmcError, SetupError
+
+# A child that has not begun or ended by then never will [s].
+SOON = 30.0
+# How long a worker may outlive its parent [s].
+ORPHANED = 5.0
+
+
+def reports(done: Iterator[Any]) -> dict[int, Any]:
+    """By index; a shard that comes twice is an error."""
+    found = {}
+    for each in done:
+        assert each.index not in found
+        found[each.index] = each.report
+    return found
+
+
+# ---- this process
+
+
+def test_batch_runs_shards_in_order_in_this_process() -> None:
+    done = list(make_executor("batch").run(lambda index: (index, os.getpid()), range(4), print))
+    assert [each.report for each in done] == [(index, os.getpid()) for index in range(4)]
+    assert {each.attempts for each in done} == {1}
+    assert make_executor("batch").threads_per_worker == cpu_count()
+
+
+def test_an_error_in_this_process_is_one_line_and_keeps_its_cause() -> None:
+    with pytest.raises(GainError, match="singular in shard 2"):
+        list(make_executor("batch").run(executor_work.refuse, [2], print))
+    with pytest.raises(SetupError) as caught:
+        list(make_executor("batch").run(executor_work.divide, [0], print))
+    assert str(caught.value) == "shard 0 failed: ZeroDivisionError: division by zero"
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+
+
+# ---- worker processes
+
+
+def test_processes_give_each_shard_once_and_divide_the_cores() -> None:
+    told: list[str] = []
+    executor = make_executor("processes", workers=2)
+    done = list(executor.run(executor_work.pid_and_threads, range(20), told.append))
+    assert sorted(each.index for each in done) == list(range(20))
+    pids, threads = zip(*(each.report for each in done), strict=True)
+    # Kept from shard to shard. (One may have been quick enough to leave none for the other.)
+    assert len(set(pids)) <= 2
+    assert os.getpid() not in pids
+    assert set(threads) == {str(executor.threads_per_worker)} == {str(max(1, cpu_count() // 2))}
+    assert told == []
+
+
+def test_no_more_workers_than_shards_and_none_for_none() -> None:
+    assert list(Processes(64).run(executor_work.square, range(0), print)) == []
+    assert reports(Processes(64).run(executor_work.square, [3], print)) == {3: 9}
+
+
+def test_a_worker_that_is_killed_is_replaced_and_only_its_shard_is_run_again(
+    tmp_path: Path,
+) -> None:
+    told: list[str] = []
+    work = partial(executor_work.die_once, tmp_path)
+    done = list(make_executor("processes", workers=2).run(work, range(8), told.append))
+    assert {each.index: each.report for each in done} == {i: i * i for i in range(8)}
+    assert {each.index: each.attempts for each in done} == {i: 1 + (i == 3) for i in range(8)}
+    (line,) = told
+    assert line.endswith(
+        "was killed by SIGKILL while it had shard 3: replaced, shard 3 is run again"
+    )
+
+
+def test_a_shard_that_always_kills_is_an_error_after_three_attempts() -> None:
+    told: list[str] = []
+    with pytest.raises(SetupError) as caught:
+        list(make_executor("processes", workers=1).run(executor_work.exit_always, [5], told.append))
+    assert "shard 5 was tried 3 times" in str(caught.value)
+    assert "the last one ended with exit code 7" in str(caught.value)
+    assert len(told) == 2
+
+
+def test_errors_travel_with_their_type_and_message() -> None:
+    def refused(work: Any) -> GrosmcError:
+        with pytest.raises(GrosmcError) as caught:
+            list(make_executor("processes", workers=1).run(work, [0], print))
+        return caught.value
+
+    of_ours, of_others = refused(executor_work.refuse), refused(executor_work.divide)
+    assert (type(of_ours), str(of_ours)) == (GainError, "G B is singular in shard 0")
+    assert type(of_others) is SetupError
+    assert str(of_others) == "shard 0 failed: ZeroDivisionError: division by zero"
+
+
+def test_a_report_that_cannot_be_pickled_is_one_line() -> None:
+    with pytest.raises(SetupError, match=r"^shard 1 failed: TypeError: cannot pickle .*lock"):
+        list(make_executor("processes", workers=1).run(executor_work.unpicklable, [1], print))
+
+
+def test_an_error_that_takes_more_than_a_message_travels_too() -> None:
+    def diverge(index: int) -> None:
+        raise DivergenceError(f"run {index} diverged", 0.5, trajectory=lambda: None)
+
+    outcome = pickle.loads(pickle.dumps(attempt(diverge, 2)))
+    with pytest.raises(DivergenceError, match=r"^run 2 diverged$"):
+        outcome.result()
+
+
+def test_closing_the_iterator_ends_the_workers(tmp_path: Path) -> None:
+    work = partial(executor_work.leave_pid, tmp_path, 0.2)
+    done = make_executor("processes", workers=2).run(work, range(1000), print)
+    next(done)
+    pids = begun(tmp_path)
+    done.close()
+    assert pids
+    assert not any(map(alive, pids))
+
+
+# ---- interrupts and orphans
+
+PROGRAM = textwrap.dedent(
+    """
+    import sys
+    from functools import partial
+    from pathlib import Path
+    import executor_work
+    from grosmc_mj.campaign.runs.executors import make_executor
+
+    # No guard for the main module: workers do not run it.
+    work = partial(executor_work.leave_pid, Path(sys.argv[1]), 60.0)
+    try:
+        list(make_executor("processes", workers=2).run(work, range(8), print))
+    except KeyboardInterrupt:
+        sys.exit("interrupted")
+    """
+)
+
+
+def begun(folder: Path) -> set[int]:
+    """Processes that have begun a shard of `leave_pid`."""
+    return {int(path.suffix[1:]) for path in folder.iterdir()}
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; a zombie does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def wait_for(condition: Any, seconds: float) -> None:
+    """Until it holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_no_worker_outlives_its_parent(how: signal.Signals, tmp_path: Path) -> None:
+    folder = tmp_path / "begun"
+    folder.mkdir()
+    script = tmp_path / "program.py"
+    script.write_text(PROGRAM)
+    paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
+    with subprocess.Popen(
+        [sys.executable, str(script), str(folder)],
+        env={**os.environ, "PYTHONPATH": paths},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+        preexec_fn=hear_interrupts,
+        text=True,
+    ) as program:
+        try:
+            wait_for(lambda: len(begun(folder)) == 2, SOON)
+            # A terminal sends Ctrl-C to the whole group; a kill hits one.
+            (os.killpg if how is signal.SIGINT else os.kill)(program.pid, how)
+            said, _ = program.communicate(timeout=SOON)
+            wait_for(lambda: not any(map(alive, begun(folder))), ORPHANED)
+        finally:
+            program.kill()
+    # No traceback, neither of the parent nor of a worker.
+    expected = (1, "interrupted\n") if how is signal.SIGINT else (-signal.SIGKILL, "")
+    assert (program.returncode, said) == expected
+
+
+# ---- wrong use
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"name": "process"}, "unknown executor 'process': did you mean 'processes'? valid: batch"),
+        ({"name": "processes", "workers": 0}, "workers = 0 must be 1 or more"),
+        ({"name": "batch", "workers": 2}, "executor 'batch' is one process on all cores"),
+        ({"name": "processes", "scheduler": "tcp://a:1"}, "takes no scheduler; only 'dask' does"),
+        ({"name": "dask", "scheduler": "tcp://a:1", "workers": 2}, "has workers of its own"),
+    ],
+)
+def test_wrong_arguments_are_one_line(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        make_executor(**arguments)
+    assert message in str(caught.value)
+
+
+def test_dask_that_is_not_installed_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grosmc_mj.campaign.runs.executors.make.find_spec", lambda name: None)
+    with pytest.raises(SetupError, match=r"needs Dask: pip install 'grosmc_mj\[dask\]'"):
+        make_executor("dask")
+
+
+def test_the_other_executors_do_not_import_dask() -> None:
+    code = (
+        "import sys; from grosmc_mj.campaign.runs.executors import make_executor; "
+        "make_executor('processes'); sys.exit('distributed' in sys.modules)"
+    )
+    assert importlib.util.find_spec("distributed"), "the test extra brings it"
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    assert subprocess.run([sys.executable, "-c", code], env=env, check=False).returncode == 0
+
+
+@pytest.mark.slow
+def test_workers_import_nothing_from_where_they_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "loky.py").write_text("raise SystemExit\n")
+    monkeypatch.chdir(tmp_path)
+    (done,) = make_executor("processes", workers=1).run(executor_work.safe_path, [0], print)
+    assert done.report[0]

@@ -1,0 +1,140 @@
+"""The Jaco arm of dm_control: its nominal dynamics, its references and an unknown payload."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+
+from grosmc_mj.cases.jaco import jaco as arms
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import AS_PRINTED, Realization
+from grosmc_mj.control.switching import find_switching
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.experiments.metrics import compare_with_optimum
+from grosmc_mj.films.traces import trace_site
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+
+pytestmark = pytest.mark.slow
+
+pytest.importorskip("dm_control")
+
+
+@cache
+def arm() -> Robot:
+    return arms.jaco()
+
+
+@cache
+def path(name: str) -> arms.Path:
+    return arms.joint_sines(arm()) if name == "sines" else arms.figure_of_eight(arm())
+
+
+@cache
+def designs(name: str, realization: Realization = AS_PRINTED) -> arms.JacoControllers:
+    return arms.controllers(arm(), path(name), realization)
+
+
+def plant(mass: float) -> MujocoPlant:
+    return arm().plant.edited(arms.payload(arm(), mass)) if mass else arm().plant
+
+
+def deviation(run: Trajectory, law: Controller) -> float:
+    """Largest distance from the law's own nominal optimum, all joints together [rad]."""
+    return float(compare_with_optimum(run, law).deviation.max())
+
+
+def test_its_servos_are_torques_within_their_limits() -> None:
+    robot = arm()
+    assert robot.plant.system.joints == arms.JOINTS
+    np.testing.assert_array_equal(robot.limits[:, 1], [30.5] * 3 + [6.8] * 3)
+    assert robot.plant.model.opt.timestep == 1e-3
+    assert sum("velocity servo (kv 500)" in line for line in robot.converted) == 6
+    assert "frictionloss" in robot.converted[-1]
+
+
+def test_the_nominal_dynamics_are_the_whole_models() -> None:
+    """Its hand and its base are fused with what they are fixed to, its meshes left out."""
+    robot, model = arm(), mujoco.MjModel.__copy__(arm().plant.model)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data = mujoco.MjData(model)
+    for x in np.random.default_rng(0).uniform(-2, 2, (5, 18)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = np.split(x, 3)
+        mujoco.mj_inverse(model, data)
+        wanted = robot.inertia(x[:6]) @ x[12:] + robot.bias(x[:6], x[6:12])
+        np.testing.assert_allclose(wanted, data.qfrc_inverse, rtol=0, atol=1e-12)
+
+
+def test_the_figure_of_eight_is_followed_by_the_tip_of_its_joint_angles() -> None:
+    eight = path("eight")
+    assert eight.tip_error < 5e-6
+    model, period = arm().plant.model, 2 * np.pi / eight.parameters.frequency
+    q = np.array([eight.reference(t, eight.parameters)[::3] for t in np.linspace(0, period, 50)])
+    limited = model.jnt_limited.astype(bool)
+    assert np.all(q[:, limited] > model.jnt_range[limited, 0])
+    assert np.all(q[:, limited] < model.jnt_range[limited, 1])
+    np.testing.assert_allclose(np.ptp(arms.tip_path(arm(), q), axis=0), [0, 0.24, 0.12], atol=1e-3)
+
+
+def test_a_curve_out_of_reach_is_refused() -> None:
+    with pytest.raises(ArgumentError, match="cannot bring its tip"):
+        arms.figure_of_eight(arm(), scale=8.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("switching", ["implicit-estimate"])
+def test_both_engines_run_the_same_law(switching: str) -> None:
+    realization = Realization(find_switching(switching), 1e-3)
+    law = designs("eight", realization).grosmc
+    x0 = arms.start(path("eight"))
+    native, python = (
+        simulate(plant(1.0), law, x0, duration=0.1, engine=engine)
+        for engine in ("native", "python")
+    )
+    np.testing.assert_array_equal(native.state, python.state)
+    np.testing.assert_array_equal(native.command, python.command)
+
+
+@pytest.mark.slow
+def test_a_batch_with_different_payloads_is_its_single_runs() -> None:
+    law, random = designs("sines").grosmc, np.random.default_rng(1)
+    plants = [plant(float(mass)) for mass in np.linspace(0.1, 1.5, 8)] * 32
+    x0 = arms.start(path("sines")) + random.uniform(-0.1, 0.1, (256, 12))
+    batch = simulate(plants, law, x0, duration=0.1, record=False)
+    for run in random.choice(256, 6, replace=False):
+        alone = simulate(plants[run], law, x0[run], duration=0.1, record=False)
+        np.testing.assert_array_equal(batch.state[run, -1], alone.state[-1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sines"])
+def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram(name: str) -> None:
+    x0, laws = arms.start(path(name)), designs(name)
+    runs = {law.name: simulate(plant(1.0), law, x0, duration=8.0) for law in laws}
+    off = {law.name: deviation(runs[law.name], law) for law in laws}
+    # Under the sign law |s| stays within h (epsilon + W), W at most 1.75: 4 mrad/s, which the
+    # surface makes into less than 1 mrad.
+    assert off["grosmc"] < 1e-3
+    assert off["lqr"] > 0.2
+    assert off["pd"] > 0.08
+    for run in runs.values():
+        assert np.all(np.abs(run.input) <= arm().limits[:, 1])
+
+
+def test_without_dm_control_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "dm_control.entities.manipulators", None)
+    with pytest.raises(SetupError, match="pip install dm_control"):
+        arms.jaco()
+
+
+def test_a_film_finds_its_tip_where_the_fingers_meet() -> None:
+    model, tip = arm().plant.model, trace_site(arm().plant.model)
+    assert model.site(tip).name == "jaco_hand/tip"
+    assert model.site_bodyid[tip] == model.site(arms.TIP).bodyid
+    np.testing.assert_array_equal(model.site_pos[tip], model.site(arms.TIP).pos)

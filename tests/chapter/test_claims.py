@@ -1,0 +1,871 @@
+"""The ledger: how a verdict comes about, what is written, and whether it notices what is wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.linalg
+from rich.cells import cell_len
+from rich.console import Console
+
+from grosmc_mj import cli
+from grosmc_mj.arrays import Array
+from grosmc_mj.chapter import expected_verdicts as expected
+from grosmc_mj.chapter.claims import ledger as ledgers
+from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.faults import FAULTS, Caught, self_test
+from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim, judge, select_claims
+from grosmc_mj.chapter.claims_document import claim_document
+from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
+from grosmc_mj.chapter.expected_verdicts import load_expectations, verdict_differences
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.designs import chapter_controller, controller_names
+from grosmc_mj.experiments.laboratory import Fault, Laboratory
+from grosmc_mj.experiments.runs import PlantName, Settings, case_plant
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.premises.balance import switching_rate
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
+# No force makes an unmatched error, and algebra has no plant.
+NO_PHYSICS = {"servo-unmatched", "servo-index-minimal", "proof-3"}
+BY_ID = {claim.id: claim for claim in CLAIMS}
+each_claim = pytest.mark.parametrize("claim", CLAIMS, ids=list(BY_ID))
+
+
+def run(*arguments: str) -> int:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+# What the ledger says of each claim.
+
+
+def test_ids_are_unique_and_every_system_has_claims() -> None:
+    assert len(BY_ID) == len(CLAIMS)
+    assert {claim.system for claim in CLAIMS} == set(SYSTEMS)
+    assert [claim for name in SYSTEMS for claim in select_claims(name)] == list(CLAIMS)
+
+
+@each_claim
+def test_claim_says_where_it_is_from_how_it_is_judged_and_what_that_leaves_open(
+    claim: Claim,
+) -> None:
+    for name in ("statement", "source", "criterion", "why", "untested"):
+        assert getattr(claim, name).strip(), name
+    assert math.isfinite(claim.threshold)
+    # What is judged is the physics, unless no force can make it or the equations are at stake.
+    if claim.plants[-1] != "physics":
+        assert "physics" in claim.plants or claim.id in NO_PHYSICS
+    assert re.search(r"\d", claim.source), "no section, figure, equation or theorem"
+
+
+@each_claim
+def test_every_verdict_is_expected_with_a_reason(claim: Claim) -> None:
+    entry = load_expectations()[claim.id]
+    assert set(entry.verdicts) == set(claim.plants)
+    assert entry.reason.endswith(".")
+
+
+def test_nothing_else_is_expected() -> None:
+    assert set(load_expectations()) == set(BY_ID)
+
+
+# How a verdict comes about, with made-up claims and a laboratory that is nothing but a level.
+
+
+class Level:
+    """A stub of a laboratory: which level of refinement it is at, and who asked."""
+
+    def __init__(self, depth: int = 0, asked: list[tuple[int, str]] | None = None) -> None:
+        self.depth = depth
+        self.asked = [] if asked is None else asked
+
+    @property
+    def refined(self) -> Level:
+        return Level(self.depth + 1, self.asked)
+
+
+def made_up(
+    values: Sequence[Measured] | dict[str, Measured],
+    sense: Literal["at most", "at least"] = "at most",
+    **changes: Any,
+) -> Claim:
+    """A claim with the threshold 2 whose measure gives these values by level, or by plant."""
+
+    def measure(lab: Any, plant: PlantName) -> Measured:
+        lab.asked.append((lab.depth, plant))
+        return values[plant] if isinstance(values, dict) else values[lab.depth]
+
+    fields: dict[str, Any] = {
+        "id": "made-up", "system": "servo", "statement": "s", "source": "section 1",
+        "criterion": "c", "why": "w", "measure": measure, "sense": sense, "threshold": 2.0,
+        "unit": "1", "plants": ("physics",), "untested": "u",
+    }  # fmt: skip
+    return Claim(**{**fields, **changes})
+
+
+def judged(claim: Claim, level: Level | None = None, **options: Any) -> Finding:
+    return judge(level or Level(), claim, **options)  # pyright: ignore[reportArgumentType]
+
+
+BELOW, AT, ABOVE = math.nextafter(2.0, 0.0), 2.0, math.nextafter(2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("sense", "value", "verdict"),
+    [
+        ("at most", BELOW, Verdict.SUPPORTED),
+        ("at most", AT, Verdict.SUPPORTED),
+        ("at most", ABOVE, Verdict.REFUTED),
+        ("at least", BELOW, Verdict.REFUTED),
+        ("at least", AT, Verdict.SUPPORTED),
+        ("at least", ABOVE, Verdict.SUPPORTED),
+        ("at most", None, Verdict.REFUTED),
+        ("at least", None, Verdict.REFUTED),
+    ],
+)
+def test_threshold_itself_supports_and_no_value_refutes(
+    sense: Literal["at most", "at least"], value: float | None, verdict: Verdict
+) -> None:
+    assert judged(made_up([Measured(value)] * 2, sense)).verdict is verdict
+
+
+@pytest.mark.parametrize("sense", ["at most", "at least"])
+@pytest.mark.parametrize(
+    "levels",
+    [
+        [Measured(1.0), Measured(3.0)],
+        [Measured(3.0), Measured(1.0)],
+        [Measured(1.0, broken=True), Measured(1.0)],
+        [Measured(3.0), Measured(3.0, broken=True)],
+        [Measured(None, broken=True), Measured(None, broken=True)],
+    ],
+    ids=["worse", "better", "broken at T", "broken at T/2", "broken"],
+)
+def test_verdict_that_depends_on_the_time_step_or_on_a_broken_run_is_none(
+    sense: Literal["at most", "at least"], levels: list[Measured]
+) -> None:
+    assert judged(made_up(levels, sense)).verdict is Verdict.INCONCLUSIVE
+
+
+def test_value_that_moves_without_crossing_the_threshold_is_conclusive() -> None:
+    found = judged(made_up([Measured(1.9), Measured(0.1)]))
+    assert found.verdict is Verdict.SUPPORTED
+    assert found.plants["physics"].refined == Measured(0.1)
+
+
+@pytest.mark.parametrize("sense", ["at most", "at least"])
+def test_what_is_not_a_number_neither_supports_nor_refutes(
+    sense: Literal["at most", "at least"],
+) -> None:
+    """0/0 says nothing about a claim, whichever way its inequality points."""
+    found = judged(made_up([Measured(math.nan)] * 2, sense))
+    assert found.verdict is Verdict.INCONCLUSIVE
+
+
+def test_exact_claim_is_measured_once_and_others_twice() -> None:
+    plants = ("corrected", "physics")
+    for exact, options, depths in (
+        (True, {}, {0}),
+        (False, {}, {0, 1}),
+        (False, {"refine": False}, {0}),
+    ):
+        level = Level()
+        claim = made_up([Measured(1.0)] * 2, exact=exact, plants=plants)
+        found = judged(claim, level, **options)
+        assert sorted(level.asked) == sorted((d, plant) for d in depths for plant in plants)
+        assert all((each.refined is None) == (depths == {0}) for each in found.plants.values())
+
+
+def test_the_last_plant_decides() -> None:
+    values = {"printed": Measured(9.0), "corrected": Measured(9.0), "physics": Measured(1.0)}
+    found = judged(made_up(values, plants=("printed", "corrected", "physics")))
+    assert found.verdict is Verdict.SUPPORTED
+    assert found.plants["printed"].verdict is Verdict.REFUTED
+    found = judged(made_up(values, plants=("corrected", "physics", "printed")))
+    assert found.verdict is Verdict.REFUTED
+
+
+@pytest.mark.parametrize(
+    ("levels", "because"),
+    [
+        ([3.0, 3.0], "gain: too small"),
+        ([1.0, 1.0], ""),
+        ([1.0, 3.0], ""),
+    ],
+    ids=["refuted", "supported", "inconclusive"],
+)
+def test_premise_is_named_only_where_the_claim_failed(levels: list[float], because: str) -> None:
+    claim = made_up([Measured(v) for v in levels], premise=lambda _: "gain: too small")
+    assert judged(claim).because == because
+
+
+def test_failed_premise_of_a_sound_case_is_silent() -> None:
+    assert judged(made_up([Measured(3.0)] * 2, premise=lambda _: "")).because == ""
+
+
+def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:
+    """A finding as wide as numbers get, with the expected verdicts or one for all plants."""
+    wanted = load_expectations()[claim.id].verdicts
+    return Finding(
+        claim,
+        {
+            plant: PlantFinding(
+                Measured(value, "something short"), Measured(value), verdict or wanted[plant]
+            )
+            for plant in claim.plants
+        },
+    )
+
+
+def test_expected_verdicts_make_no_difference() -> None:
+    assert verdict_differences([finding(claim) for claim in CLAIMS]) == []
+
+
+def test_each_other_verdict_makes_one_line() -> None:
+    claim = BY_ID["arm-eq57"]
+    found = verdict_differences([finding(claim, Verdict.SUPPORTED)])
+    assert found == ["claim arm-eq57 on printed: supported, expected refuted"]
+    found = verdict_differences([finding(claim, Verdict.INCONCLUSIVE)])
+    assert [line.split(" on ")[1].split(":")[0] for line in found] == list(claim.plants)
+
+
+def test_claim_and_plant_without_an_entry_are_differences(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    findings = [finding(BY_ID["theorem-1"]), finding(BY_ID["proof-3"])]
+    path = tmp_path / "expected.toml"
+    path.write_text('[theorem-1]\nverdicts = { physics = "supported" }\nreason = "r."\n')
+    monkeypatch.setattr(expected, "EXPECTED_FILE", path)
+    assert verdict_differences(findings) == [
+        "claim theorem-1 on corrected: supported, expected none",
+        "claim proof-3: no verdict is expected in expected.toml",
+    ]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        None,
+        "[theorem-1",
+        "[theorem-1]\nreason = 'r'",
+        "[theorem-1]\nverdicts = { physics = 'supported' }",
+        "[theorem-1]\nverdicts = { physics = 'perhaps' }\nreason = 'r'",
+        "theorem-1 = 'supported'",
+        "[theorem-1]\nverdicts = 'supported'\nreason = 'r'",
+    ],
+    ids=["missing", "toml", "no verdicts", "no reason", "verdict", "no table", "no plants"],
+)
+def test_expectations_that_cannot_be_read_are_one_line(
+    content: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "expected.toml"
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    monkeypatch.setattr(expected, "EXPECTED_FILE", path)
+    with pytest.raises(SetupError) as error:
+        load_expectations()
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+# What people read.
+
+
+def printed(*things: object) -> list[str]:
+    """Lines as rich prints them on a wide screen."""
+    console = Console(file=io.StringIO(), width=200, color_system=None)
+    for thing in things:
+        console.print(thing)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue().splitlines()
+
+
+def too_wide(lines: Sequence[str]) -> list[str]:
+    """Lines that do not fit, unless a single word of them does not."""
+    return [
+        line
+        for line in lines
+        if cell_len(line.rstrip()) > WIDTH
+        and max(map(cell_len, line.split())) <= WIDTH - (len(line) - len(line.lstrip()))
+    ]
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_ledger_fits_the_width_and_names_every_claim_once(verdict: Verdict) -> None:
+    lines = printed(*ledger_tables([finding(claim, verdict) for claim in CLAIMS]))
+    assert max(map(cell_len, lines)) <= WIDTH
+    first_words = [line.split()[0] for line in lines if line.split()]
+    for claim in CLAIMS:
+        assert first_words.count(claim.id) == 1
+    assert sum(verdict.value.upper() in line for line in lines) == len(CLAIMS)
+
+
+def test_table_of_faults_fits_the_width() -> None:
+    caught = [Caught(fault, tuple(BY_ID)) for fault in FAULTS]
+    lines = printed(caught_table(caught, CLAIMS))
+    assert max(map(cell_len, lines)) <= WIDTH
+    assert sum(f"{len(CLAIMS)} of {len(CLAIMS)}" in line for line in lines) == len(FAULTS)
+
+
+@each_claim
+def test_story_fits_the_width_and_leaves_nothing_out(claim: Claim) -> None:
+    found = replace(finding(claim), because="epsilon (Theorem 3): " + "a long reason " * 20)
+    lines = [
+        line.plain for line in story(found, load_expectations()[claim.id], Laboratory(Settings()))
+    ]
+    assert too_wide(lines) == []
+    told = " ".join(" ".join(lines).split())
+    for words in (claim.statement, claim.source, claim.criterion, claim.why, claim.untested):
+        assert " ".join(words.split()) in told
+    assert load_expectations()[claim.id].reason in told
+
+
+def test_story_with_a_long_note_fits_the_width() -> None:
+    """The note of arm-epsilon is what the premise says, on the same line as the numbers."""
+    claim = BY_ID["arm-epsilon"]
+    note = "ε = 8.54 along the run and 12.5 over the region, instead of 6"
+    physics = PlantFinding(Measured(0.703, note), Measured(0.702, note), Verdict.REFUTED)
+    lines = story(Finding(claim, {"physics": physics}), None, Laboratory(Settings()))
+    assert too_wide([line.plain for line in lines]) == []
+
+
+# Faults: each changes what it says, and nothing else.
+
+
+@cache
+def fault(name: str) -> Fault:
+    return next(each for each in FAULTS if each.name == name)
+
+
+@cache
+def sound(system: str, name: str) -> Controller:
+    return chapter_controller(name, MujocoPlant.load(system).analytic())
+
+
+def faulty(name: str, system: str, controller: str = "grosmc", case: str = "nominal") -> Controller:
+    return fault(name).controller(sound(system, controller), find_case(system, case), "physics")
+
+
+def faulty_plant(name: str, system: str, case: str) -> Any:
+    chosen = find_case(system, case)
+    return fault(name).plant(case_plant(chosen, "physics", Settings()), chosen, "physics")
+
+
+LAWS = [(system, name) for system in SYSTEMS for name in controller_names(system)]
+each_law = pytest.mark.parametrize(("system", "name"), LAWS)
+
+
+def samples(law: Controller, count: int = 20) -> list[tuple[float, Array]]:
+    """Random instants and states in the region of every law."""
+    assert law.error is not None
+    random, n = np.random.default_rng(3), len(law.error.system.states)
+    return [(0.01 * k, random.uniform(-1, 1, n)) for k in range(count)]
+
+
+def inputs(law: Controller) -> tuple[Array, Array]:
+    """u and, for a law with a surface, s of a law along the samples, (count, m)."""
+    memory, u, s = law.memory(), [], []
+    for t, x in samples(law):
+        u.append(np.atleast_1d(law.law(t, x, memory, law.parameters)))
+        s.append(np.array(getattr(memory, "s", [0.0])))
+    return np.array(u), np.array(s)
+
+
+@each_law
+def test_wrong_sign_negates_the_input_exactly(system: str, name: str) -> None:
+    (u, s), (wrong, s_wrong) = (
+        inputs(sound(system, name)),
+        inputs(faulty("wrong sign of u", system, name)),
+    )
+    assert np.array_equal(wrong, -u)
+    assert np.array_equal(s_wrong, s)
+
+
+@each_law
+def test_zero_gain_leaves_the_continuous_law(system: str, name: str) -> None:
+    law = faulty("zero switching gain", system, name)
+    continuous = "fl-lqr" if system == "cart_pendulum" else "lqr"
+    alone = sound(system, continuous if name == "grosmc" else name)
+    assert inputs(law)[0] == pytest.approx(inputs(alone)[0], rel=1e-13)
+    assert switching_rate(law, np.full(law.coordinates.size, 0.3), np.eye(1)) == 0
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_surface_without_its_integral_is_the_projection_alone(system: str) -> None:
+    law = faulty("integral left out", system)
+    assert law.error is not None
+    z = np.array([law.error.state(t, x, law.parameters) for t, x in samples(law)])
+    assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G.T, abs=1e-13)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_small_projection_scales_all_that_is_made_of_it(system: str) -> None:
+    """Consistently: s is a hundredth, so eqs. (12) and (37) have an eta a hundred times as strong.
+
+    And S = G (A - B K), G B = G B and its inverse still hold.
+    """
+    law, p = faulty("G too small", system), sound(system, "grosmc").parameters
+    small = law.parameters
+    for name in ("G", "S", "GB", "size_of_GB"):
+        assert getattr(small, name) == pytest.approx(0.01 * getattr(p, name), rel=1e-15)
+    assert law.lqr is not None
+    assert pytest.approx(small.S, rel=1e-12) == small.G @ law.lqr.closed_loop
+    assert pytest.approx(small.G @ law.lqr.B, rel=1e-12) == small.GB
+    assert small.GB @ small.GB_inverse == pytest.approx(np.eye(len(small.GB)), rel=1e-12)
+    assert small.size_of_GB == pytest.approx(np.linalg.norm(small.GB), rel=1e-12)
+    for name in ("K", "eta", "gamma0", "gamma1", "k", "epsilon"):
+        assert np.all(getattr(small, name, 0) == getattr(p, name, 0))
+
+
+@pytest.mark.parametrize("name", controller_names("cart_pendulum"))
+def test_law_of_the_printed_equation_believes_in_it(name: str) -> None:
+    law = faulty("printed a in the law", "cart_pendulum", name)
+    p = sound("cart_pendulum", name).parameters.plant
+    assert law.parameters.plant == replace(p, printed=1.0)
+    assert law.name == name
+    for system in ("servo", "arm"):
+        assert faulty("printed a in the law", system) is sound(system, "grosmc")
+
+
+@pytest.mark.parametrize(
+    ("system", "case", "body"),
+    [("servo", "case2", "rotor"), ("cart_pendulum", "case1", "pole"), ("arm", "case2", "link")],
+)
+def test_mass_without_inertia_scales_the_mass_only(system: str, case: str, body: str) -> None:
+    before = MujocoPlant.load(system).model
+    wrong = faulty_plant("mass without inertia", system, case).model
+    (edit,) = find_case(system, case).edits
+    assert isinstance(edit, BodyEdit)
+    assert edit.mass_scale > 1
+    assert wrong.body(body).mass == pytest.approx(edit.mass_scale * before.body(body).mass)
+    assert np.array_equal(wrong.body(body).inertia, before.body(body).inertia)
+    assert np.array_equal(wrong.body(body).ipos, before.body(body).ipos)
+    # What is loaded afterwards has not been touched.
+    after = MujocoPlant.load(system).model
+    assert np.array_equal(after.body_mass, before.body_mass)
+    assert np.array_equal(after.body_inertia, before.body_inertia)
+    right = MujocoPlant.load(system, edits=(edit,)).model.body(body)
+    assert right.inertia == pytest.approx(
+        edit.mass_scale * edit.length_scale**2 * before.body(body).inertia, rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_dropped_edit_leaves_the_nominal_plant(system: str) -> None:
+    case = "case1" if system == "cart_pendulum" else "case2"
+    nominal = MujocoPlant.load(system).analytic().parameters
+    assert faulty_plant("edit dropped", system, case).analytic().parameters == nominal
+    edited = case_plant(find_case(system, case), "physics", Settings())
+    assert isinstance(edited, MujocoPlant)
+    assert edited.analytic().parameters != nominal
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_gravity_is_turned_in_the_copy_only(system: str) -> None:
+    plant = faulty_plant("gravity upside down", system, "nominal")
+    gravity = MujocoPlant.load(system).model.opt.gravity
+    assert np.array_equal(plant.model.opt.gravity, -gravity)
+    assert gravity[2] == -9.8
+    edits = find_case(system, "case1").edits
+    assert faulty_plant("gravity upside down", system, "case1").edits == edits
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_printed_physics_are_the_printed_equations(system: str) -> None:
+    plant = faulty_plant("printed physics", system, "nominal")
+    assert isinstance(plant, AnalyticPlant)
+    assert plant.variant == ("printed" if system in ("cart_pendulum", "arm") else "corrected")
+
+
+@pytest.mark.parametrize("name", ["gravity upside down", "edit dropped", "printed physics"])
+def test_faults_of_physics_leave_the_equations_alone(name: str) -> None:
+    case = find_case("cart_pendulum", "case1")
+    plant = case_plant(case, "corrected", Settings())
+    assert fault(name).plant(plant, case, "corrected") is plant
+
+
+def test_slow_sampling_is_ten_times_slower_at_both_levels() -> None:
+    lab = Laboratory(Settings(), fault("slow sampling"))
+    assert lab.settings == replace(Settings(), control_period=10 * Settings().control_period)
+    halves = replace(
+        lab.settings,
+        control_period=lab.settings.control_period / 2,
+        timestep=lab.settings.timestep / 2,
+    )
+    assert lab.refined.settings == halves
+
+
+def test_dropped_disturbance_leaves_the_case_otherwise() -> None:
+    case = find_case("arm", "case1")
+    assert fault("disturbance dropped").case(case) == replace(case, disturbances=())
+
+
+@pytest.mark.parametrize(("system", "case"), [("servo", "case2"), ("arm", "case2")])
+def test_law_that_knows_the_plant_is_designed_from_the_edited_numbers(
+    system: str, case: str
+) -> None:
+    true = MujocoPlant.load(system, edits=find_case(system, case).edits).analytic()
+    law = faulty("laws know the plant", system, "grosmc", case)
+    assert law.parameters.plant == true.parameters
+    assert law.parameters.plant != sound(system, "grosmc").parameters.plant
+
+
+def test_sound_laboratory_differs_from_each_faulty_one() -> None:
+    names = [each.name for each in FAULTS]
+    assert len(names) == len(set(names))
+    assert all(each.what for each in FAULTS)
+
+
+@pytest.mark.slow
+def test_every_fault_is_noticed() -> None:
+    """By a few of the claims already; grosmc-mj claims --self-test tries them all."""
+    quick = ("servo-load-grosmc", "servo-circular-bound", "pendulum-eq40", "arm-eq57")
+    # Runs of many seconds meet only what the quick ones cannot notice, or not alone.
+    slow = {
+        "servo-load-lqr": ("disturbance dropped",),
+        "pendulum-naive-gain": ("printed a in the law",),
+        "arm-variations": ("zero switching gain", "G too small", "slow sampling"),
+    }
+    tried = [(quick, FAULTS)] + [
+        ((name,), [each for each in FAULTS if each.name in noticed])
+        for name, noticed in slow.items()
+    ]
+    caught: dict[str, set[str]] = {each.name: set() for each in FAULTS}
+    for names, faults in tried:
+        for each in self_test(Settings(), [find_claim(name) for name in names], faults):
+            caught[each.fault.name] |= set(each.claims)
+    assert all(caught.values()), [name for name, claims in caught.items() if not claims]
+    assert {"servo-load-grosmc", "arm-variations"} <= caught["zero switching gain"]
+    assert "servo-load-lqr" in caught["disturbance dropped"]
+    assert "servo-circular-bound" in caught["mass without inertia"]
+    assert {"pendulum-eq40", "arm-eq57"} <= caught["printed physics"]
+    # Neither claim looks at a law.
+    for name in ("wrong sign of u", "zero switching gain", "G too small", "slow sampling"):
+        assert not {"pendulum-eq40", "arm-eq57"} & caught[name]
+
+
+def test_claims_that_look_at_the_law_look_at_the_faulty_one() -> None:
+    """The law with the printed C is a controller like any other, with the same faults."""
+    seen: list[str] = []
+
+    def spy(law: Controller, *_: Any) -> Controller:
+        seen.append(law.name)
+        return law
+
+    lab = Laboratory(Settings(), Fault("spy", "looks on", controller=spy))
+    BY_ID["arm-printed-c"].measure(lab, "corrected")
+    assert seen
+
+
+# The command line.
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("claims", "servoo"), "did you mean 'servo'?"),
+        (("claims", "--explain", "arm-epsilonn"), "did you mean 'arm-epsilon'?"),
+        (("claims", "--explain", "theorem-4"), "did you mean 'theorem-"),
+        (("claims", "servo", "--explain", "arm-epsilon"), "--explain names one claim"),
+        (("claims", "servo", "--page", "page.md"), "--page is about all claims"),
+        (("claims", "--explain"), "--explain"),
+        (("premises", "leg"), "valid: servo, cart_pendulum, arm"),
+        (("premises", "armm"), "did you mean 'arm'?"),
+        (("premises", "arm", "--case", "case9"), "valid: nominal, case1, case2"),
+        (("premises", "arm", "--controller", "grosmk"), "did you mean 'grosmc'?"),
+        (("premises",), "SYSTEM"),
+    ],
+)
+def test_wrong_use_gets_one_line_and_exit_code_2(
+    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.startswith("grosmc-mj: ")
+    assert error.count("\n") == 1
+
+
+@pytest.fixture(scope="module")
+def ledger(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, dict[str, Any], dict[str, Any]]:
+    """One full ``claims --json``: exit code, what it prints and what it writes."""
+    out, said = tmp_path_factory.mktemp("claims"), io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = run("claims", "--json", "--out", str(out))
+    written = json.loads((out / "claims.json").read_text(encoding="utf-8"))
+    return code, json.loads(said.getvalue()), written
+
+
+@pytest.fixture(scope="module")
+def found(ledger: tuple[int, dict[str, Any], dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The claims of the ledger by their ids."""
+    return {claim["id"]: claim for claim in ledger[1]["claims"]}
+
+
+def value(found: dict[str, dict[str, Any]], claim: str, plant: str = "physics") -> float:
+    return found[claim]["plants"][plant]["value"]
+
+
+@pytest.mark.slow
+def test_whole_ledger_is_as_expected(
+    ledger: tuple[int, dict[str, Any], dict[str, Any]], found: dict[str, dict[str, Any]]
+) -> None:
+    code, said, written = ledger
+    assert code == cli.DONE
+    assert said == written
+    assert list(found) == list(BY_ID)
+    for name, entry in load_expectations().items():
+        claim = found[name]
+        verdicts = {plant: Verdict(each["verdict"]) for plant, each in claim["plants"].items()}
+        assert verdicts == entry.verdicts, name
+        assert claim["verdict"] == entry.verdicts[BY_ID[name].plants[-1]].value
+        # Nothing is left open at the default settings.
+        assert Verdict.INCONCLUSIVE not in verdicts.values()
+        assert bool(claim["because"]) <= (claim["verdict"] == "refuted")
+
+
+@pytest.mark.slow
+def test_what_is_refuted_of_the_arm_names_the_gain_that_is_too_small(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    for name in ("arm-rejects-d", "arm-sliding", "arm-epsilon", "arm-sliding-dynamics"):
+        assert "epsilon (Theorem 3" in found[name]["because"]
+    assert found["pendulum-cart"]["because"] == ""
+
+
+@pytest.mark.slow
+def test_physics_and_the_corrected_equations_agree_on_every_claim(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    for name, claim in found.items():
+        plants = claim["plants"]
+        if {"corrected", "physics"} <= set(plants) and "eq" not in name:
+            assert plants["physics"]["value"] == pytest.approx(
+                plants["corrected"]["value"], rel=1e-6, abs=1e-6
+            ), name
+
+
+# The servo's closed loop by hand, for the printed K: J z1'' = -(B + Kt k2) z1' - Kt k1 z1 + T_d.
+J, B, KT = 5.77e-2, 8.8e-3, 0.667
+K1, K2 = 1.0, 1.0699444
+
+
+def loop(inertia: float) -> Array:
+    return np.array([[0.0, 1.0], [-KT * K1 / inertia, -(B + KT * K2) / inertia]])
+
+
+def response(A: Array, z0: Array, push: Array, time: Array) -> Array:
+    """z1 of z' = A z + push at the instants: exact."""
+    rest = np.linalg.solve(A, push)
+    return np.array([(scipy.linalg.expm(A * t) @ (z0 + rest) - rest)[0] for t in time])
+
+
+@pytest.mark.slow
+def test_load_turns_the_rotor_back_as_a_spring_and_a_damper_do(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    """T_d/(Kt k1) = 1.5 rad in the steady state, of which 3 s see the most part."""
+    time = np.linspace(0, 3, 301)
+    loaded = response(loop(J), np.zeros(2), np.array([0.0, 1 / J]), time)
+    assert abs(loaded[-1]) < 1 / (KT * K1)
+    assert value(found, "servo-load-lqr") == pytest.approx(100 * loaded.max(), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_three_times_the_inertia_changes_the_step_and_lowers_the_damping(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    time, start = np.linspace(0, 10, 1001), np.array([1.0, 0.0])
+    nominal, heavy = (response(loop(k * J), start, np.zeros(2), time) for k in (1, 3))
+    assert value(found, "servo-inertia-lqr") == pytest.approx(
+        100 * np.abs(heavy - nominal).max(), rel=2e-3
+    )
+    # zeta = (B + Kt k2) / (2 sqrt(Kt k1 J)) goes with 1/sqrt(J), and stays above 1.
+    assert value(found, "servo-inertia-stability") == pytest.approx(
+        100 * (1 - 1 / math.sqrt(3)), rel=1e-6
+    )
+    zeta = (B + KT * K2) / (2 * math.sqrt(KT * K1 * 3 * J))
+    assert zeta > 1
+    assert f"{zeta:.3g} under 3J" in found["servo-inertia-stability"]["plants"]["physics"]["note"]
+    assert heavy.min() > 0
+    assert value(found, "servo-inertia-overshoot") == 0
+
+
+@pytest.mark.slow
+def test_gain_of_the_servo_is_three_times_the_naive_one(found: dict[str, dict[str, Any]]) -> None:
+    """|(1 - j)(K x - B/Kt x2)| of test_gains.py at j = 3; r = 1/3 of it without the circle."""
+    assert value(found, "servo-circular-bound") == pytest.approx(1 / 3, rel=1e-9)
+    gamma1 = 2 * math.hypot(K1, K2 + B / KT)
+    assert gamma1 == pytest.approx(2.948, abs=5e-4)
+    note = found["servo-circular-bound"]["plants"]["physics"]["note"]
+    assert note == f"γ1 = {gamma1 / 3:.3g} sized so, {gamma1:.4g} required"
+
+
+@pytest.mark.slow
+def test_drift_that_is_not_matched_moves_the_rest_by_its_own_spring(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    """On the surface z2' = -(Kt k1 z1 + (B + Kt k2) z2)/J and z1' = z2 - 0.05."""
+    away = response(loop(J), np.zeros(2), np.array([-0.05, 0.0]), np.linspace(0, 5, 501))
+    # 1 ms of chatter moves it by half a percent of itself; see the value at half the period.
+    values = found["servo-unmatched"]["plants"]["corrected"]["evidence"]["values"]
+    assert 2 * values[1] - values[0] == pytest.approx(100 * np.abs(away).max(), rel=2e-3)
+
+
+@pytest.mark.slow
+def test_epsilon_falls_short_by_what_the_optimal_run_asks_for(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    """d/M(q) along y_r + e*, without running anything: within what s leaves its surface by."""
+    time = np.linspace(0, 6, 6001)
+    K = np.array([math.sqrt(10), math.sqrt(1 + 2 * math.sqrt(10))])
+    A = np.array([[0.0, 1.0], -K])
+    e = np.array([(scipy.linalg.expm(A * t) @ [0.5, 0.0])[0] for t in time])
+    M = 0.1 + 0.06 * np.sin(np.sin(np.pi * time) + e)
+    needed = np.abs(0.5 * np.sin(2 * np.pi * time) / M).max()
+    assert value(found, "arm-epsilon") == pytest.approx(6 / needed, rel=0.02)
+
+
+@pytest.mark.slow
+def test_naive_gain_of_the_pendulum_is_short_by_the_lagrangian_s_gain_ratio(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    """r at the start, where the most is required: E = a c / (L (4/3 - a m c^2)), a = 1/(M+m)."""
+    c = math.cos(math.pi / 18)
+    E = [c / (1 + k * 0.2) / (k * 0.5 * (4 / 3 - k * 0.2 / (1 + k * 0.2) * c * c)) for k in (1, 4)]
+    assert value(found, "pendulum-naive-gain") == pytest.approx(E[1] / E[0], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_cart_coasts_with_the_momentum_that_the_force_gave_it(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    """(M + m) p' - m L cos(theta) theta' is the force's impulse: nothing else is horizontal."""
+    lab = Laboratory(Settings())
+    run = lab.case("cart_pendulum", "case2", "physics", "grosmc").trajectory
+    impulse = np.cumsum(run.input * np.diff(run.time))
+    row = int(np.searchsorted(run.time, 7.0))
+    _, theta, speed, rate = run.state[row]
+    momentum = 1.2 * speed - 0.2 * 0.5 * math.cos(theta) * rate
+    assert momentum == pytest.approx(impulse[row - 1], rel=1e-6)
+    assert value(found, "pendulum-cart") == pytest.approx(abs(impulse[row - 1]) / 1.2, rel=0.01)
+
+
+@pytest.mark.slow
+def test_linear_design_converges_from_70_degrees_and_not_from_75(
+    found: dict[str, dict[str, Any]],
+) -> None:
+    """Lagrange's equations under u = -K z, integrated continuously by another solver."""
+    # theta'' = (g sin + ...)/(L (4/3 - a m)) about upright, a = 1/1.2.
+    D = 0.5 * (4 / 3 - 0.2 / 1.2)
+    A, b = np.array([[0.0, 1.0], [9.8 / D, 0.0]]), np.array([[0.0], [1 / 1.2 / D]])
+    P = scipy.linalg.solve_continuous_are(A, b, np.diag([100.0, 1.0]), np.eye(1))
+    K = (b.T @ P)[0]
+
+    def slope(_: float, z: Array) -> list[float]:
+        s, c = math.sin(z[0]), math.cos(z[0])
+        mass = [[1.2, -0.1 * c], [-0.1 * c, 4 / 3 * 0.2 * 0.25]]
+        force = [-float(K @ z) - 0.1 * s * z[1] ** 2, 0.2 * 9.8 * 0.5 * s]
+        return [z[1], float(np.linalg.solve(mass, force)[1])]
+
+    def reaches(angle: float) -> bool:
+        start = [-math.radians(angle), 0.0]
+        # Sampling at 1 ms shifts the edge by far less than the 5 degrees of the claim's grid.
+        run = scipy.integrate.solve_ivp(slope, (0, 6), start, rtol=1e-8, atol=1e-10)
+        kept = np.abs(run.y[0]).max() < math.pi / 2
+        return bool(kept and abs(run.y[0, -1]) < 0.02 * math.radians(angle))
+
+    edge = value(found, "pendulum-region-lqr")
+    assert reaches(edge)
+    assert not reaches(edge + 5)
+
+
+@pytest.mark.slow
+def test_documents_say_how_sure_they_are(found: dict[str, dict[str, Any]]) -> None:
+    for name, claim in found.items():
+        for each in claim["plants"].values():
+            evidence = each["evidence"]
+            assert evidence["exact"] is BY_ID[name].exact
+            if not evidence["exact"]:
+                assert evidence["control_period"] == [1e-3, 5e-4]
+                assert evidence["values"][0] == each["value"]
+
+
+@pytest.mark.slow
+def test_explain_tells_the_story_and_draws_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("claims", "--explain", "arm-epsilon", "--out", str(tmp_path)) == cli.DONE
+    told = capsys.readouterr().out
+    for words in ("REFUTED", "Theorem 3", "over the region, instead of 6", "a premise failed"):
+        assert words in told
+    (figure,) = tmp_path.rglob("*.png")
+    assert figure == tmp_path / "claims" / "arm-epsilon.png"
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert figure.stat().st_size > 10_000
+
+
+KEYS = {
+    "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
+    "suspected_defect", "verdict", "because", "untested", "plants", "expected",
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_validate_judges_the_claims_of_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = ("servo-circular-bound", "servo-load-lqr", "arm-eq57")
+    monkeypatch.setattr(ledgers, "CLAIMS", tuple(BY_ID[name] for name in few))
+    assert run("validate", "servo", "--no-figures", "--out", str(tmp_path)) == cli.DONE
+    document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
+    assert [claim["id"] for claim in document["claims"]] == list(few[:2])
+    for claim in document["claims"]:
+        assert set(claim) == KEYS
+        assert set(claim["expected"]) == {"verdicts", "reason"}
+        for each in claim["plants"].values():
+            assert set(each) == {"value", "note", "verdict", "evidence"}
+
+
+def test_document_of_a_claim_holds_no_nan() -> None:
+    claim = BY_ID["servo-sliding"]
+    for number in (math.nan, math.inf):
+        content = claim_document(finding(claim, value=number), None, Laboratory(Settings()))
+        text = json.dumps(content, allow_nan=False)
+        assert json.loads(text)["plants"]["physics"]["value"] is None
+    assert set(content) == KEYS
+    assert content["expected"] is None
+
+
+def test_page_points_to_what_is_there() -> None:
+    """Every link of the page's tables has its story, and every figure its file."""
+    page = Path(cli.__file__).parents[2] / "docs" / "claims.md"
+    text = page.read_text(encoding="utf-8")
+    links, stories = re.findall(r"\]\(#([\w-]+)\)", text), re.findall(r"^### (.+)$", text, re.M)
+    assert links == stories
+    for name in re.findall(r"!\[[\w-]+\]\(([^)]+)\)", text):
+        assert (page.parent / name).is_file()
+    # A verdict that is expected to be refuted is told.
+    for name, entry in load_expectations().items():
+        if entry.verdicts[BY_ID[name].plants[-1]] is Verdict.REFUTED or BY_ID[name].defect:
+            assert name in stories

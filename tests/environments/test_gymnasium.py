@@ -1,0 +1,182 @@
+"""The cases as environments of Gymnasium: its own checks, and the numbers of ``simulate``."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grosmc_mj.environments import law_policy, register
+from grosmc_mj.environments.registration import IDS
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.simulate import simulate
+
+gymnasium = pytest.importorskip("gymnasium")
+env_checker = pytest.importorskip("gymnasium.utils.env_checker")
+
+# What the checker may say: states and unlimited actuators have no bounds.
+BOUNDS = (
+    "A Box observation space minimum value is -infinity. This is probably too low.",
+    "A Box observation space maximum value is infinity. This is probably too high.",
+    "A Box action space minimum value is -infinity. This is probably too low.",
+    "A Box action space maximum value is infinity. This is probably too high.",
+    "For Box action spaces, we recommend using a symmetric and normalized space",
+)
+
+
+@pytest.fixture(autouse=True)
+def known() -> None:
+    register()
+
+
+@pytest.mark.parametrize("name", list(IDS))
+def test_gymnasium_s_checker_has_nothing_to_say_but_of_bounds(name: str) -> None:
+    environment = gymnasium.make(name, spread=0.01)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        # It wants the environment without the wrappers that make puts around it.
+        env_checker.check_env(environment.unwrapped)
+    others = [str(each.message) for each in said if not any(b in str(each.message) for b in BOUNDS)]
+    assert others == []
+
+
+def test_every_system_has_an_id_and_registering_twice_changes_nothing() -> None:
+    assert set(IDS.values()) == set(SYSTEMS)
+    before = [gymnasium.spec(name) for name in IDS]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert register() == tuple(IDS)
+    assert [gymnasium.spec(name) for name in IDS] == before
+
+
+def test_an_id_can_name_the_module_that_registers_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = "grosmc_mj.environments.gymnasium_ids"
+    monkeypatch.delitem(gymnasium.registry, "grosmc_mj/Arm-v0")
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    environment = gymnasium.make(f"{module}:grosmc_mj/Arm-v0", task="case2")
+    assert environment.unwrapped.experiment.case.name == "case2"
+
+
+@pytest.mark.parametrize("name", list(IDS))
+@pytest.mark.parametrize("T", [1e-3, 4e-3])
+def test_a_law_gets_simulate_s_numbers_to_the_last_bit(name: str, T: float) -> None:
+    system = IDS[name]
+    case = replace(find_case(system, "case1"), duration=0.08)
+    controller = nominal_controller(system, "grosmc", "corrected")
+    environment = gymnasium.make(name, task=case, control_period=T)
+    names = [signal.name for signal in SYSTEMS[system].states]
+    policy, over = law_policy(controller), False
+    observation, info = environment.reset()
+    states, inputs = [[observation[each][0] for each in names]], []
+    while not over:
+        inputs.append(policy(observation))
+        observation, _, terminated, over, info = environment.step(inputs[-1])
+        assert not terminated
+        states.append([observation[each][0] for each in names])
+    run = simulate(
+        case_plant(case, "physics", Settings()), controller, case.x0, duration=0.08,
+        control_period=T, disturbances=case.disturbances, engine="python",
+    )  # fmt: skip
+    stride = round(T / 1e-3)
+    assert np.array_equal(states, run.state[::stride])
+    assert np.array_equal(inputs, run.command.reshape(len(run.command), -1)[::stride])
+    assert info["ended"] == ""
+    assert info["units"]["time"] == "s"
+
+
+def test_both_faces_give_the_same_rewards() -> None:
+    pytest.importorskip("dm_control")
+    from grosmc_mj.environments import load
+
+    one, other = gymnasium.make("grosmc_mj/TwoLinkArm-v0", task="case2"), load(
+        "two_link_arm", "case2"
+    )  # fmt: skip
+    one.reset()
+    other.reset()
+    for action in np.random.default_rng(0).normal(size=(30, 2)):
+        observation, reward, *_ = one.step(action)
+        step = other.step(action)
+        assert reward == step.reward
+        assert list(observation) == list(step.observation)
+        assert all(np.array_equal(observation[key], step.observation[key]) for key in observation)
+
+
+def test_leaving_the_region_terminates_and_the_duration_truncates() -> None:
+    environment = gymnasium.make("grosmc_mj/CartPendulum-v0", control_period=0.02)
+    environment.reset()
+    terminated = truncated = False
+    info: dict[str, Any] = {}
+    while not terminated:
+        *_, terminated, truncated, info = environment.step(np.array([-20.0]))
+    assert not truncated
+    assert "the index is undefined outside |theta| < pi/2" in info["ended"]
+    with pytest.raises(ArgumentError, match=r"the episode is over at t = .*: reset it"):
+        environment.unwrapped.step(np.zeros(1))
+    short = replace(find_case("servo", "nominal"), duration=0.002)
+    environment = gymnasium.make("grosmc_mj/Servo-v0", task=short)
+    environment.reset()
+    assert environment.step(np.zeros(1))[2:4] == (False, False)
+    assert environment.step(np.zeros(1))[2:4] == (False, True)
+    with pytest.raises(ArgumentError, match="the episode is over: reset it"):
+        environment.unwrapped.step(np.zeros(1))
+
+
+def test_the_seed_of_a_reset_decides_the_start() -> None:
+    environment = gymnasium.make("grosmc_mj/Arm-v0", spread=[0.2, 0.1])
+
+    def angle(seed: int | None = None) -> float:
+        return float(environment.reset(seed=seed)[0]["joint angle"][0])
+
+    first = [angle(7), angle()]
+    assert first == [angle(7), angle()]
+    assert first[0] != first[1]
+    assert all(abs(each - 0.5) <= 0.2 for each in first)
+
+
+def test_an_environment_is_made_again_from_its_spec() -> None:
+    environment = gymnasium.make("grosmc_mj/Arm-v0", task="case1", control_period=2e-3)
+    again = gymnasium.make(pickle.loads(pickle.dumps(environment.spec)))
+    assert again.unwrapped.experiment.case == environment.unwrapped.experiment.case
+    assert again.unwrapped.experiment.problem.control_period == 2e-3
+
+
+def test_an_action_that_is_none_is_refused() -> None:
+    environment = gymnasium.make("grosmc_mj/Servo-v0").unwrapped
+    environment.reset()
+    with pytest.raises(ArgumentError, match=r"must be 1 finite number.*: current \[A\]"):
+        environment.step(np.array([np.nan]))
+
+
+def test_rendering_is_refused_with_what_to_do_instead() -> None:
+    face = pytest.importorskip("grosmc_mj.environments.gymnasium_face")
+    with pytest.raises(ArgumentError, match=r"film a recorded run with grosmc_mj\.write_film"):
+        face.CaseEnv("servo", render_mode="human")
+
+
+def test_without_gymnasium_the_message_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    with pytest.raises(SetupError, match=r"pip install 'grosmc_mj\[gymnasium\]'"):
+        register()
+
+
+@pytest.mark.slow
+def test_gymnasium_s_face_works_without_dm_control() -> None:
+    program = (
+        "import sys; sys.modules['dm_control'] = sys.modules['dm_env'] = None; "
+        "import gymnasium, numpy, grosmc_mj; grosmc_mj.environments.register(); "
+        "e = gymnasium.make('grosmc_mj/Servo-v0'); e.reset(); print(e.step(numpy.ones(1))[3])"
+    )
+    command = [sys.executable, "-c", program]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    assert said == "False"

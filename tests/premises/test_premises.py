@@ -1,0 +1,474 @@
+"""The balance that decides whether s is held, and the premises computed from it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grosmc_mj import cli
+from grosmc_mj.arrays import Array
+from grosmc_mj.chapter.claims.faults import FAULTS
+from grosmc_mj.chapter.claims_document import audit_document
+from grosmc_mj.chapter.claims_tables import audit_table, worst_points
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import tracking_grosmc
+from grosmc_mj.control.memory import SurfaceMemory
+from grosmc_mj.errors import GainError
+from grosmc_mj.experiments.case import cases, find_case
+from grosmc_mj.experiments.designs import ARM_G, DESIGNS, chapter_controller
+from grosmc_mj.experiments.laboratory import Fault, Laboratory, physics_derivative, trial
+from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.premises.audit import Audit, Premise, audit
+from grosmc_mj.premises.balance import Balance, balance, switching_rate
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+SYSTEMS = ("servo", "cart_pendulum", "arm")
+# Edits that change mass and, where the chapter does, length.
+EDITS = {
+    "servo": (BodyEdit("rotor", 3.0),),
+    "cart_pendulum": (BodyEdit("pole", 4.0, 4.0),),
+    "arm": (BodyEdit("link", 2.0, 1.25),),
+}
+
+
+@cache
+def nominal(system: str) -> AnalyticPlant:
+    return MujocoPlant.load(system).analytic()
+
+
+@cache
+def robust(system: str) -> Controller:
+    return chapter_controller("grosmc", nominal(system))
+
+
+@cache
+def perturbed(system: str) -> MujocoPlant:
+    return MujocoPlant.load(system, edits=EDITS[system])
+
+
+def with_parameters(law: Controller, **changes: Any) -> Controller:
+    return replace(law, parameters=replace(law.parameters, **changes))
+
+
+def state(law: Controller, t: float, z: Array) -> Array:
+    """The plant's state at an error state, with the cart at rest."""
+    system, sign = law.coordinates.system, law.coordinates.sign
+    y_r, dy_r, _ = law.coordinates.reference(t, law.parameters.reference)
+    x = np.zeros(len(system.states))
+    x[system.output] = y_r + sign * z[0]
+    x[system.output + system.degrees_of_freedom] = dy_r + sign * z[1]
+    return x
+
+
+def beside_surface(law: Controller, t: float, z: Array, s: float) -> SurfaceMemory:
+    """A memory with which the law finds itself at s."""
+    G = law.parameters.G[0]
+    return SurfaceMemory(z0=z - s * G / (G @ G), t=t)
+
+
+def random_points(system: str, count: int) -> list[tuple[float, Array, Array]]:
+    """Times, error states and wrenches on every body, all drawn."""
+    random = np.random.default_rng(7)
+    size = 6 * len(nominal(system).system.bodies)
+    return [
+        (random.uniform(0.1, 2), random.uniform(-0.4, 0.4, 2), random.uniform(-0.3, 0.3, size))
+        for _ in range(count)
+    ]
+
+
+def steering(law: Controller, found: Balance) -> float:
+    """G_2 E of the law's model: what one unit of input moves s' by."""
+    return float(law.parameters.G[0, 1] * found.determinant)
+
+
+def claimed_rate(law: Controller, found: Balance, u: float, sign: float) -> float:
+    """s' = +-push + r G_2 E u_d: the balance leaves open which way s is pushed."""
+    u_d = u - found.u_c.item()
+    return sign * found.push + found.gain_ratio * steering(law, found) * u_d
+
+
+def surface_rate(law: Controller, t: float, z: Array, dx: Array) -> float:
+    """s' = G z' - G (A - B K) z of eqs. (9), (32) and (52), from the plant's x'."""
+    system, p = law.coordinates.system, law.parameters
+    ddy_r = law.coordinates.reference(t, p.reference)[2]
+    dz2 = law.coordinates.sign * (dx[system.output + system.degrees_of_freedom] - ddy_r)
+    return float((p.G @ np.array([z[1], dz2]) - p.S @ z).item())
+
+
+def pushed_away(law: Controller, true: AnalyticPlant, t: float, z: Array, w: Array) -> float:
+    """The sign of s' under the continuous part of the law alone."""
+    x = state(law, t, z)
+    u_c = balance(law, true, t, x, w).u_c
+    return math.copysign(1.0, surface_rate(law, t, z, true.derivative(x, u_c, w)))
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
+    """By the equations of the perturbed plant, and by MuJoCo, which does not know them."""
+    law, plant = robust(system), perturbed(system)
+    true, physics = plant.analytic(), physics_derivative(plant)
+    for t, z, w in random_points(system, 20):
+        x = state(law, t, z)
+        u = law.law(t, x, beside_surface(law, t, z, 1e-9), law.parameters)
+        found = balance(law, true, t, x, w)
+        sign = pushed_away(law, true, t, z, w)
+        claimed = claimed_rate(law, found, u, sign)
+        # The same through the rates: rho, less what r leaves of it.
+        against = found.gain_ratio * found.configured
+        assert claimed == pytest.approx(sign * found.push - against, rel=1e-8, abs=1e-8)
+        # A and B of the servo's law are a Jacobian by differences, good to 1e-10.
+        for dx in (true.derivative(x, u, w), physics(x, u, w)):
+            assert claimed == pytest.approx(surface_rate(law, t, z, dx), rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_balance_is_the_slope_of_the_law_s_own_surface(system: str) -> None:
+    """s of two samples a short time apart, with the plant integrated and the input held."""
+    law, true = robust(system), perturbed(system).analytic()
+    for t, z, w in random_points(system, 8):
+        x = state(law, t, z)
+        slopes = []
+        for h in (1e-4, 5e-5):
+            memory = beside_surface(law, t, z, 1e-3)
+            u = law.law(t, x, memory, law.parameters)
+            before = memory.s.item()
+            # The midpoint rule: its error in s is of order h^3.
+            after = x + h * true.derivative(x + h / 2 * true.derivative(x, u, w), u, w)
+            law.law(t + h, after, memory, law.parameters)
+            slopes.append((memory.s.item() - before) / h)
+        sign = pushed_away(law, true, t, z, w)
+        claimed = claimed_rate(law, balance(law, true, t, x, w), u, sign)
+        # First order in h, so that the extrapolation's error is of order h^2.
+        assert 2 * slopes[1] - slopes[0] == pytest.approx(claimed, rel=2e-5, abs=2e-5)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_required_rate_is_the_one_that_stops_s(system: str) -> None:
+    """rho = required against the push makes s' = 0; nothing smaller does, on either side."""
+    law, true = robust(system), perturbed(system).analytic()
+    for t, z, w in random_points(system, 20):
+        x = state(law, t, z)
+        found = balance(law, true, t, x, w)
+        u_d = -pushed_away(law, true, t, z, w) * found.required / steering(law, found)
+        rates = [
+            surface_rate(law, t, z, true.derivative(x, found.u_c + share * u_d, w))
+            for share in (0.0, 0.5, 1.0)
+        ]
+        assert abs(rates[0]) == pytest.approx(found.push, rel=1e-8, abs=1e-8)
+        assert rates[1] == pytest.approx(rates[0] / 2, rel=1e-6)
+        assert rates[2] == pytest.approx(0, abs=1e-8 * max(1.0, abs(rates[0])))
+
+
+def sized(law: Controller, found: Balance, factor: float) -> Controller:
+    """The law with a switching rate of ``factor`` times the required one, at this state."""
+    if hasattr(law.parameters, "epsilon"):
+        return with_parameters(law, epsilon=factor * found.required)
+    return with_parameters(law, eta=factor * found.required, gamma0=0.0, gamma1=0.0)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_law_with_the_required_gain_approaches_from_both_sides_and_with_less_does_not(
+    system: str,
+) -> None:
+    law, true = robust(system), perturbed(system).analytic()
+    for t, z, w in random_points(system, 20):
+        x = state(law, t, z)
+        found = balance(law, true, t, x, w)
+        approaches = {}
+        for factor in (1 + 1e-6, 1 - 1e-6):
+            weak = sized(law, found, factor)
+            assert balance(weak, true, t, x, w).configured == pytest.approx(
+                factor * found.required, rel=1e-12
+            )
+            rates = []
+            for side in (-1.0, 1.0):
+                # So near that k s of eq. (55) is below what the factor changes.
+                memory = beside_surface(weak, t, z, side * 1e-11)
+                u = weak.law(t, x, memory, weak.parameters)
+                assert math.copysign(1.0, memory.s.item()) == side
+                rates.append(side * surface_rate(weak, t, z, true.derivative(x, u, w)))
+            approaches[factor] = max(rates) < 0
+        assert list(approaches.values()) == [True, False]
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_switching_rate_is_what_the_law_adds_to_its_continuous_part(system: str) -> None:
+    law = robust(system)
+    for t, z, w in random_points(system, 20):
+        x = state(law, t, z)
+        found = balance(law, nominal(system), t, x, w)
+        jumps = [
+            law.law(t, x, beside_surface(law, t, z, s), law.parameters) for s in (-1e-13, 1e-13)
+        ]
+        rate = abs(steering(law, found) * (jumps[1] - jumps[0])) / 2
+        assert rate == pytest.approx(found.configured, rel=1e-9)
+        assert sum(jumps) / 2 == pytest.approx(found.u_c.item(), rel=1e-9, abs=1e-9)
+
+
+def rounding_of_u_c(law: Controller, t: float, x: Array, z: Array) -> float:
+    """How far -K z by a BLAS may lie from the law's own, written out; so for E^-1 (-K z - alpha).
+
+    In any order, with or without fused multiply-add, n products and their sum round each term at
+    most n times by half an epsilon; the difference rounds once more, a quotient as often as twice.
+    """
+    size, roundings = (np.abs(law.parameters.K) @ np.abs(z)).item(), len(z)
+    if law.linearizing:
+        alpha, E = law.coordinates.dynamics(t, x, law.parameters)
+        size, roundings = (size + abs(alpha.item())) / abs(E.item()), roundings + 3
+    return 2 * roundings * (np.finfo(float).eps / 2) * size
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "expected"),
+    [
+        ("servo", "lqr", False),
+        ("servo", "grosmc", False),
+        ("cart_pendulum", "lqr", False),
+        ("cart_pendulum", "fl-lqr", True),
+        ("cart_pendulum", "grosmc", True),
+        ("arm", "lqr", True),
+        ("arm", "grosmc", True),
+    ],
+)
+def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
+    system: str, name: str, expected: bool
+) -> None:
+    """Through feedback linearization the nominal plant under u_c is z1'' = -K z, exactly."""
+    law, plant = chapter_controller(name, nominal(system)), nominal(system)
+    assert law.linearizing is expected
+    velocity = law.coordinates.system.output + law.coordinates.system.degrees_of_freedom
+    misses = []
+    for t, z, _ in random_points(system, 10):
+        x = state(law, t, z)
+        found = balance(law, plant, t, x, np.zeros(6 * len(plant.system.bodies)))
+        ddy_r = law.coordinates.reference(t, law.parameters.reference)[2]
+        ddz = law.coordinates.sign * (plant.derivative(x, found.u_c)[velocity] - ddy_r)
+        misses.append(abs(ddz + (law.parameters.K @ z).item()))
+        if not hasattr(law.parameters, "GB"):
+            assert switching_rate(law, z, np.array([[found.determinant]])) == 0
+            u = law.law(t, x, law.memory(), law.parameters)
+            assert abs(found.u_c.item() - u) <= rounding_of_u_c(law, t, x, z)
+    # The linear laws leave a closed loop of their own: z1'' = (A - B K) z, another one.
+    assert bool(max(misses) < 1e-12) is expected
+
+
+@cache
+def laboratory() -> Laboratory:
+    return Laboratory(Settings())
+
+
+@cache
+def chapter_audit(system: str, case: str) -> Audit:
+    return audit(laboratory(), find_case(system, case))
+
+
+def premise(found: Audit, name: str) -> Premise:
+    return next(each for each in found.premises if each.name == name)
+
+
+def arm_with(epsilon: float) -> Laboratory:
+    """A laboratory whose arm has another switching gain."""
+    task = DESIGNS["arm"].task(nominal("arm"))
+    law = tracking_grosmc(task, 18.0, epsilon, ARM_G)
+    return Laboratory(Settings(), Fault("ε", "another gain", controller=lambda *_: law))
+
+
+def test_input_gain_of_the_servo_falls_to_one_third() -> None:
+    """r = J_hat/J: the servo's input gain is K_t/J and nothing else."""
+    true = MujocoPlant.load("servo", edits=find_case("servo", "case2").edits).analytic()
+    found = balance(robust("servo"), true, 0.0, np.array([0.3, -0.2]), np.zeros(6))
+    assert found.gain_ratio == pytest.approx(1 / 3, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> None:
+    """E = a cos / (L (4/3 - a m cos^2)), a = 1/(M+m): least at the region's edge, 0.22 upright."""
+    p: Any = nominal("cart_pendulum").parameters
+
+    def E(m: float, L: float, theta: float) -> float:
+        c = math.cos(theta)
+        return c / (p.M + m) / (L * (4 / 3 - m / (p.M + m) * c * c))
+
+    def ratio(theta: float) -> float:
+        return E(4 * p.m, 4 * p.L, theta) / E(p.m, p.L, theta)
+
+    found = premise(chapter_audit("cart_pendulum", "case1"), "input gain")
+    assert found.holds
+    assert found.region is not None
+    assert found.along is not None
+    # The margins are measured from 1e-9, which is what the reading calls rounding.
+    assert found.region.margin == pytest.approx(ratio(math.pi / 6), rel=1e-8)
+    assert abs(found.region.worst.x[1]) == pytest.approx(math.pi / 6)
+    assert ratio(math.pi / 18) <= found.along.margin + 2e-9 <= ratio(0) + 2e-9
+    assert ratio(0) == pytest.approx(0.22, abs=0.005)
+
+
+@pytest.mark.slow
+def test_printed_epsilon_fails_and_its_requirement_is_the_closed_form() -> None:
+    """|d/M(q)| with M = 0.1 + 0.06 sin q: most at the lowest q of the region, and above 6."""
+    found = premise(chapter_audit("arm", "case1"), "epsilon")
+    assert not found.holds
+    assert found.region is not None
+    assert found.along is not None
+    M = 0.1 + 0.06 * math.sin(-1.5)
+    assert found.region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
+    assert found.region.worst.x[0] == pytest.approx(-1.5)
+    # On the reference itself, without the error's transient.
+    t = np.linspace(0, 2, 20001)
+    needed = np.abs(0.5 * np.sin(2 * np.pi * t) / (0.1 + 0.06 * np.sin(np.sin(np.pi * t))))
+    along, region = named_epsilons(found)
+    # The run parts from the reference by up to 2.5 % of a radian.
+    assert along == pytest.approx(needed.max(), rel=0.02)
+    assert region == pytest.approx(0.5 / M, rel=5e-3)
+    assert 0 < found.along.violated < 1
+
+
+def named_epsilons(found: Premise) -> tuple[float, float]:
+    """The gains that a premise says restore it: along the run, over the region."""
+    named = re.match(r"ε = ([\d.]+) along the run and ([\d.]+) over the region", found.restores)
+    assert named is not None, found.restores
+    return float(named[1]), float(named[2])
+
+
+@pytest.mark.slow
+def test_epsilon_that_the_premise_names_restores_it() -> None:
+    """With it s stays within what one sample makes of it, and with less it does not."""
+    case, T = find_case("arm", "case1"), Settings().control_period
+    along, region = named_epsilons(premise(chapter_audit("arm", "case1"), "epsilon"))
+    largest = {}
+    for epsilon in (1.01 * region, along, 0.9 * along):
+        lab = arm_with(epsilon)
+        found = premise(audit(lab, case), "epsilon")
+        s = lab.case("arm", "case1", "physics", "grosmc").trajectory.sliding
+        assert s is not None
+        # What pushes is at most ε, and ε pushes back; k s adds its share of one sample.
+        largest[epsilon] = float(np.abs(s).max()) / (2 * T * epsilon * (1 + 18 * T))
+        assert found.holds is (epsilon == 1.01 * region)
+        assert found.along is not None
+        assert (found.along.margin >= 0) is (epsilon >= along)
+        assert bool(found.restores) is not found.holds
+    assert largest[1.01 * region] <= 1
+    assert largest[along] <= 1
+    assert largest[0.9 * along] > 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_every_premise_holds_on_the_nominal_plant(system: str) -> None:
+    found = chapter_audit(system, "nominal")
+    assert found.failed() == []
+    names = [each.name for each in found.premises]
+    assert len(names) == len(set(names)) == 8
+    # Nothing pushes: the model is the plant, up to the Jacobian's rounding.
+    assert found.signals["required"].max() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_surface_is_exactly_zero_at_the_start(system: str) -> None:
+    """z(0) - z(0) is zero in floating point too."""
+    for case in cases(system):
+        s = laboratory().run(case, "physics", "grosmc").trajectory.sliding
+        assert s is not None
+        assert s[0] == 0.0
+        assert premise(chapter_audit(system, case.name), "s(0) = 0").holds
+
+
+def offset_surface(law: Controller) -> Controller:
+    """The law with s shifted by a tenth: a reaching phase, as without -G x(0) in eq. (8)."""
+    inner = law.law
+
+    def shifted(t: float, x: Any, memory: Any, p: Any) -> float:
+        u = inner(t, x, memory, p)
+        memory.s += 0.1
+        return u
+
+    return replace(law, law=shifted)
+
+
+def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
+    off = Fault("off", "s(0) = 0.1", controller=lambda law, *_: offset_surface(law))
+    case = trial("servo", "short", find_case("servo", "nominal").x0, 0.1)
+    found = audit(Laboratory(Settings(engine="python"), off), case)
+    assert not premise(found, "s(0) = 0").holds
+
+
+def test_projection_that_does_not_see_the_input_is_refused() -> None:
+    """G = [1, 0] on z1'' = v: G B = 0 and no input steers s."""
+    task = DESIGNS["arm"].task(nominal("arm"))
+    with pytest.raises(GainError, match=r"G B = \[\[0\.0\]\] is singular"):
+        tracking_grosmc(task, 18.0, 6.0, np.array([[1.0, 0.0]]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("system", "case", "name"),
+    [("servo", "case1", "switching gain"), ("arm", "case1", "epsilon")],
+)
+def test_law_without_gain_fails_with_advice_that_can_be_followed(
+    system: str, case: str, name: str
+) -> None:
+    fault = next(each for each in FAULTS if each.name == "zero switching gain")
+    found = audit(Laboratory(Settings(), fault), find_case(system, case))
+    failed = premise(found, name)
+    assert not failed.holds
+    assert failed.along is not None
+    # Without a gain the margin is minus what is required.
+    assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
+    json.dumps(audit_document(found), allow_nan=False)
+    audit_table(found)
+    assert list(worst_points(found))
+    assert failed.restores
+    # No multiple of a zero gain restores anything.
+    assert "inf" not in failed.restores
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) -> None:
+    for case in cases(system):
+        found = chapter_audit(system, case.name)
+        content = json.loads(json.dumps(audit_document(found), allow_nan=False))
+        assert (content["system"], content["case"]) == (system, case.name)
+        for written, each in zip(content["premises"], found.premises, strict=True):
+            margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]
+            assert written["holds"] == (min(margins) >= 0) == each.holds
+            assert bool(written["restored_by"]) <= (not each.holds)
+
+
+@pytest.mark.slow
+def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
+    found = audit(laboratory(), find_case("cart_pendulum", "case1"), "fl-lqr")
+    names = {each.name for each in found.premises}
+    assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
+    assert found.signals["configured"].max() == 0
+    # What is required of a switching input that is not there is what makes it fragile.
+    assert found.signals["required"].max() > 1
+
+
+@pytest.mark.slow
+def test_command_says_where_the_premise_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("premises", "arm", "--case", "case1", "--out", str(tmp_path))
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert stop.value.code == cli.DONE
+    said = capsys.readouterr().out
+    assert "FAILS" in said
+    assert "epsilon: worst in the region at t =" in said
+    written = json.loads((tmp_path / "premises_arm.json").read_text(encoding="utf-8"))
+    (document,) = written["premises"]
+    failed = [each["name"] for each in document["premises"] if not each["holds"]]
+    assert failed == ["epsilon"]
+    assert written["versions"]

@@ -1,0 +1,301 @@
+"""The premises of a robot's run: against the symbolic two-link arm, a payload and cut torques."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+from grosmc_mj import cli
+from grosmc_mj.arrays import Array
+from grosmc_mj.chapter.claims_document import audit_document
+from grosmc_mj.chapter.claims_tables import audit_table
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import AS_PRINTED, linearized_lqr, tracking_grosmc
+from grosmc_mj.control.references import FourierSeries, constant, fourier_series
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments import experiment
+from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.designs import (
+    TWO_LINK_G,
+    TWO_LINK_TARGET,
+    TWO_LINK_WEIGHTS,
+    chapter_controller,
+)
+from grosmc_mj.experiments.runs import RunResult, Settings, run_case, run_on
+from grosmc_mj.premises.audit import Audit, Premise, Reading
+from grosmc_mj.premises.balance import balance
+from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.simulation.models import load_spec
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.robots.robot import Robot
+
+pytestmark = pytest.mark.slow
+
+PYTHON = Settings(engine="python")
+# Two links in the vertical plane, with limits of torques and of one joint.
+ARM = """
+<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option timestep="0.001"/>
+  <worldbody>
+    <body>
+      <joint name="shoulder" axis="0 1 0" armature="0.3" limited="true" range="-2 2"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.02" mass="1.5"/>
+      <body name="forearm" pos="0.4 0 0">
+        <joint name="elbow" axis="0 1 0" armature="0.2"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="m1" joint="shoulder" ctrllimited="true" ctrlrange="-25 25"/>
+    <motor name="m2" joint="elbow" ctrllimited="true" ctrlrange="-9 9"/>
+  </actuator>
+</mujoco>
+"""
+N = 2
+KEPT = ("epsilon", "input gain", "s(0) = 0", "torque limits", "torque headroom", "joint limits")
+LOAD = AddedMass("forearm", 0.4, (0.3, 0.0, 0.0))
+
+
+@cache
+def arm() -> Robot:
+    return Robot.from_mjcf(ARM)
+
+
+@cache
+def law(name: str = "grosmc", epsilon: float = 2.0, amplitude: float = 0.2) -> Controller:
+    sine = amplitude * np.ones((N, 1))
+    series = FourierSeries(2.0, np.array([0.3, -0.4]), np.zeros((N, 1)), sine)
+    Q = np.kron(np.eye(N), np.diag([100.0, 0.0]))
+    task = arm().task(fourier_series(N, 1), series, Q, np.eye(N))
+    return linearized_lqr(task, "lqr") if name == "lqr" else tracking_grosmc(task, 5.0, epsilon)
+
+
+@cache
+def run(controller: Controller, *edits: Edit, q0: tuple[float, float] = (0.35, -0.35)) -> RunResult:
+    case = Case("arm", "sines", "sines", "this test", (*q0, 0.0, 0.0), 0.1, edits)
+    plant = arm().plant.edited(*edits)
+    return run_on(case, "physics", controller, plant, PYTHON)
+
+
+@cache
+def audited(result: RunResult) -> Audit:
+    return robot_audit(result)
+
+
+def premise(result: RunResult, name: str) -> Premise:
+    return next(each for each in audited(result).premises if each.name == name)
+
+
+def along(result: RunResult, name: str) -> Reading:
+    found = premise(result, name).along
+    assert found is not None
+    return found
+
+
+def required(result: RunResult) -> Array:
+    return audited(result).signals["required"]
+
+
+# --- the switching rate ---
+
+
+@pytest.mark.slow
+def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
+    """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
+    robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")
+    regulation = "two_link_arm regulation"
+    theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, regulation)
+    task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    ours = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
+    heavier = BodyEdit("payload", mass_scale=3.0)
+    push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
+    case = Case(
+        "two_link_arm", "x", "x", "this test", (0.9, -1.4, 0.3, 0.0), 0.3, (heavier,), (push,)
+    )
+    result = run_on(case, "physics", ours, robot.plant.edited(heavier), PYTHON)
+    twin, run = shipped.edited(heavier).analytic(), result.trajectory
+    signals = robot_audit(result).signals
+    assert run.wrench is not None
+    for t, rate in zip(signals["time"], signals["required"], strict=True):
+        row = int(np.searchsorted(run.time, t))
+        wanted = balance(theirs, twin, t, run.state[row], run.wrench[row])
+        assert wanted.required > 1
+        assert rate == pytest.approx(wanted.required, rel=1e-9)
+
+
+def test_the_true_plant_that_is_the_nominal_one_asks_for_nothing() -> None:
+    result = run(law())
+    # Torques of 10 N m over inertias of 0.2 kg m², in double precision.
+    assert required(result).max() < 1e-10
+    assert along(result, "input gain").margin == pytest.approx(1.0)
+    assert [each.name for each in audited(result).premises] == list(KEPT)
+    assert all(each.holds for each in audited(result).premises)
+
+
+def test_a_payload_raises_the_required_rate_and_leaves_less_of_the_configured_one() -> None:
+    light, heavy = run(law()), run(law(), LOAD)
+    assert required(heavy).max() > required(light).max() + 1
+    assert along(heavy, "input gain").margin < along(light, "input gain").margin - 0.1
+
+
+def test_the_least_that_is_left_of_rho_is_that_of_the_inertias() -> None:
+    """R = (G E*)(G E)^-1 = M*^-1 M, by MuJoCo's mj_fullM of the edited model."""
+    result = run(law(), LOAD)
+    plant, found = result.true, premise(result, "input gain").along
+    assert isinstance(plant, MujocoPlant)
+    assert found is not None
+    data, M = mujoco.MjData(plant.model), np.zeros((N, N))
+    data.qpos[:] = found.worst.x[:N]
+    mujoco.mj_forward(plant.model, data)
+    mujoco.mj_fullM(plant.model, data, M)
+    R = np.linalg.solve(M, arm().inertia(data.qpos))
+    left = (2 * np.diag(R) - np.abs(R).sum(axis=1)).min()
+    assert found.margin == pytest.approx(left, rel=1e-9, abs=1e-9)
+
+
+def test_a_law_with_less_than_it_needs_fails_with_the_rate_that_restores_it() -> None:
+    weak, enough = run(law(epsilon=0.5), LOAD), run(law(epsilon=12.0), LOAD)
+    failed = premise(weak, "epsilon")
+    assert failed.along is not None
+    assert not failed.holds
+    assert failed.along.margin == pytest.approx(0.5 - required(weak).max(), rel=1e-12)
+    assert f"{required(weak).max():.3g}" in failed.restores
+    assert failed.along.worst.t in audited(weak).signals["time"]
+    assert premise(enough, "epsilon").holds
+    assert not premise(enough, "epsilon").restores
+
+
+def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
+    friction = JointEdit("elbow", friction=1.0)
+    plant, controller = arm().plant.edited(friction), law("lqr")
+    x, error, p = np.array([0.3, -0.4, 0.0, 1.0]), controller.coordinates, controller.parameters
+    for side in (-1.0, 1.0):
+        x[3] = side
+        still, _ = error.moved(0.0, x, p, plant, u=np.zeros(N))  # pyright: ignore
+        without, gain = error.moved(0.0, x, p, arm().plant, u=np.zeros(N))  # pyright: ignore
+        # Sliding friction is against the motion, of its full size.
+        np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
+
+
+# --- torques and joints ---
+
+
+def test_a_cut_torque_is_noticed_by_joint_and_by_how_often() -> None:
+    strong = run(law(epsilon=40.0))
+    found, trajectory = premise(strong, "torque limits"), strong.trajectory
+    cut = trajectory.command != trajectory.input
+    assert cut.any()
+    assert not found.holds
+    assert found.along is not None
+    assert found.along.violated == cut.any(axis=1).mean()
+    largest = np.abs(trajectory.command / [25.0, 9.0]).max(axis=0)
+    assert found.along.margin == pytest.approx(1 - largest.max(), rel=1e-12)
+    for joint, share in zip(("shoulder", "elbow"), largest, strict=True):
+        assert f"{joint} {100 * share:.0f} %" in found.note
+    assert premise(run(law("lqr")), "torque limits").holds
+
+
+def test_headroom_is_what_inverse_dynamics_and_switching_leave_of_the_limits() -> None:
+    controller = law(epsilon=2.0)
+    found = premise(run(controller), "torque headroom")
+    assert found.along is not None
+    t = found.along.worst.t
+    y = np.reshape(controller.coordinates.reference(t, controller.parameters.reference), (N, 3))
+    data = mujoco.MjData(arm().plant.model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = y.T
+    mujoco.mj_inverse(arm().plant.model, data)
+    switching = 2.0 * np.abs(arm().inertia(y[:, 0])).sum(axis=1)
+    left = (1 - (np.abs(data.qfrc_inverse) + switching) / [25.0, 9.0]).min()
+    assert found.along.margin == pytest.approx(left, rel=1e-9)
+    # Without switching there is more of it.
+    alone = premise(run(law("lqr")), "torque headroom").along
+    assert alone is not None
+    assert alone.margin > found.along.margin + 0.05
+
+
+def test_too_much_switching_leaves_no_headroom() -> None:
+    assert not premise(run(law(epsilon=25.0)), "torque headroom").holds
+
+
+def test_a_touched_joint_limit_is_noticed() -> None:
+    result = run(law("lqr"), q0=(2.05, -0.35))
+    found = premise(result, "joint limits")
+    assert found.along is not None
+    assert not found.holds
+    assert found.along.margin == pytest.approx((2 - result.trajectory.state[:, 0].max()) / 4)
+    assert "shoulder" in found.note
+    assert premise(run(law("lqr")), "joint limits").holds
+
+
+def test_a_robot_without_limits_keeps_them() -> None:
+    free = ARM.replace(' limited="true" range="-2 2"', "").replace('ctrllimited="true"', "")
+    free = free.replace('ctrlrange="-25 25"', "").replace('ctrlrange="-9 9"', "")
+    robot = Robot.from_mjcf(free)
+    task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
+    result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
+    assert all(each.holds for each in audited(result).premises)
+    assert premise(result, "joint limits").note == "no joint has a limit"
+
+
+# --- as a table and as values ---
+
+
+def test_a_law_that_does_not_switch_has_the_premises_of_torques_and_joints_alone() -> None:
+    assert [each.name for each in robot_premises(run(law("lqr")))] == list(KEPT[3:])
+
+
+def test_table_and_document_have_every_premise() -> None:
+    found = robot_audit(run(law(epsilon=0.5), LOAD))
+    content = json.loads(json.dumps(audit_document(found), allow_nan=False))
+    assert [each["name"] for each in content["premises"]] == list(KEPT)
+    assert [each["holds"] for each in content["premises"]] == [e.holds for e in found.premises]
+    assert audit_table(found).row_count == len(KEPT)
+
+
+def test_other_runs_have_no_such_premises() -> None:
+    case = replace(find_case("servo", "nominal"), duration=0.05)
+    for plant in ("physics", "corrected"):
+        other = run_case(case, plant, "grosmc", PYTHON)
+        assert not is_robots(other)
+        with pytest.raises(ArgumentError, match="no run of a robot"):
+            robot_premises(other)
+
+
+def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = [run(law("lqr"), LOAD), run(law(epsilon=0.5), LOAD)]
+    prepared = SimpleNamespace(
+        laws=results,
+        limits=[],
+        case=results[0].case,
+        settings=PYTHON,
+        subject=SimpleNamespace(robot=None),
+        run=lambda: iter(results),
+        document=dict,
+        file=SimpleNamespace(uncertain=[]),
+    )
+    monkeypatch.setattr(experiment, "find_file", Path)
+    monkeypatch.setattr(experiment, "prepare", lambda _path: prepared)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(("run", "robot.toml", "--out", str(tmp_path)))
+    assert stop.value.code == cli.DONE
+    said = capsys.readouterr().out
+    assert said.count("torque headroom") == 1
+    assert "epsilon: worst in the run at t =" in said
+    written = json.loads((tmp_path / "robot.json").read_text(encoding="utf-8"))
+    (document,) = written["premises"]
+    assert document["controller"] == "grosmc"
+    assert [each["name"] for each in document["premises"] if not each["holds"]] == ["epsilon"]

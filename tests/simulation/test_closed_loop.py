@@ -1,0 +1,291 @@
+"""Loops closed on physics: orders of convergence, the optimal cost, and what GROSMC promises."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.experiments.case import cases, find_case
+from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+
+pytestmark = pytest.mark.slow
+
+# The laws without switching; the servo's and the arm's are the optimal ones.
+CONTINUOUS = [
+    ("servo", "lqr"),
+    ("cart_pendulum", "lqr"),
+    ("cart_pendulum", "fl-lqr"),
+    ("arm", "lqr"),
+]
+OPTIMAL = {"servo": "lqr", "cart_pendulum": "fl-lqr", "arm": "lqr"}
+EVERY_CASE = [(system, case.name) for system in OPTIMAL for case in cases(system)]
+# Cases whose uncertainty the switching gain dominates. Not the arm's case 1: with the printed
+# numbers |d/M(q)| exceeds epsilon.
+DOMINATED = [names for names in EVERY_CASE if names != ("arm", "case1")]
+
+
+class Run(NamedTuple):
+    """A closed loop with its errors and the nominal optimum from the same start."""
+
+    trajectory: Trajectory
+    design: LqrDesign
+    z: Array
+    optimum: Array
+
+    @property
+    def deviation(self) -> float:
+        """max |z1 - z1*|."""
+        return float(np.abs(self.z[:, 0] - self.optimum[:, 0]).max())
+
+    @property
+    def sliding(self) -> Array:
+        assert self.trajectory.sliding is not None
+        return self.trajectory.sliding
+
+    @property
+    def cost(self) -> float:
+        """The index (4), (27) or (48): trapezoids in z, exact in v, which is held."""
+        Q, R, time = self.design.Q, float(self.design.R[0, 0]), self.trajectory.time
+        state = np.trapezoid(np.einsum("ti,ij,tj->t", self.z, Q, self.z), time)
+        return float(0.5 * (state + R * self.trajectory.weighed**2 @ np.diff(time)))
+
+
+@cache
+def controller(system: str, law: str) -> Controller:
+    return chapter_controller(law, MujocoPlant.load(system).analytic())
+
+
+@cache
+def close_loop(
+    system: str,
+    law: str,
+    case: str = "nominal",
+    timestep: float = 1e-3,
+    analytic: bool = False,
+    duration: float | None = None,
+) -> Run:
+    """A case on physics, or on its corrected analytic twin, sampled at every timestep."""
+    spec, ctl = find_case(system, case), controller(system, law)
+    plant = MujocoPlant.load(system, edits=spec.edits, timestep=timestep)
+    trajectory = simulate(
+        plant.analytic() if analytic else plant,
+        ctl,
+        spec.x0,
+        duration=duration or spec.duration,
+        timestep=timestep,
+        disturbances=spec.disturbances,
+    )
+    optimal = controller(system, OPTIMAL[system])
+    assert optimal.lqr is not None
+    z = optimal.coordinates.along(trajectory.time, trajectory.state, ctl.parameters)
+    return Run(trajectory, optimal.lqr, z, optimal.lqr.optimal_trajectory(z[0], trajectory.time))
+
+
+# Physics and equations
+
+
+@pytest.mark.parametrize(("system", "law"), CONTINUOUS)
+def test_physics_converges_to_the_equations_at_the_order_of_its_integrator(system, law):
+    """implicitfast is of first order, the analytic plant's RK4 exact beside it.
+
+    The law samples every 4 ms whatever the timestep, so that both are one sampled system.
+    """
+    errors, x0 = [], find_case(system, "nominal").x0
+    options: dict[str, Any] = {"duration": 2.0, "control_period": 4e-3}
+    for h in (4e-3, 2e-3, 1e-3):
+        plant = MujocoPlant.load(system, integrator="implicitfast", timestep=h)
+        physics = simulate(plant, controller(system, law), x0, **options)
+        twin = simulate(plant.analytic(), controller(system, law), x0, timestep=h, **options)
+        errors.append(np.abs(physics.state - twin.state).max())
+    # Rates of some 10/s leave a second order of 1 % at 1 ms: the ratio is 2 up to that.
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2, rtol=0.02)
+
+
+@pytest.mark.parametrize("h", [4e-3, 1e-3])
+@pytest.mark.parametrize(("system", "law"), CONTINUOUS)
+def test_physics_under_rk4_is_the_corrected_equations_to_rounding(system, law, h):
+    """Both are the same RK4, so that only the accelerations can differ, by 1e-13 or so."""
+    physics = close_loop(system, law, timestep=h, duration=2.0).trajectory
+    twin = close_loop(system, law, timestep=h, duration=2.0, analytic=True).trajectory
+    # Rounding of 1e-16 a step adds up over 2000 steps; the loop is stable.
+    np.testing.assert_allclose(physics.state, twin.state, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(("system", "case"), EVERY_CASE)
+def test_physics_and_equations_agree_in_norm_under_sign_switching(system, case):
+    """Switching amplifies rounding, so that only bounds and norms are alike."""
+    physics = close_loop(system, "grosmc", case)
+    twin = close_loop(system, "grosmc", case, analytic=True)
+    for norm in (
+        lambda run: np.abs(run.sliding).max(),
+        lambda run: np.sqrt(np.mean(run.sliding**2)),
+        lambda run: run.deviation,
+    ):
+        # Equal to ten digits where this was written; a chattering pattern that has parted may
+        # change a maximum by the difference of neighbouring samples.
+        assert norm(physics) == pytest.approx(norm(twin), rel=0.25)
+
+
+# Optimality
+
+
+@pytest.mark.parametrize(
+    # The arm's held torque lags behind a reference that never rests: its cost is O(T) from J*,
+    # where the others' is O(T^2), and 1 kHz is not enough for a thousandth.
+    ("system", "T", "duration"),
+    [("servo", 1e-3, 12.0), ("cart_pendulum", 1e-3, 8.0), ("arm", 1e-4, 6.0)],
+)
+def test_nominal_cost_on_physics_is_half_x_P_x(system, T, duration):
+    """J of the optimal law is x0' P x0 / 2; the horizons leave exp(-12) of it or less."""
+    run = close_loop(system, OPTIMAL[system], timestep=T, duration=duration)
+    assert run.cost == pytest.approx(run.design.optimal_cost(run.z[0]), rel=1e-3)
+
+
+def test_cost_of_the_arm_exceeds_the_optimum_in_proportion_to_the_control_period():
+    excess = []
+    for T in (1e-3, 5e-4, 2.5e-4):
+        run = close_loop("arm", "lqr", timestep=T, duration=6.0)
+        excess.append(run.cost / run.design.optimal_cost(run.z[0]) - 1)
+    # First order, with a second one of T times rates of some 10/s on top.
+    np.testing.assert_allclose(np.divide(excess[:-1], excess[1:]), 2, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("system", "case"), [("servo", "case1"), ("servo", "case2"), ("cart_pendulum", "case1")]
+)
+def test_uncertainty_costs_the_optimal_law_more_than_its_optimum(system, case):
+    """J of the fixed law on another plant is above J*: the index depends on the plant."""
+    run = close_loop(system, OPTIMAL[system], case)
+    assert run.cost > 1.05 * run.design.optimal_cost(run.z[0])
+
+
+# What GROSMC promises
+
+
+class Promise(NamedTuple):
+    """The project's acceptance: GROSMC within a share of the start of the nominal optimum."""
+
+    system: str
+    case: str
+    share: float
+
+
+@pytest.mark.parametrize(
+    "promise",
+    [
+        Promise("servo", "nominal", 0.005),
+        Promise("servo", "case1", 0.005),
+        Promise("servo", "case2", 0.005),
+        Promise("cart_pendulum", "nominal", 0.01),
+        Promise("cart_pendulum", "case1", 0.01),
+    ],
+    ids=lambda promise: f"{promise.system}-{promise.case}",
+)
+def test_grosmc_keeps_the_nominal_optimum_on_physics_at_1_khz(promise):
+    """Within 0.5 % of the servo's step and 1 % of the pendulum's start angle."""
+    run = close_loop(promise.system, "grosmc", promise.case)
+    share = run.deviation / abs(run.z[0, 0])
+    assert share < promise.share, f"{promise}: {100 * share:.3f} % of the start"
+
+
+@pytest.mark.parametrize(
+    ("system", "case", "law"),
+    [
+        ("servo", "case1", "lqr"),
+        ("servo", "case2", "lqr"),
+        ("cart_pendulum", "case1", "lqr"),
+        ("cart_pendulum", "case1", "fl-lqr"),
+        ("arm", "case1", "lqr"),
+        ("arm", "case2", "lqr"),
+    ],
+)
+def test_optimal_law_alone_deviates_ten_times_as_much(system, case, law):
+    """From its own nominal run, so that the Jacobian design's other optimum does not count."""
+    perturbed, nominal = close_loop(system, law, case), close_loop(system, law)
+    N = min(len(perturbed.z), len(nominal.z))
+    alone = np.abs(perturbed.z[:N, 0] - nominal.z[:N, 0]).max()
+    if case == "case1" and system == "servo":  # the load comes after the nominal run's end
+        alone = perturbed.deviation
+    robust = close_loop(system, "grosmc", case).deviation
+    message = f"{law} alone {alone:.3g} rad, GROSMC {robust:.3g} rad"
+    assert alone > 10 * robust, message
+
+
+def test_load_deflects_the_servo_under_lqr_to_where_its_stiffness_holds_it():
+    """At rest under T_d, Kt K1 x1 = -T_d: x1 = T_d/Kt. Slow pole 1/s, so 3 s reach 95 %."""
+    run, p = close_loop("servo", "lqr", "case1"), controller("servo", "lqr").parameters.plant
+    at_rest = 1.0 / p.Kt
+    assert 0.9 * at_rest < run.deviation < at_rest
+
+
+# The surface
+
+
+def reaching_amplitude(run: Run, ctl: Controller) -> float:
+    """Largest |s'| that the switching term asks for on the nominal plant."""
+    p = ctl.parameters
+    if hasattr(p, "epsilon"):
+        return float(p.epsilon + p.k * np.abs(run.sliding).max())
+    error = ctl.coordinates
+    gain = abs(p.GB.item())
+    if ctl.lqr is not None and ctl.lqr.B[1, 0] == 1:  # feedback-linearized: (ds/dx) g = G B E
+        x = run.trajectory.state[:-1]
+        E = [error.dynamics(0.0, row, p)[1] for row in x[::50]]
+        gain = abs(p.GB.item()) * np.abs(E).max()
+    return float(p.eta + (p.gamma0 + p.gamma1 * np.hypot(*run.z.T).max()) * gain)
+
+
+@pytest.mark.parametrize("timestep", [2e-3, 1e-3])
+@pytest.mark.parametrize(("system", "case"), DOMINATED)
+def test_s_stays_within_a_control_period_of_zero(system, case, timestep):
+    """From s(0) = 0 the switching term turns s back at every sample, so |s| <= T max |s'|.
+
+    Where it dominates, |s'| is at most twice its amplitude.
+    """
+    run, ctl = close_loop(system, "grosmc", case, timestep), controller(system, "grosmc")
+    assert run.sliding[0] == 0
+    bound = 2 * timestep * reaching_amplitude(run, ctl)
+    # The Riemann sum adds T^2 times rates of some 10/s: a few per cent.
+    assert np.abs(run.sliding).max() <= 1.05 * bound
+
+
+@pytest.mark.parametrize(("system", "case"), DOMINATED)
+def test_s_shrinks_with_the_control_period(system, case):
+    """O(T): half the period, half the excursion, up to where in a period s turns."""
+    largest = [
+        np.abs(close_loop(system, "grosmc", case, T).sliding).max() for T in (4e-3, 2e-3, 1e-3)
+    ]
+    np.testing.assert_allclose(np.divide(largest[:-1], largest[1:]), 2, rtol=0.2)
+
+
+def test_s_leaves_the_surface_of_the_arm_whatever_the_period_under_the_printed_epsilon():
+    """Theorem 3 asks epsilon >= |d/M|, which is 8 rad/s^2 on the reference: the printed 6 is less.
+
+    So s leaves in case 1 by an amount that sampling does not explain.
+    """
+    t = np.linspace(0, 2, 2001)
+    push = 0.5 * np.abs(np.sin(2 * np.pi * t)) / (0.1 + 0.06 * np.sin(np.sin(np.pi * t)))
+    assert push.max() > controller("arm", "grosmc").parameters.epsilon
+    fast, slow = (
+        np.abs(close_loop("arm", "grosmc", "case1", T).sliding).max() for T in (2.5e-4, 1e-3)
+    )
+    nominal = np.abs(close_loop("arm", "grosmc").sliding).max()
+    assert fast == pytest.approx(slow, rel=0.05)
+    assert slow > 10 * nominal
+
+
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum"])
+def test_deviation_from_the_optimum_shrinks_with_the_control_period(system: Any):
+    """On the surface the motion is the optimum's, eqs. (11) and (34): what is left is O(T)."""
+    case = "case2" if system == "servo" else "case1"
+    coarse, fine = (close_loop(system, "grosmc", case, T).deviation for T in (2e-3, 2.5e-4))
+    assert fine < coarse / 4

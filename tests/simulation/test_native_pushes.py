@@ -1,0 +1,346 @@
+"""Disturbances made by the control callback: bit by bit those of a table made in Python."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+import pytest
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.simulation.disturbances import (
+    Constant,
+    Disturbance,
+    Profile,
+    Pulse,
+    SineFrom,
+    course,
+)
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.engines import native_batch
+from grosmc_mj.simulation.engines.native_batch import NativeBatch
+from grosmc_mj.simulation.engines.native_pushes import packed
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+
+PUSH = (0.2, 0.1, -0.3, 0.04, 0.05, 0.06)
+OTHER = (-0.1, 0.0, 0.2, 0.0, -0.03, 0.0)
+# Edges on instants, between them, and at k h that differs from the number by rounding.
+PROFILES: tuple[Profile, ...] = (
+    Constant(),
+    Pulse(0.05, 0.08),
+    Pulse(-math.inf, 0.0305),
+    Pulse(3 * 0.1, math.inf),
+    SineFrom(9.0, 0.05),
+    SineFrom(-313.7, 0.0705, phase=2.0),
+    SineFrom(1e15),
+)
+# Several on one body, and on several bodies; the wrenches on a body do not add up exactly.
+LISTS = {
+    "servo": [
+        Disturbance("rotor", PUSH, SineFrom(9.0, 0.05)),
+        Disturbance("rotor", OTHER, Pulse(0.1, 0.2)),
+        Disturbance("rotor", PUSH, SineFrom(3.0, phase=0.3)),
+    ],
+    "cart_pendulum": [
+        Disturbance("pole", PUSH, SineFrom(7.0)),
+        Disturbance("cart", OTHER, Pulse(0.1, 0.2)),
+        Disturbance("pole", OTHER),
+    ],
+    "arm": [
+        Disturbance("link", PUSH, SineFrom(20.0, phase=0.3)),
+        Disturbance("hub", OTHER, Pulse(0.05, 0.08)),
+        Disturbance("link", OTHER, SineFrom(11.0, 0.13)),
+    ],
+}
+FIELDS = ("state", "command", "input", "sliding", "weighed", "memory", "wrench", "physics")
+
+
+@cache
+def physics(system: str, integrator: Any = None) -> MujocoPlant:
+    return MujocoPlant.load(system, integrator=integrator)
+
+
+@cache
+def grosmc(system: str) -> Controller:
+    return chapter_controller("grosmc", physics(system).analytic())
+
+
+def hidden(disturbances: Sequence[Disturbance]) -> list[Disturbance]:
+    """The same ones by functions that compiled code does not know: a table is made of them."""
+
+    def of(profile: Profile) -> Profile:
+        return lambda t: profile(t)
+
+    return [replace(each, profile=of(each.profile)) for each in disturbances]
+
+
+def assert_equal(a: Trajectory, b: Trajectory) -> None:
+    """Every bit of two trajectories."""
+    for name in (*FIELDS, "status", "valid_until"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+def test_compiled_course_is_that_of_the_profile_bit_by_bit() -> None:
+    """Python's sin and numba's are the same libm's; edges fall on the same instants."""
+
+    @numba.njit
+    def compiled(pushes: Any, t: float) -> Any:
+        return [course(p[1], t, p[2], p[3], p[4]) for p in pushes]
+
+    lists = [[Disturbance("rotor", PUSH, profile) for profile in PROFILES]]
+    pushes = packed(lists, {"rotor": 1})[0]
+    for t in (np.arange(1000) * 1e-3).tolist():
+        assert compiled(pushes, t) == [profile(t) for profile in PROFILES]
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+@pytest.mark.parametrize("integrator", ["RK4", "Euler", "implicitfast"])
+@pytest.mark.parametrize("system", LISTS)
+def test_callback_gives_the_bits_of_the_table_and_of_python(
+    system: str, integrator: str, stride: int
+) -> None:
+    options: dict[str, Any] = {
+        "plant": physics(system, integrator),
+        "controller": grosmc(system),
+        "x0": find_case(system, "nominal").x0,
+        "duration": 0.25,
+        "control_period": stride * 1e-3,
+        "record": False,
+    }
+    pushed = simulate(**options, disturbances=LISTS[system])
+    assert_equal(pushed, simulate(**options, disturbances=hidden(LISTS[system])))
+    assert_equal(pushed, simulate(**options, disturbances=LISTS[system], engine="python"))
+    recorded = simulate(**{**options, "record": True}, disturbances=LISTS[system])
+    np.testing.assert_array_equal(pushed.state, recorded.state[[0, -1]])
+    np.testing.assert_array_equal(pushed.memory[-1], recorded.memory[-1])
+
+
+def test_runs_of_a_batch_have_their_own_numbers_and_as_many_as_they_like() -> None:
+    """Among them none at all, and two integrators, whose steps have 4 calls and 1."""
+    scales = [0.5, 1.0, 1.5, 2.0, 2.5]
+    plants = [
+        physics("cart_pendulum", ("RK4", "implicitfast")[i % 2]).edited(BodyEdit("pole", a, a))
+        for i, a in enumerate(scales)
+    ]
+
+    def of(a: float) -> list[Disturbance]:
+        first, second, _ = LISTS["cart_pendulum"]
+        return [
+            replace(first, profile=SineFrom(7 * a, 0.01 * a, a)),
+            replace(second, profile=Pulse(0.01, 0.03 * a)),
+            Disturbance("pole", (0.3 * a, 0, 0, 0, -0.1 * a, 0)),
+        ]
+
+    lists = [of(a)[: i % 4] for i, a in enumerate(scales)]
+    assert sorted(map(len, lists)) == [0, 0, 1, 2, 3]
+    options: dict[str, Any] = {
+        "x0": find_case("cart_pendulum", "nominal").x0,
+        "duration": 0.1,
+        "record": False,
+    }
+    law = grosmc("cart_pendulum")
+    together = simulate(plants, law, disturbances=lists, threads=2, **options)
+    assert_equal(together, simulate(plants, law, disturbances=[*map(hidden, lists)], **options))
+    for run, plant, items in zip(together.state, plants, lists, strict=True):
+        alone = simulate(plant, law, disturbances=items, **options)
+        np.testing.assert_array_equal(run, alone.state)
+
+
+@pytest.mark.parametrize("rows", [1, 100])
+def test_a_run_is_cut_into_pieces_without_a_seam(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two calls xfrc_applied and the count of the instants stay."""
+    options: dict[str, Any] = {"duration": 0.25, "record": False, "control_period": 3e-3}
+    options = {**options, "x0": [1.0, 0.0], "disturbances": LISTS["servo"]}
+    whole = simulate(physics("servo"), grosmc("servo"), **options)
+    monkeypatch.setattr(native_batch, "_UNRECORDED_ROWS", rows)
+    assert_equal(whole, simulate(physics("servo"), grosmc("servo"), **options))
+
+
+@dataclass(frozen=True)
+class Gain:
+    k: float
+
+
+def pushing_away(t: float, x: Any, memory: Any, p: Any) -> float:
+    memory.v = p.k * x[0]
+    return memory.v
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
+def test_a_run_that_diverges_under_its_disturbance_has_its_step_and_cause(integrator: str) -> None:
+    """At rest on the target it stays for ever; the pulse starts what then grows."""
+    plant, pulse = physics("servo", integrator), Pulse(0.0501, 0.06)
+    push = Disturbance("rotor", (0, 0, 0, 0, 0.1, 0), pulse)
+    law = Controller("pushing away", pushing_away, Gain(1000.0))
+    lists = [[push], [], [replace(push, profile=replace(pulse, start=0.04))]]
+    options: dict[str, Any] = {"plant": plant, "controller": law, "x0": np.zeros((3, 2))}
+    options = {**options, "duration": 0.5, "record": False}
+    runs = [
+        simulate(**options, disturbances=lists),
+        simulate(**options, disturbances=lists, engine="python"),
+        simulate(**options, disturbances=[*map(hidden, lists)]),
+    ]
+    assert list(runs[0].status) == [Status.DIVERGED, Status.COMPLETED, Status.DIVERGED]
+    assert 0.1 < runs[0].valid_until[2] < runs[0].valid_until[0] < 0.4
+    for other in runs[1:]:
+        assert_equal(runs[0], other)
+
+
+def test_an_unrecorded_run_makes_no_table() -> None:
+    problem, _ = prepare(
+        [physics("servo")] * 3,
+        grosmc("servo"),
+        [1.0, 0.0],
+        duration=0.01,
+        disturbances=LISTS["servo"],
+        record=False,
+    )
+    NativeBatch(problem).run()
+    assert "wrenches" not in vars(problem)
+
+
+@pytest.mark.parametrize("record", [False, True])
+def test_a_users_own_profile_is_asked_once_for_each_timestep(record: bool) -> None:
+    """It may not answer twice alike."""
+    asked: list[float] = []
+
+    def profile(t: float) -> float:
+        asked.append(t)
+        return float(len(asked))
+
+    own = [Disturbance("rotor", PUSH, profile), Disturbance("rotor", PUSH, Pulse(0.0, 0.01))]
+    run = simulate(
+        physics("servo"),
+        grosmc("servo"),
+        [1.0, 0.0],
+        duration=0.02,
+        disturbances=own,
+        record=record,
+    )
+    assert asked == (np.arange(20) * 1e-3).tolist()
+    assert run.wrench is not None
+    np.testing.assert_array_equal(run.wrench[-1], 20.0 * np.array(PUSH))
+
+
+class Louder(SineFrom):
+    """A profile that is a known one by its class, but not by its values."""
+
+    def __call__(self, t: float) -> float:
+        return 2.0 * super().__call__(t)
+
+
+def test_a_subclass_keeps_its_own_values() -> None:
+    options: dict[str, Any] = {"duration": 0.02, "record": False, "x0": [1.0, 0.0]}
+    runs = [
+        simulate(
+            physics("servo"),
+            grosmc("servo"),
+            disturbances=[Disturbance("rotor", (0, 0, 0, 0, 0.5, 0), Louder(40.0))],
+            engine=engine,
+            **options,
+        )
+        for engine in ("native", "python")
+    ]
+    assert_equal(*runs)
+
+
+def test_a_known_profile_without_a_value_at_the_end_is_refused_before_the_run() -> None:
+    """frequency t overflows from t = 10 ms on: known without asking for every instant."""
+    never = [Disturbance("rotor", PUSH, SineFrom(1.7e308, phase=1.7e308))]
+    options: dict[str, Any] = {"x0": [1.0, 0.0], "disturbances": never, "record": False}
+    assert simulate(physics("servo"), grosmc("servo"), duration=0.05, **options).time[-1] == 0.05
+    with pytest.raises(ArgumentError, match=r"on 'rotor' must take t \[s\] and return a number"):
+        simulate(physics("servo"), grosmc("servo"), duration=0.2, **options)
+    with pytest.raises(ArgumentError, match=r"unknown body 'rotr': did you mean 'rotor'"):
+        prepare(
+            physics("servo"),
+            grosmc("servo"),
+            [1.0, 0.0],
+            duration=0.1,
+            disturbances=[Disturbance("rotr", PUSH)],
+            record=False,
+        )
+
+
+def test_mujoco_asks_for_the_wrench_after_it_has_asked_for_control() -> None:
+    """Else a wrench that the callback writes would act one timestep later."""
+    model = physics("servo").model
+    data = mujoco.MjData(model)
+
+    def callback(_model: mujoco.MjModel, theirs: mujoco.MjData) -> None:
+        theirs.xfrc_applied[1, 4] = 0.7
+
+    mujoco.set_mjcb_control(callback)
+    try:
+        mujoco.mj_forward(model, data)
+    finally:
+        mujoco.set_mjcb_control(None)
+    by_callback = data.qacc.copy()
+    mujoco.mj_resetData(model, data)
+    data.xfrc_applied[1, 4] = 0.7
+    mujoco.mj_forward(model, data)
+    assert by_callback[0] != 0
+    np.testing.assert_array_equal(by_callback, data.qacc)
+
+
+# What a law remembers
+
+
+@dataclass
+class Meter(Memory):
+    """The largest angle, and two numbers more, of which one is an array."""
+
+    largest: float = 0.0
+    samples: float = 0.0
+    last: Any = None
+
+    def __post_init__(self) -> None:
+        self.last = np.zeros(2)
+
+
+def metered(t: float, x: Any, memory: Any, p: Any) -> float:
+    memory.largest = max(memory.largest, abs(x[0]))
+    memory.samples += 1.0
+    memory.last[0], memory.last[1] = x[0], t
+    return p.k
+
+
+@pytest.mark.parametrize("kind", ["physics", "analytic"])
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_memory_is_that_of_the_law_after_each_kept_sample(kind: str, engine: Any) -> None:
+    plant = physics("servo") if kind == "physics" else physics("servo").analytic()
+    law = Controller("metered", metered, Gain(0.3), Meter)
+    options: dict[str, Any] = {"duration": 0.03, "control_period": 3e-3, "engine": engine}
+    full = simulate(plant, law, [0.3, -9.0], **options)
+    samples = np.arange(30) // 3
+    np.testing.assert_array_equal(full.memory["samples"], samples + 1)
+    np.testing.assert_array_equal(full.memory["last"][:, 0], full.state[3 * samples, 0])
+    np.testing.assert_array_equal(full.memory["last"][:, 1], samples * 3e-3)
+    seen = np.abs(full.state[:30:3, 0])
+    np.testing.assert_array_equal(full.memory["largest"][::3], np.maximum.accumulate(seen))
+    batch = simulate(plant, law, [[0.3, -9.0], [0.1, 0.0]], record=False, **options)
+    assert batch.memory.shape == (2, 1)
+    assert batch.memory[0, -1] == full.memory[-1] == batch[0].memory[-1]
+    assert batch.memory["largest"][1, -1] == batch.memory["last"][1, -1, 0]
+
+
+def test_memory_holds_no_address() -> None:
+    """Or two runs of one robot would differ."""
+    law = Controller("metered", metered, Gain(0.3), lambda: Meter(workspace=4711.0))
+    run = simulate(physics("servo"), law, [0.0, 1.0], duration=0.01)
+    np.testing.assert_array_equal(run.memory["workspace"], 0.0)

@@ -1,0 +1,438 @@
+"""The laws that hold pole and cart: their equations in closed form, and what they do on physics."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grosmc_mj import cli
+from grosmc_mj.arrays import Array
+from grosmc_mj.control import cart as holding
+from grosmc_mj.control.cart import (
+    LEAN,
+    HoldingUncertainty,
+    force_needed,
+    holding_ism,
+    holding_lqr,
+    holding_pfl,
+    linear_model,
+    sliding_dynamics,
+)
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import Realization
+from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.switching import Implicit
+from grosmc_mj.errors import ArgumentError, GainError
+from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.runs import Settings, nominal_controller, run_case
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
+from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.linearization import linearize
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.studies.cart.measure import (
+    CART_BAND,
+    SYSTEM,
+    amplification,
+    cart_settling,
+    gain_ratio,
+    holding_case,
+    parts,
+    projected_law,
+    projections_of,
+    rail_half_length,
+    uncertainty,
+)
+
+PHYSICS = MujocoPlant.load(SYSTEM)
+NOMINAL = PHYSICS.analytic()
+LARGER = BodyEdit("pole", mass_scale=4.0, length_scale=4.0)
+SMOOTH = Realization(Implicit(), 1e-3)
+IMPLICIT = Settings(switching="implicit", surface="discrete")
+# A cart held so stiffly that a longer pole makes the sliding dynamics unstable.
+STIFF = (np.diag([10.0, 100.0, 1.0, 1.0]), 1.0)
+
+
+def member(mass: float, length: float) -> AnalyticPlant:
+    """The plant with a scaled pole."""
+    p = NOMINAL.parameters
+    return replace(NOMINAL, parameters=replace(p, m=mass * p.m, L=length * p.L))
+
+
+def members(count: int) -> list[AnalyticPlant]:
+    """Random members of the declared family."""
+    random = np.random.default_rng(1)
+    return [member(*random.uniform(1.0, 4.0, 2)) for _ in range(count)]
+
+
+def optimum_of(law: Controller) -> LqrDesign:
+    assert law.lqr is not None
+    return law.lqr
+
+
+def force_for(plant: AnalyticPlant, x: Array, w: float) -> tuple[float, float]:
+    """The force that makes theta'' = w, and theta'' per force, from x' = f + g u."""
+    drift, pushed = plant.derivative(x)[3], plant.derivative(x, 1.0)[3]
+    return (w - drift) / (pushed - drift), pushed - drift
+
+
+# cart-pfl: the bound of the force
+
+
+def test_the_force_bounds_what_any_member_needs() -> None:
+    """|u_t - u| + f + eta/E_t, from the plants' equations, is within the closed form."""
+    p = holding_pfl(NOMINAL).parameters
+    random = np.random.default_rng(0)
+    for plant in members(400):
+        x = random.uniform([-3, -1.5, -5, -8], [3, 1.5, 5, 8])
+        w = random.uniform(-30, 30)
+        u, E = force_for(NOMINAL, x, w)
+        u_t, E_t = force_for(plant, x, w)
+        needed = abs(u_t - u) + p.force + p.eta / E_t
+        # Rounding of forces of up to 1e4 N.
+        assert needed <= force_needed(abs(w), x, E, p) * (1 + 1e-9)
+
+
+def test_the_bound_is_attained() -> None:
+    """At rest and leaning against w the heaviest, longest pole needs all of it."""
+    p, x, w = holding_pfl(NOMINAL).parameters, np.array([0.0, 0.7, 0.0, 0.0]), -3.0
+    u, E = force_for(NOMINAL, x, w)
+    u_t, E_t = force_for(member(4.0, 4.0), x, w)
+    needed = abs(u_t - u) + p.force + p.eta / E_t
+    assert force_needed(abs(w), x, E, p) == pytest.approx(needed, rel=1e-9)
+
+
+def test_nothing_uncertain_needs_only_force_and_reaching() -> None:
+    p = holding_pfl(NOMINAL, HoldingUncertainty(1.0, 1.0, 0.3, 0.7)).parameters
+    assert force_needed(5.0, np.array([0.0, 0.4, 0.0, 2.0]), 2.0, p) == pytest.approx(0.3 + 0.35)
+
+
+def test_the_shaped_angle_cannot_overshoot() -> None:
+    K = optimum_of(holding_pfl(NOMINAL)).K[0]
+    assert K[3] ** 2 >= 4 * K[1]
+    # p'' = l w - g theta and theta'' = w, from the plant itself: w by feedback linearization.
+    x, w = np.array([0.0, 1e-5, 0.0, 0.0]), 2e-5
+    u, _ = force_for(NOMINAL, x, w)
+    p = NOMINAL.parameters
+    assert NOMINAL.derivative(x, u)[2] == pytest.approx(4 * p.L / 3 * w - p.g * x[1], rel=1e-8)
+
+
+def test_weights_that_overshoot_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(holding, "WEIGHTS", (np.diag([1.0, 1e5, 1.0, 1.0]), 1.0))
+    with pytest.raises(GainError, match="let the angle overshoot"):
+        holding_pfl(NOMINAL)
+
+
+# cart-ism: gains and sliding dynamics
+
+
+def test_the_slope_of_the_gain_is_never_exceeded() -> None:
+    """|G (A_t - B_t K - A + B K)| / |G B_t| over random members of the family."""
+    law = holding_ism(NOMINAL)
+    p, optimum = law.parameters, optimum_of(law)
+    worst = 0.0
+    for plant in members(3000):
+        A_t, B_t = linear_model(plant)
+        added = A_t - B_t @ p.K - optimum.closed_loop
+        worst = max(worst, float(np.linalg.norm(p.G @ added) / abs((p.G @ B_t).item())))
+    assert 0.9 * p.gamma1 < worst <= p.gamma1
+
+
+def test_the_reaching_gain_makes_up_for_the_least_input_gain() -> None:
+    law = holding_ism(NOMINAL)
+    ratios = [
+        gain_ratio(optimum_of(law), law.parameters.G, linear_model(plant))
+        for plant in [member(4.0, 4.0), *members(500)]
+    ]
+    assert law.parameters.eta * min(ratios) == pytest.approx(HoldingUncertainty().reaching_rate)
+
+
+def test_matched_uncertainty_leaves_the_sliding_dynamics() -> None:
+    optimum = optimum_of(holding_lqr(NOMINAL))
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        A_t = optimum.A + optimum.B @ random.normal(size=(1, 4)) * 10
+        B_t = optimum.B * random.uniform(0.1, 3)
+        for G in (np.linalg.pinv(optimum.B), random.normal(size=(1, 4))):
+            found = sliding_dynamics(optimum, G, A_t, B_t)
+            scale = float(np.linalg.norm(A_t) * np.linalg.norm(B_t) * np.linalg.norm(G))
+            scale *= 1e-12 / abs((G @ B_t).item())
+            np.testing.assert_allclose(found, optimum.closed_loop, rtol=0, atol=scale)
+
+
+def test_sliding_means_that_s_stands_still() -> None:
+    """G x' = G (A - B K) x on s = 0, whatever the plant."""
+    optimum = optimum_of(holding_lqr(NOMINAL))
+    for plant in members(20):
+        for G in projections_of(optimum).values():
+            if G is not None:
+                found = G @ sliding_dynamics(optimum, G, *linear_model(plant))
+                np.testing.assert_allclose(found, G @ optimum.closed_loop, rtol=1e-9, atol=1e-9)
+
+
+def test_every_member_slides_to_rest() -> None:
+    law = holding_ism(NOMINAL)
+    optimum, G = optimum_of(law), law.parameters.G
+    for plant in [NOMINAL, member(4.0, 4.0), *members(200)]:
+        poles = np.linalg.eigvals(sliding_dynamics(optimum, G, *linear_model(plant)))
+        # Its slowest pole under 4m and 4L is -0.619/s.
+        assert poles.real.max() < -0.6
+
+
+def test_a_surface_that_a_member_reverses_is_refused() -> None:
+    _, B = linear_model(NOMINAL)
+    # G B = -0.2 B_3, but the longer pole turns less per force: G B_t > 0.
+    with pytest.raises(GainError, match="of the nominal one: choose another G"):
+        holding_ism(NOMINAL, G=[[0.0, 0.0, 1.0, -1.2 * B[2, 0] / B[3, 0]]])
+
+
+def test_unstable_sliding_dynamics_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(holding, "WEIGHTS", STIFF)
+    with pytest.raises(GainError, match=r"sliding dynamics have a pole at .* no switching gain"):
+        holding_ism(NOMINAL)
+    # It is the length: with the nominal one any mass will do.
+    holding_ism(NOMINAL, uncertainty=HoldingUncertainty(length=1.0))
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"mass": 0.9}, {"length": 0.0}, {"mass": math.nan}, {"force": -1.0}, {"force": math.nan},
+        {"reaching_rate": 0.0},
+    ],
+)  # fmt: skip
+def test_wrong_numbers_are_refused(numbers: dict[str, float]) -> None:
+    with pytest.raises(GainError, match="must"):
+        HoldingUncertainty(**numbers)
+
+
+@pytest.mark.parametrize("G", [[[1.0, 0.0]], [[1.0, 0.0, 0.0, 0.0]], [[0.0, 0.0, math.inf, 0.0]]])
+def test_unusable_projections_are_refused(G: list[list[float]]) -> None:
+    with pytest.raises(GainError):
+        holding_ism(NOMINAL, G=G)
+
+
+def test_the_family_has_its_corners() -> None:
+    p = NOMINAL.parameters
+    found = {(m.m / p.m, m.L / p.L) for m in HoldingUncertainty(4.0, 9.0).family(p)}
+    assert found == {(a, b) for a in (1.0, 2.0, 4.0) for b in (1.0, 3.0, 9.0)}
+    assert all(isinstance(m, CartPendulumParameters) for m in HoldingUncertainty().family(p))
+
+
+def test_mujocos_linear_model_gives_the_same_laws() -> None:
+    model = linearize(PHYSICS)
+    for found, expected in zip(model, linear_model(NOMINAL), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    for make in (holding_lqr, holding_ism):
+        ours, theirs = make(NOMINAL).gains, make(NOMINAL, model).gains
+        assert ours.keys() == theirs.keys()
+        np.testing.assert_allclose(list(ours.values()), list(theirs.values()), rtol=1e-8)
+
+
+def test_the_cases_of_validate_do_not_run_them() -> None:
+    for name in ("cart-lqr", "cart-ism", "cart-pfl"):
+        assert chapter_controller(name, NOMINAL).name == name
+    with pytest.raises(ArgumentError, match="did you mean 'cart-ism'"):
+        chapter_controller("cart-imp", NOMINAL)
+
+
+# What is unmatched
+
+
+def test_mass_is_matched_and_length_is_not() -> None:
+    found = {row.name: row for row in parts()}
+    # Rounding of MuJoCo's differences, 1e-10 of the largest entry of A.
+    assert found["4m"].unmatched < 1e-9 * found["4m"].matched
+    assert found["4L"].unmatched > 0.5 * found["4L"].matched
+
+
+def test_the_parts_are_orthogonal_and_add_up() -> None:
+    optimum, model = optimum_of(holding_lqr(NOMINAL)), linear_model(member(4.0, 4.0))
+    matched, unmatched = uncertainty(optimum, model)
+    np.testing.assert_allclose(matched.T @ unmatched, 0, atol=1e-10)
+    np.testing.assert_allclose(
+        matched + unmatched, model[0] - model[1] @ optimum.K - optimum.closed_loop, atol=1e-12
+    )
+
+
+def test_amplification_is_the_length_of_b_over_what_g_sees() -> None:
+    """phi_u is along (-B_4, B_3) in the rates: [0 0 1 0] makes it |B|/B_3 times as long."""
+    optimum, model = optimum_of(holding_lqr(NOMINAL)), linear_model(member(4.0, 4.0))
+    B = optimum.B[:, 0]
+    matrices = projections_of(optimum)
+    expected = {"B+": 1.0, "[0 0 1 0]": 1 / B[2], "[0 0 0 1]": 1 / B[3]}
+    for name, factor in expected.items():
+        size = 1.0 if name == "B+" else np.linalg.norm(B)
+        assert amplification(optimum, matrices[name], model) == pytest.approx(factor * size)
+
+
+def test_the_optimums_own_g_minimizes_neither() -> None:
+    """Among the rates' projections only B+ has the least amplification, 1."""
+    optimum, model = optimum_of(holding_lqr(NOMINAL)), linear_model(member(4.0, 4.0))
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        G = np.array([[*random.normal(size=4)]])
+        value = amplification(optimum, G, model)
+        assert value is not None
+        assert value >= 1 - 1e-12
+
+
+def test_nothing_is_amplified_where_all_is_matched() -> None:
+    optimum = optimum_of(holding_lqr(NOMINAL))
+    assert amplification(optimum, np.linalg.pinv(optimum.B), linear_model(member(4.0, 1.0))) is None
+
+
+def test_the_cart_settles_when_it_stays() -> None:
+    time = np.arange(0.0, 10.001, 0.01)
+    assert cart_settling(time, np.zeros_like(time)).value == 0.0
+    once = np.where(time < 3.0 - 1e-9, 1.0, CART_BAND)
+    assert cart_settling(time, once).value == pytest.approx(3.0)
+    assert cart_settling(time, np.where(time < 9.5, 1.0, 0.0)).note == "not reached"
+    assert cart_settling(time, np.ones_like(time)).note == "not reached"
+
+
+def test_the_rail_is_the_models() -> None:
+    model = PHYSICS.model
+    posts = [model.geom(i).pos[0] for i in range(model.ngeom) if "post" in model.geom(i).name]
+    assert rail_half_length(PHYSICS) == max(posts) == -min(posts)
+
+
+# On physics
+
+
+@cache
+def held(case: str, law: str) -> Trajectory:
+    return run_case(holding_case(case), "physics", law, IMPLICIT).trajectory
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["cart-ism", "cart-pfl"])
+@pytest.mark.parametrize("case", ["nominal", "case1", "case2"])
+def test_pole_and_cart_are_held(case: str, law: str) -> None:
+    run = held(case, law)
+    late = run.state[run.time > run.time[-1] - 5]
+    assert np.abs(late[:, 0]).max() < 0.005
+    assert np.abs(late[:, 1]).max() < 1e-3
+    # Measured: 1.04 m at most.
+    assert np.abs(run.state[:, 0]).max() < 1.2
+
+
+@pytest.mark.slow
+def test_the_chapters_law_coasts_away() -> None:
+    run = held("nominal", "grosmc")
+    speed = run.state[run.time > 5, 2]
+    assert np.ptp(speed) < 1e-3 * abs(speed.mean())
+    assert abs(run.state[-1, 0]) > 15
+
+
+@pytest.mark.slow
+def test_lqr_of_small_angles_costs_what_the_riccati_equation_says() -> None:
+    """J = x0' P x0 / 2 on physics, for 0.1 degrees, sampled at 1 kHz."""
+    law = nominal_controller(SYSTEM, "cart-lqr", "corrected")
+    design = optimum_of(law)
+    x0 = np.array([0.0, math.radians(0.1), 0.0, 0.0])
+    run = simulate(PHYSICS, law, x0, duration=20.0)
+    of_state = np.trapezoid(np.einsum("ti,ij,tj->t", run.state, design.Q, run.state), run.time)
+    found = 0.5 * (of_state + float(design.R[0, 0]) * run.input**2 @ np.diff(run.time))
+    # Half a sample of delay, 0.5 ms, against time constants of 70 ms: 1 % at most.
+    assert found == pytest.approx(design.optimal_cost(x0), rel=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("G", ["B+", "[0 0 1 0]", "[0 0 0 1]", "B'P"])
+def test_physics_follows_the_sliding_dynamics(G: str) -> None:
+    """From 1 degree under 4m and 4L x is exp(sliding dynamics t) x0, not the optimum."""
+    optimum = optimum_of(nominal_controller(SYSTEM, "cart-lqr", "corrected"))
+    matrix = projections_of(optimum)[G]
+    assert matrix is not None
+    plant = PHYSICS.edited(LARGER)
+    x0 = np.array([0.0, -math.radians(1.0), 0.0, 0.0])
+    run = simulate(plant, projected_law(matrix, SMOOTH), x0, duration=8.0)
+    dynamics = sliding_dynamics(optimum, matrix, *linearize(plant))
+    # Only the matrix of an optimum's trajectory is asked for: A - B K with B = 0.
+    predicted = optimum._replace(A=dynamics, B=0 * optimum.B).optimal_trajectory(x0, run.time)
+    start = abs(x0[1])
+    assert np.abs(run.state[:, 1] - predicted[:, 1]).max() < 0.03 * start
+    assert np.abs(optimum.optimal_trajectory(x0, run.time)[:, 1] - predicted[:, 1]).max() > (
+        0.2 * start
+    )
+
+
+@pytest.mark.slow
+def test_the_angle_stays_within_its_start_or_the_lean() -> None:
+    law = nominal_controller(SYSTEM, "cart-pfl", "corrected", IMPLICIT.realization(SYSTEM))
+    angles = [5.0, 15.0, 25.0, 45.0, 60.0]
+    starts = [[p, math.radians(angle), 0.0, 0.0] for angle in angles for p in (0.0, 10.0)]
+    for plant in (PHYSICS, PHYSICS.edited(LARGER)):
+        runs = simulate([plant] * len(starts), law, starts, duration=10.0)
+        for start, state in zip(starts, runs.state, strict=True):
+            # A sample's delay of the switching input.
+            assert np.abs(state[:, 1]).max() <= 1.01 * max(start[1], LEAN)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("switching", ["sign", "implicit"])
+@pytest.mark.parametrize("law", ["cart-lqr", "cart-ism", "cart-pfl"])
+def test_engines_agree_bit_for_bit(law: str, switching: str) -> None:
+    case = find_case(SYSTEM, "case1")
+    how = Settings(switching=switching).realization(SYSTEM)
+    controller = nominal_controller(SYSTEM, law, "corrected", how)
+    plant = PHYSICS.edited(*case.edits)
+    native, python = (
+        simulate(plant, controller, case.x0, duration=0.5, engine=engine)
+        for engine in ("native", "python")
+    )
+    np.testing.assert_array_equal(native.state, python.state)
+    np.testing.assert_array_equal(native.command, python.command)
+    if native.sliding is not None:
+        np.testing.assert_array_equal(native.sliding, python.sliding)
+
+
+@pytest.mark.slow
+def test_mass_leaves_the_optimum_and_length_does_not() -> None:
+    case, start = replace(find_case(SYSTEM, "nominal"), duration=6.0), math.radians(10)
+    for edit, low, high in (
+        (BodyEdit("pole", mass_scale=4.0), 0.0, 0.02),
+        (BodyEdit("pole", length_scale=4.0), 0.1, 1.0),
+    ):
+        result = run_case(replace(case, edits=(edit,)), "physics", "cart-ism", IMPLICIT)
+        astray = float(np.abs(result.comparison.deviation).max())
+        assert low * start <= astray <= high * start
+
+
+# grosmc-mj hold
+
+
+def test_hold_refuses_wrong_names(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, message in (
+        (("--switching", "implict"), "did you mean 'implicit'?"),
+        (("--surface", "smooth"), "unknown surface 'smooth'"),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["hold", *arguments])
+        assert stop.value.code == cli.WRONG
+        assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_hold_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["hold", "--out", str(tmp_path)])
+    assert stop.value.code == cli.DONE
+    said = capsys.readouterr().out
+    assert all(word in said for word in ("cart-ism", "G = [0 0 1 0]", "settled [s]", "unmatched"))
+    document = json.loads((tmp_path / "hold.json").read_text(encoding="utf-8"))
+    assert document["schema_version"] == 1
+    assert len(document["runs"]) == 12
+    assert [row["name"] for row in document["uncertainties"]] == ["4m", "4L", "4m, 4L"]
+    assert (tmp_path / "hold.png").stat().st_size > 50_000
+    assert (tmp_path / "hold.svg").is_file()

@@ -1,0 +1,312 @@
+"""Region maps: which starts converge, and that a map's cell is the run that it stands for."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import hear_interrupts
+
+from grosmc_mj import cli, simulate
+from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
+from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
+from grosmc_mj.simulation.mujoco_plant import undrawn
+from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.studies.region.axes import choose_axes, starts_on
+from grosmc_mj.studies.region.loop import Loop, state_names
+from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion, outcomes
+from grosmc_mj.studies.region.outcome import Outcome, judge
+
+SETTINGS = Settings(integrator="implicitfast")
+CONVERGED = Outcome.CONVERGED.value
+
+
+def loop(system: str, case: str, controller: str) -> Loop:
+    return Loop.of(find_system(system), find_case(system, case), controller, SETTINGS)
+
+
+def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:
+    """States with these angles [degrees] and rates [rad/s] of the pole."""
+    starts = np.zeros((len(pairs), 4))
+    starts[:, [1, 3]] = [(math.radians(angle), rate) for angle, rate in pairs]
+    return starts
+
+
+@pytest.mark.parametrize(
+    ("status", "error", "outcome"),
+    [
+        (Status.COMPLETED, (0.009, -0.09), Outcome.CONVERGED),
+        (Status.COMPLETED, (0.01, 0.1), Outcome.CONVERGED),
+        (Status.COMPLETED, (0.0, 0.11), Outcome.NOT_CONVERGED),
+        (Status.COMPLETED, (-0.011, 0.0), Outcome.NOT_CONVERGED),
+        (Status.COMPLETED, (math.nan, 0.0), Outcome.NOT_CONVERGED),
+        (Status.UNDEFINED_LAW, (0.0, 0.0), Outcome.LEFT),
+        (Status.SINGULAR_PLANT, (0.0, 0.0), Outcome.SINGULAR),
+        (Status.DIVERGED, (0.0, 0.0), Outcome.DIVERGED),
+    ],
+)
+def test_a_run_is_judged_by_its_end(
+    status: Status, error: tuple[float, float], outcome: Outcome
+) -> None:
+    assert judge(status, error, (0.01, 0.1)) is outcome
+
+
+def test_a_pole_that_swings_right_round_has_not_converged() -> None:
+    assert judge(Status.COMPLETED, (2 * math.pi, 0.0), (0.01, 0.1)) is Outcome.NOT_CONVERGED
+
+
+def test_states_are_named_in_ascii() -> None:
+    assert state_names(CART_PENDULUM) == ["p", "theta", "p_dot", "theta_dot"]
+    assert state_names(SERVO) == ["theta", "theta_dot"]
+
+
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm"])
+def test_the_starts_have_the_errors_that_the_axes_say(system: str) -> None:
+    law = loop(system, "nominal", "lqr")
+    axes = choose_axes(law, None, {"rad": 1.0, "rad/s": 3.0})
+    first, second = np.array([-0.5, 0.25]), np.array([2.0, -1.0])
+    starts = starts_on(law, axes, first, second)
+    np.testing.assert_allclose(law.errors(0.0, starts), np.stack([first, second], 1), atol=1e-12)
+
+
+def test_the_errors_of_the_case_starts_are_the_chapters() -> None:
+    servo, arm = loop("servo", "nominal", "lqr"), loop("arm", "nominal", "lqr")
+    assert servo.equilibrium == pytest.approx([1.0, 0.0])
+    assert arm.equilibrium == pytest.approx([0.0, math.pi])
+
+
+def test_axes_can_be_any_two_states() -> None:
+    axes = choose_axes(loop("cart_pendulum", "nominal", "lqr"), ("p", "θ"), {"m": 0.4})
+    assert [axis.key for axis in axes] == ["p", "theta"]
+    assert [axis.limit for axis in axes] == [0.4, math.pi / 2]
+    assert [axis.is_error for axis in axes] == [False, True]
+
+
+@pytest.mark.parametrize("system", ["cart_pendulum", "arm"])
+@pytest.mark.parametrize("case", ["nominal", "edited"])
+def test_what_is_drawn_does_not_move_the_plant(system: str, case: str) -> None:
+    edited = {"cart_pendulum": "case1", "arm": "case2"}[system]
+    named = find_case(system, edited if case == "edited" else case)
+    full = case_plant(named, "physics", SETTINGS)
+    law = nominal_controller(system, "grosmc", "corrected")
+    bare = undrawn(full)  # pyright: ignore[reportArgumentType]
+    assert bare.model.ngeom == 0
+    runs = [simulate(each, law, named.x0, duration=0.5) for each in (full, bare)]
+    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+
+
+@pytest.mark.parametrize("controller", ["lqr", "fl-lqr", "grosmc"])
+def test_a_cell_is_the_run_that_it_stands_for(controller: str) -> None:
+    law, case = loop("cart_pendulum", "case1", controller), find_case("cart_pendulum", "case1")
+    starts = pendulum_starts((-10, 0), (40, 8))
+    batch = law.run(starts, 2.0)
+    plain = nominal_controller("cart_pendulum", controller, "corrected")
+    plant = case_plant(case, "physics", SETTINGS)
+    single = simulate(plant, plain, starts[0], duration=2.0, control_period=1e-3)
+    assert batch.status[0] is Status.COMPLETED
+    np.testing.assert_array_equal(batch.state[0, -1], single.state[-1])
+    assert batch.status[1] is Status.UNDEFINED_LAW
+    if controller == "lqr":
+        # The Jacobian LQR goes on; its guard ends it at the first sample outside.
+        run = simulate(plant, plain, starts[1], duration=2.0, control_period=1e-3)
+        left = run.time[np.argmax(np.abs(run.state[:, 1]) >= math.pi / 2)]
+    else:
+        with pytest.raises(UndefinedLawError) as error:
+            simulate(plant, plain, starts[1], duration=2.0, control_period=1e-3)
+        left = error.value.time
+    assert left == batch.valid_until[1]
+
+
+def test_fl_lqr_converges_if_its_optimal_trajectory_stays_in_the_region() -> None:
+    law = loop("cart_pendulum", "nominal", "fl-lqr")
+    angles, rates = np.meshgrid(np.linspace(-80, 80, 9), np.linspace(-9, 9, 9))
+    pairs = list(zip(angles.ravel().tolist(), rates.ravel().tolist(), strict=True))
+    starts = pendulum_starts(*pairs)
+    design = law.controller.lqr
+    assert design is not None
+    instants = np.arange(0, 6, 0.002)
+    peaks = [np.abs(design.optimal_trajectory(x[[1, 3]], instants)[:, 0]).max() for x in starts]
+    # Feedback linearization makes the optimum exact but for the hold between two samples.
+    clear = np.abs(np.array(peaks) - math.pi / 2) > 0.02
+    stays = np.array(peaks) < math.pi / 2
+    assert stays[clear].any()
+    assert not stays[clear].all()
+    converged = outcomes(law, starts, 6.0) == CONVERGED
+    np.testing.assert_array_equal(converged[clear], stays[clear])
+
+
+@pytest.mark.slow
+def test_grosmc_converges_wherever_fl_lqr_does_and_keeps_more_of_it() -> None:
+    maps = {
+        (each.case.name, each.controller): each.grid == CONVERGED
+        for each in Region(RegionQuestion("cart_pendulum", points=8, duration=12.0)).maps()
+    }
+    nominal, edited = maps["nominal", "grosmc"], maps["case1", "grosmc"]
+    assert np.all(nominal >= maps["nominal", "fl-lqr"])
+    assert edited.sum() > 2 * maps["case1", "fl-lqr"].sum()
+    # The pendulum has no left and no right.
+    for grid in maps.values():
+        np.testing.assert_array_equal(grid, grid[::-1, ::-1])
+
+
+@pytest.mark.slow
+def test_looking_early_changes_no_outcome() -> None:
+    angles, rates = np.meshgrid(np.linspace(-80, 80, 6), np.linspace(-6, 6, 6))
+    starts = pendulum_starts(*zip(angles.ravel().tolist(), rates.ravel().tolist(), strict=True))
+    for controller in ("lqr", "fl-lqr", "grosmc"):
+        law = loop("cart_pendulum", "case1", controller)
+        np.testing.assert_array_equal(
+            outcomes(law, starts, 9.0), outcomes(law, starts, 9.0, looks=(1.0,))
+        )
+
+
+def test_a_start_near_zero_that_drifts_away_is_not_called_converged_early() -> None:
+    law = loop("cart_pendulum", "nominal", "fl-lqr")
+    # Without feedback the linearized pole is a double integrator: it drifts at its first rate,
+    # still near zero at the first look and beyond the tolerance at the end.
+    idle = replace(law.controller.parameters, K=np.zeros((1, 2)))
+    drifting = replace(law, controller=replace(law.controller, parameters=idle))
+    starts = pendulum_starts((0.0, 0.002))
+    assert outcomes(drifting, starts, 12.0).tolist() == [Outcome.NOT_CONVERGED.value]
+    assert outcomes(drifting, starts, 1.0).tolist() == [CONVERGED]
+
+
+def test_the_arm_ends_at_its_singularity() -> None:
+    law = loop("arm", "nominal", "grosmc")
+    starts = law.equilibrium + np.array([[0.5, 0.0], [1.5, 5.0]])
+    found = outcomes(law, starts, 6.0).tolist()
+    assert found == [CONVERGED, Outcome.SINGULAR.value]
+
+
+@pytest.mark.slow
+def test_the_servo_converges_from_everywhere() -> None:
+    for each in Region(RegionQuestion("servo", points=4)).maps():
+        assert set(each.grid.ravel()) == {CONVERGED}
+
+
+def test_the_interval_at_rest_ends_at_the_first_start_that_fails() -> None:
+    starts = np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5])
+
+    def interval(letters: str) -> tuple[float, float] | None:
+        case, none = find_case("servo", "nominal"), np.empty((0, 0), str)
+        return RegionMap(case, "lqr", none, np.array(list(letters)), starts, 0.0).rest_interval()
+
+    assert interval("cccccc") == (-2.5, 2.5)
+    assert interval("lccccn") == (-1.5, 1.5)
+    assert interval("clcccn") == (-0.5, 1.5)
+    assert interval("ccclcc") is None
+
+
+@pytest.mark.parametrize(
+    ("question", "says"),
+    [
+        (RegionQuestion("cart_pendulum", points=1), "1 points per axis must be from 2 to 1000"),
+        (RegionQuestion("cart_pendulum", duration=0.0), "duration 0 s must be positive"),
+        (RegionQuestion("cart_pendulum", duration=math.nan), "duration nan s must be positive"),
+        (RegionQuestion("arm", limits={"rad": math.nan}), "must be finite and positive"),
+        (RegionQuestion("cart_pendulum", case="case9"), "valid: nominal, case1, case2"),
+        (RegionQuestion("cart_pendulum", case="nominal"), "take case1"),
+        (RegionQuestion("cart_pendulum", case="case2", duration=8.0), "disturbed from 9 s on"),
+        (RegionQuestion("arm", axes=("q", "q")), "two different states of arm: q, q_dot"),
+        (RegionQuestion("arm", axes=("q", "p")), "unknown state of arm 'p': valid: q, q_dot"),
+        (RegionQuestion("arm", limits={"rad": 2.0}), "lie outside q < pi/2"),
+        (RegionQuestion("cart_pendulum", limits={"rad": 2.0}), "lie outside |theta| < pi/2"),
+    ],
+)
+def test_a_question_without_sense_is_refused(question: RegionQuestion, says: str) -> None:
+    with pytest.raises(ArgumentError) as error:
+        Region(question)
+    assert says in str(error.value)
+
+
+def test_an_unknown_system_is_refused() -> None:
+    with pytest.raises(ModelError, match="unknown system 'leg'"):
+        Region(RegionQuestion("leg"))
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("region",), "SYSTEM"),
+        (("region", "leg"), "unknown system 'leg': valid: servo, cart_pendulum, arm"),
+        (("region", "arm", "--points", "1"), "must be from 2 to 1000"),
+        (("region", "arm", "--points", "2.5"), "--points"),
+        (("region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
+        (("region", "arm", "--rate", "inf"), "--rate inf must be finite and positive"),
+        (("region", "arm", "--duration", "-1"), "duration -1 s must be positive"),
+        (("region", "arm", "--axes", "q"), "--axes"),
+        (("region", "arm", "--integrator", "heun"), "valid: Euler, RK4"),
+        (("region", "arm", "--points", "2", "--out", "/dev/null/x"), "cannot write /dev/null/x"),
+    ],
+)
+def test_wrong_use_gets_one_line_and_exit_code_2(
+    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_the_command_writes_figure_and_grids(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("region", "arm", "--points", "5", "--duration", "6", "--out", str(tmp_path)) == 0
+    names = {f"region_arm.{suffix}" for suffix in ("json", "png", "svg")}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    document = json.loads((tmp_path / "region_arm.json").read_text(encoding="utf-8"))
+    assert document["schema_version"] == 1
+    assert [axis["state"] for axis in document["configuration"]["axes"]] == ["q", "q_dot"]
+    maps = {(each["case"], each["controller"]): each for each in document["maps"]}
+    assert set(maps) == {(c, law) for c in ("nominal", "case2") for law in ("lqr", "grosmc")}
+    for each in maps.values():
+        assert [len(row) for row in each["grid"]] == [5] * 5
+        assert sum(each["counts"].values()) == 25
+        assert "".join(each["grid"]).count("c") == each["counts"]["converged"]
+    # GROSMC holds what LQR loses altogether with twice the payload.
+    assert maps["case2", "grosmc"]["counts"]["converged"] > 0
+    assert maps["case2", "lqr"]["counts"]["converged"] == 0
+    assert "none" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_an_interrupted_command_leaves_the_old_files_and_nothing_else(tmp_path: Path) -> None:
+    old = tmp_path / "region_cart_pendulum.json"
+    old.write_text("old", encoding="utf-8")
+    command = [sys.executable, "-m", "grosmc_mj.cli", "region", "cart_pendulum"]
+    with subprocess.Popen(
+        [*command, "--out", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+        preexec_fn=hear_interrupts,
+    ) as process:
+        deadline = time.monotonic() + 60
+        while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == cli.INTERRUPTED
+    assert "interrupted" in said
+    assert [path.name for path in tmp_path.iterdir()] == [old.name]
+    assert old.read_text(encoding="utf-8") == "old"
