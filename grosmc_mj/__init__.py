@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
     from grosmc_mj.control.switching import find_switching
     from grosmc_mj.errors import DivergenceError, GrosmcError
-    from grosmc_mj.experiments.case import cases
     from grosmc_mj.experiments.designs import chapter_controller
     from grosmc_mj.films.film import Film, Format, Take
     from grosmc_mj.films.write import write_film
@@ -49,7 +48,6 @@ _HOMES = {
     "affine_plant": "plants",
     "AnalyticPlant": "plants",
     "BodyEdit": "simulation.edits",
-    "cases": "experiments.case",
     "chapter_controller": "experiments.designs",
     "computed_torque_pd": "control.design",
     "constant": "control.references",
@@ -122,7 +120,6 @@ __all__ = [
     "Trajectory",
     "Uncertainty",
     "affine_plant",
-    "cases",
     "chapter_controller",
     "computed_torque_pd",
     "constant",

@@ -120,7 +120,6 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
         "linearize": (gm.linearize, {"plant": servo(), "x": None, "u": 0.0}),
         "load_model": (gm.load_model, {"name": "servo"}),
-        "cases": (gm.cases, {"system": "servo"}),
         "find_switching": (gm.find_switching, {"name": "sign"}),
         "constant": (lambda degree: gm.constant(degree), {"degree": 2}),
         "reference": (gm.reference, {"outputs": [sp.sin(gm.TIME)], "degrees": (2,)}),
