@@ -17,7 +17,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.plants import SERVO
 from grosmc_mj.rendering import chart, frames
 from grosmc_mj.rendering.board import OVERSAMPLING, Storyboard, Trace
-from grosmc_mj.rendering.camera import place
+from grosmc_mj.rendering.camera import Placement, place
 from grosmc_mj.rendering.chart import draw_chart
 from grosmc_mj.rendering.film import FREE_CAMERA, Film, Format, Take
 from grosmc_mj.rendering.layout import Layout
@@ -278,7 +278,7 @@ def drawn(board: Storyboard, index: int, monkeypatch: pytest.MonkeyPatch) -> tup
     """A frame, and the renderer that it was drawn with."""
     monkeypatch.setattr(frames.mujoco, "Renderer", Blank)
     maker = frames.FrameMaker(board)
-    return maker.frame(index), maker._renderer  # pyright: ignore
+    return maker.frame(index), maker._renderer
 
 
 def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_places(
@@ -286,6 +286,7 @@ def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_plac
 ) -> None:
     slower = replace(made_up(), physics=0.5 * np.asarray(made_up().physics))
     board = storyboard(film(Format(480, 320, fps=10), made_up(), slower))
+    board = replace(board, placement=Placement(0.3, 0.4, 1.2))
     for index in (0, 5, 9):
         frame, renderer = drawn(board, index, monkeypatch)
         t = index / 10
@@ -294,6 +295,8 @@ def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_plac
         assert (max(renderer.pushed) > 0) == (0.4 <= t < 0.6)
         box = board.layout.picture(0)
         assert renderer.shape == (OVERSAMPLING * box.height, OVERSAMPLING * box.width, 3)
+        moved = renderer.scene.camera[0].pos - board.model.cam_pos[board.camera]
+        assert np.linalg.norm(moved) == pytest.approx(1.3, abs=SINGLE)
         for number in range(2):
             box = board.layout.picture(number)
             assert np.all(frame[box.top : box.bottom, box.left : box.right] == 77)
@@ -312,16 +315,16 @@ def test_a_run_that_is_over_says_so_and_is_pushed_no_more(monkeypatch: pytest.Mo
     cut = {name: getattr(whole, name)[:50] for name in ("command", "input", "weighed", "wrench")}
     cut |= {name: getattr(whole, name)[:51] for name in ("time", "state", "physics")}
     short = replace(whole, **cut)
-    takes = (Take("One", "#D55E00", short, ended="over"), Take("Two", "#0072B2", whole))
+    takes = (Take("One", "#D55E00", whole), Take("Two", "#0072B2", short, ended="over"))
     board = storyboard(replace(film(Format(480, 320, fps=10), whole), takes=takes))
-    assert [scene.over for scene in board.scenes] == [5, 10]
+    assert [scene.over for scene in board.scenes] == [10, 5]
     strips = []
-    for index, pushed in ((4, [True, True]), (5, [False, True])):
+    for index, pushed in ((4, [True, True]), (5, [True, False])):
         frame, renderer = drawn(board, index, monkeypatch)
         assert [size > 0 for size in renderer.pushed[::2]] == pushed
-        label = board.layout.label(0)
+        label = board.layout.label(1)
         strips.append(frame[label.top : label.bottom, label.left : label.right])
-        other = board.layout.label(1)
+        other = board.layout.label(0)
         part = (slice(other.top, other.bottom), slice(other.left, other.right))
         np.testing.assert_array_equal(frame[part], board.chart.empty[part])
     assert np.any(strips[0] != strips[1])
@@ -340,4 +343,12 @@ def test_the_film_s_camera_is_placed_by_all_of_its_frames() -> None:
     board = storyboard(Film("Away", cart.model, (Take("One", "#D55E00", run),), form))
     # The last of fifty frames is at 0.98 s.
     assert board.placement.right == pytest.approx(3 * 0.98, abs=1e-3)
-    assert board.placement.back > 0
+    ends = []
+    for row in (0, 98):
+        ends.append(mujoco.MjData(board.model))
+        ends[-1].qpos[:] = physics[row, 1:3]
+        mujoco.mj_forward(board.model, ends[-1])
+    box = board.layout.picture(0)
+    wanted = place(board.model, board.camera, ends, box.width / box.height)
+    assert tuple(board.placement) == pytest.approx(tuple(wanted), abs=SINGLE)
+    assert wanted.back > 0

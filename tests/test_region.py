@@ -216,7 +216,7 @@ def test_a_map_has_the_second_axis_down_the_first_across_and_the_line_on_the_fir
         return np.where((angle > 0) & (angle > rate), "c", "d")
 
     monkeypatch.setattr(region, "outcomes", made_up)
-    monkeypatch.setattr(region, "BATCH", 7)
+    monkeypatch.setattr(region, "BATCH", 8)
     limits = {"rad": 1.5, "rad/s": 4.5}
     question = RegionQuestion("cart_pendulum", points=3, limits=limits, controllers=("lqr",))
     advances: list[str] = []
