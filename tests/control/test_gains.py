@@ -21,10 +21,11 @@ from grosmc_mj.control.gains import (
     SwitchingGains,
     Uncertainty,
     authority,
+    authority_together,
     switching_gains,
 )
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.references import Setpoint, setpoint
+from grosmc_mj.control.references import Setpoint, Setpoints, constant, setpoint
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.designs import (
     ARM_ERROR,
@@ -42,6 +43,7 @@ from grosmc_mj.experiments.designs import (
     pendulum_uncertainty,
 )
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, System
+from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.cart_pendulum import pole_torque
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
@@ -217,6 +219,19 @@ def test_pole_torque_is_a_hundredth_of_a_radian_per_second_squared():
     assert plant.derivative(np.zeros(4), 0.0, wrench)[3] == pytest.approx(0.01, rel=1e-12)
 
 
+def test_the_declared_pole_torque_is_all_of_the_pendulum_s_constant_gain():
+    """A force or a torque about another axis would ask for another one, or for none.
+
+    By hand, as above, with torque = I d and I = m L^2 (4/3 - m/(M+m)), the inertia of the
+    upright pole on its free cart.
+    """
+    p: Any = nominal("cart_pendulum").parameters
+    uncertainty = family("cart_pendulum")
+    torque = 0.01 * p.m * p.L**2 * (4 / 3 - p.m / (p.M + p.m))
+    expected = torque * (p.M + p.m) / (p.m * p.L * math.cos(uncertainty.region[0]))
+    assert robust("cart_pendulum").parameters.gamma0 == pytest.approx(expected, rel=1e-9)
+
+
 def gains_of(error: ErrorCoordinates, uncertainty: Uncertainty, **options: Any) -> SwitchingGains:
     p = robust(error.system.name).parameters
     return switching_gains(error, p, p.K, uncertainty, G=p.G, **options)
@@ -320,6 +335,31 @@ def test_authority_over_several_inputs_is_what_the_worst_signs_leave() -> None:
             sides = [np.array(side) for side in itertools.product((-1.0, 1.0), repeat=m)]
             worst = min(float((side * (R @ side)).min()) for side in sides)
             assert authority(R) == pytest.approx(worst, rel=1e-12, abs=1e-12)
+
+
+def test_authority_along_s_is_the_least_share_that_points_back() -> None:
+    """min over s of s' R s / |s|^2, over a fine circle of s; R need not be symmetric."""
+    angle = np.linspace(0, np.pi, 10_001)
+    s = np.array([np.cos(angle), np.sin(angle)])
+    random = np.random.default_rng(5)
+    for R in random.normal(size=(50, 2, 2)):
+        worst = float(np.einsum("it,ij,jt->t", s, R, s).min())
+        assert authority_together(R) == pytest.approx(worst, abs=1e-6)
+
+
+def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> None:
+    """By hand, R = [[1.45, 0.45], [0.025, 1]] at k = 1.05: 0.975 by rows, 0.898 along s."""
+    k = sp.Symbol("k")
+    mixer = affine_plant(
+        "mixer", states={"a": "m", "b": "m"}, inputs={"u": "m/s", "v": "m/s"}, f=[0, 0],
+        g=[[9 * k - 8, 9 * (k - 1)], [(k - 1) / 2, 1]], h=sp.symbols("a b"), parameters={"k": 1.0},
+    )  # fmt: skip
+    error = ErrorCoordinates(mixer.system, constant(1, 1))
+    task = Task(mixer, error, Setpoints(0.0, 0.0), np.eye(2), np.eye(2))
+    wrench = (0.0,) * len(mixer.system.equations.w)
+    ctl = regulating_grosmc(task, Uncertainty({"k": (1.0, 1.05)}, wrench, (1.0, 1.0), 0.2))
+    along = 1.225 - math.hypot(0.225, 0.2375)
+    assert ctl.parameters.eta == pytest.approx(0.2 / along, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -40,12 +40,14 @@ from grosmc_mj.experiments.runs import (
     Surface,
     case_plant,
     nominal_controller,
+    run_case,
     run_on,
 )
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.studies.switching import measure as chattering
 from grosmc_mj.studies.switching.figure import write_chattering_figure
 from grosmc_mj.studies.switching.measure import (
     CASES,
@@ -179,6 +181,19 @@ def test_other_laws_move_it_less_than_sign():
 def test_crossings_count_changes_of_sign_once():
     assert crossings(np.array([0.0, 1.0, 0.0, 2.0, -1.0, 0.0, 3.0])) == 2
     assert crossings(np.zeros(5)) == 0
+
+
+def test_crossings_of_a_case_are_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """s that changes its sign at every one of a quarter of a second's samples."""
+    case = replace(find_case("servo", "nominal"), duration=0.25)
+    result = run_case(case, "corrected", "grosmc", Settings(engine="python"))
+    signs = np.where(np.arange(250) % 2, -0.1, 0.3)
+    made_up = replace(result, trajectory=replace(result.trajectory, sliding=signs))
+    monkeypatch.setattr(chattering, "run_experiment", lambda *_: made_up)
+    row = measure_case(SwitchingRun("servo", "nominal", "sign", "printed", H))
+    assert row.crossings == 249 / 0.25
+    value = {name: metric.value or 0.0 for name, metric in result.metrics.items()}
+    assert row.cost_ratio == value["cost_whole"] / value["cost_optimal"]
 
 
 def test_order_of_a_power_is_its_exponent():

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grosmc_mj.environments import law_policy, register
+from grosmc_mj.environments import experiment, law_policy, register
 from grosmc_mj.environments.registration import IDS
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
 from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -140,6 +141,50 @@ def test_the_seed_of_a_reset_decides_the_start() -> None:
     assert first == [angle(7), angle()]
     assert first[0] != first[1]
     assert all(abs(each - 0.5) <= 0.2 for each in first)
+
+
+def test_starts_are_drawn_to_both_sides_of_the_case_s_where_the_plant_is_defined() -> None:
+    """Forty draws that miss one of four sides have a chance of 4e-12; pi/2 is singular."""
+    environment = gymnasium.make("grosmc_mj/Arm-v0", spread=[1.5, 0.1])
+    x0 = np.array(find_case("arm", "nominal").x0)
+    seen = [environment.reset(seed=seed)[0] for seed in range(40)]
+    starts = np.array([[each["joint angle"][0], each["joint rate"][0]] for each in seen])
+    assert np.all((starts < x0).any(axis=0) & (starts > x0).any(axis=0))
+    assert np.all(np.abs(starts - x0) <= [1.5, 0.1])
+    assert starts[:, 0].max() < np.pi / 2
+
+
+def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length() -> None:
+    """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
+    case = replace(find_case("servo", "nominal"), duration=0.005)
+    environment = gymnasium.make("grosmc_mj/Servo-v0", task=case, control_period=2e-3)
+    design = nominal_controller("servo", "grosmc", "corrected").lqr
+    assert design is not None
+    observation, _ = environment.reset()
+    for length, end in ((2e-3, 2e-3), (2e-3, 4e-3), (1e-3, 5e-3)):
+        z, u = observation["error"], np.array([3.0])
+        observation, reward, _, truncated, _ = environment.step(u)
+        expected = -length * 0.5 * float(z @ design.Q @ z + u @ design.R @ u)
+        assert reward == pytest.approx(expected, rel=1e-12)
+        assert observation["time"][0] == pytest.approx(end, rel=1e-12)
+    assert truncated
+
+
+def test_what_an_actuator_does_not_apply_is_not_paid_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = MujocoPlant.load("servo")
+    spec = plant.spec.copy()
+    (motor,) = spec.actuators
+    motor.ctrlrange, motor.ctrllimited = (-2.0, 1.0), True
+    limited = replace(plant, spec=spec)
+    monkeypatch.setattr(experiment, "case_plant", lambda *_: limited)
+    environment = gymnasium.make("grosmc_mj/Servo-v0").unwrapped
+
+    def reward(action: float) -> float:
+        environment.reset()
+        return environment.step(np.array([action]))[1]
+
+    assert reward(9.0) == reward(1.0) != reward(0.5)
+    assert reward(-9.0) == reward(-2.0) != reward(-1.0)
 
 
 def test_an_environment_is_made_again_from_its_spec() -> None:

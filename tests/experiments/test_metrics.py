@@ -1,23 +1,31 @@
-"""Metrics against closed forms on made-up runs."""
+"""Metrics against closed forms on made-up runs, what is required of them and what is recorded."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import chapter_controller
 from grosmc_mj.experiments.metrics import (
     Comparison,
+    Metric,
     compare_with_optimum,
     measure,
     overshoot,
     settling_time,
 )
+from grosmc_mj.experiments.requirements import Limit, judge
+from grosmc_mj.experiments.runs import RunResult, Settings, run_case
 from grosmc_mj.plants import SERVO
+from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -43,7 +51,7 @@ def servo_run(theta: np.ndarray, rate: np.ndarray, u: np.ndarray) -> Trajectory:
         memory=np.zeros(len(u), [("v", np.float64)]),
         wrench=None,
         physics=None,
-        status=np.array(Status.COMPLETED, object),
+        status=np.array([Status.COMPLETED], object)[0],
         valid_until=np.array(TIME[-1]),
     )
 
@@ -54,6 +62,19 @@ def optimal_run(controller: Controller) -> Trajectory:
     x = controller.lqr.optimal_trajectory([1.0, 0.0], TIME)
     u = -(x @ controller.lqr.K.T)[:-1, 0]
     return servo_run(1.0 - x[:, 0], -x[:, 1], u)
+
+
+def result_of(run: Trajectory, controller: Controller, **metrics: Metric) -> RunResult:
+    """The run as the servo's nominal case, with some metrics changed."""
+    comparison = compare_with_optimum(run, controller)
+    found = {**measure(run, controller, comparison), **metrics}
+    case = find_case("servo", "nominal")
+    return RunResult(case, "physics", controller, run, comparison, found)
+
+
+def limit(kind: str, value: float, after: float = 0.0) -> Limit:
+    """A requirement of the servo's LQR."""
+    return Limit(kind, "", value, "", after, ("lqr",), ("physics",))
 
 
 def test_settling_time_of_a_decaying_exponential_is_the_logarithm_of_the_band() -> None:
@@ -144,6 +165,59 @@ def test_the_transient_ends_where_the_disturbance_begins(servo_lqr: Controller) 
     assert transient["deviation"] == whole["deviation"]
 
 
+def test_the_onset_s_sample_is_the_last_of_the_transient(servo_lqr: Controller) -> None:
+    """A wrench held from then on has not moved the state yet."""
+    run = optimal_run(servo_lqr)
+    onset = int(np.flatnonzero(TIME == 8.0)[0])
+    for index, percent in ((onset, 50.0), (onset + 1, 0.0)):
+        state = run.state.copy()
+        state[index, 0] = 1.5
+        bumped = replace(run, state=state)
+        comparison = compare_with_optimum(bumped, servo_lqr)
+        found = measure(bumped, servo_lqr, comparison, onset=8.0)["overshoot"]
+        assert found.value == pytest.approx(percent, abs=1e-9)
+
+
+def test_a_disturbance_from_the_start_leaves_the_transient_whole(servo_lqr: Controller) -> None:
+    run = optimal_run(servo_lqr)
+    comparison = compare_with_optimum(run, servo_lqr)
+    whole = measure(run, servo_lqr, comparison)
+    assert measure(run, servo_lqr, comparison, onset=0.0) == whole
+
+
+def test_a_run_is_measured_up_to_its_own_case_s_onset() -> None:
+    shove = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -100.0, 0.0), Pulse(0.3, 1.0))
+    case = replace(find_case("servo", "nominal"), duration=0.6, disturbances=(shove,))
+    result = run_case(case, "corrected", "lqr", Settings(engine="python"))
+    whole = measure(result.trajectory, result.controller, result.comparison)
+    assert result.metrics["overshoot"].value == 0.0
+    assert (whole["overshoot"].value or 0.0) > 10.0
+
+
+def test_sizes_are_of_both_signs_and_from_the_start(servo_lqr: Controller) -> None:
+    """RMS of a sine of whole cycles is its amplitude over the root of two."""
+    wave = np.sin(2 * np.pi * np.arange(10_000) / 1000)
+    run = servo_run(np.ones(10_001), np.zeros(10_001), np.minimum(wave, 0.5))
+    run = replace(run, sliding=np.column_stack([0.3 * wave, 0.1 * np.ones(10_000)]))
+    z = np.append(2 * wave, 0.0)[:, None]
+    nothing = np.zeros((10_001, 1))
+    made_up = Comparison(TIME, np.hstack([z, 0 * z]), 0 * np.hstack([z, z]), (0,), nothing, nothing)
+    found = measure(run, servo_lqr, made_up)
+    assert found["max_input"].value == 1.0
+    assert found["rms_error"].value == pytest.approx(2**0.5, rel=1e-4)
+    assert found["max_sliding"].value == pytest.approx(0.3)
+    largest = np.maximum(0.3 * np.abs(wave), 0.1)
+    assert found["rms_sliding"].value == pytest.approx(float(np.mean(largest**2)) ** 0.5)
+
+
+def test_a_cart_travels_from_where_it_starts() -> None:
+    case = replace(find_case("cart_pendulum", "nominal"), x0=(5.0, 0.0, -0.5, 0.0), duration=0.1)
+    result = run_case(case, "corrected", "lqr", Settings(engine="python"))
+    cart = result.trajectory.state[:, 0]
+    assert result.metrics["cart_travel"].value == pytest.approx(5.0 - cart.min(), rel=1e-12)
+    assert 5.0 - cart.min() < 0.1
+
+
 def test_comparison_is_in_the_output_s_own_coordinate(servo_lqr: Controller) -> None:
     """The servo's error is theta_d - theta: its optimum is theta, its reference theta_d."""
     run = optimal_run(servo_lqr)
@@ -173,3 +247,116 @@ def test_every_metric_has_a_unit_or_says_why_not(servo_lqr: Controller) -> None:
     for name, metric in metrics.items():
         assert metric.unit or metric.note, name
     json.dumps(metrics, allow_nan=False)
+
+
+# What is required
+
+
+def test_a_surface_that_starts_below_zero_has_a_reaching_phase(servo_lqr: Controller) -> None:
+    run = optimal_run(servo_lqr)
+    for start, kept in ((-1e-3, False), (1e-3, False), (-1e-12, True), (0.0, True)):
+        sliding = np.append(start, np.zeros(9999))
+        found = judge(
+            limit("no_reaching_phase", 1e-9), result_of(replace(run, sliding=sliding), servo_lqr)
+        )
+        assert (found.measured, found.kept) == (abs(start), kept)
+
+
+def test_a_limit_that_is_just_met_is_kept(servo_lqr: Controller) -> None:
+    result = result_of(optimal_run(servo_lqr), servo_lqr, max_input=Metric(1.5, "A"))
+    for value, kept in ((1.5, True), (1.6, True), (1.4, False)):
+        found = judge(limit("input_below", value), result)
+        assert found.margin == value - 1.5
+        assert found.kept == kept
+
+
+def test_an_error_stays_within_from_after_on_to_both_sides(servo_lqr: Controller) -> None:
+    """The instant itself counts; theta beyond theta_d is a negative error, after 6 s of decay."""
+    run = optimal_run(servo_lqr)
+    for instant, away in ((6.0, 0.25), (5.999, 0.0), (10.0, 0.25)):
+        state = run.state.copy()
+        state[np.isclose(TIME, instant), 0] = 1.25
+        found = judge(
+            limit("stays_within", 0.1, after=6.0), result_of(replace(run, state=state), servo_lqr)
+        )
+        assert found.measured == pytest.approx(away, abs=5e-3)
+
+
+def test_a_cost_ratio_is_of_the_whole_input_over_the_least(servo_lqr: Controller) -> None:
+    costs = {"cost_continuous": 5.0, "cost_whole": 3.0, "cost_optimal": 2.0}
+    made_up = {name: Metric(value, "1") for name, value in costs.items()}
+    result = result_of(optimal_run(servo_lqr), servo_lqr, **made_up)
+    assert judge(limit("cost_ratio_below", 2.0), result).measured == 1.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "metric"),
+    [("settles_within", "settling_time"), ("deviation_below", "deviation"),
+     ("sliding_below", "max_sliding"), ("cart_travel_below", "cart_travel")],
+)  # fmt: skip
+def test_a_limit_is_of_its_own_metric(servo_lqr: Controller, kind: str, metric: str) -> None:
+    result = result_of(optimal_run(servo_lqr), servo_lqr, **{metric: Metric(0.125, "")})
+    assert judge(limit(kind, 1.0), result).measured == 0.125
+
+
+# What is recorded
+
+
+@pytest.fixture
+def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A record of the package's runs that tests may change."""
+    path = tmp_path / "expected.json"
+    path.write_text(expected.EXPECTED_FILE.read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.setattr(expected, "EXPECTED_FILE", path)
+    return path
+
+
+@pytest.mark.usefixtures("record")
+def test_a_number_that_comes_or_goes_is_a_difference(servo_lqr: Controller) -> None:
+    number, none = Metric(1.25, "s"), Metric(None, "s", "not reached")
+    run = optimal_run(servo_lqr)
+    key = "servo/nominal/physics/lqr: settling_time is"
+    for now, before, said in (
+        (none, number, [f"{key} none, recorded 1.25 s"]),
+        (number, none, [f"{key} 1.25, recorded none s"]),
+        (none, none, []),
+        (number, number, []),
+    ):
+        recorded = result_of(run, servo_lqr, settling_time=before)
+        expected.record_expected([recorded], Settings())
+        found = result_of(run, servo_lqr, settling_time=now)
+        assert expected.differences([found], Settings()) == said
+
+
+@pytest.mark.usefixtures("record")
+def test_only_laws_that_switch_may_repeat_roughly(servo_lqr: Controller) -> None:
+    smooth = optimal_run(servo_lqr)
+    for run, count in ((smooth, 1), (replace(smooth, sliding=np.zeros(10_000)), 0)):
+        before, now = (
+            result_of(run, servo_lqr, cost_whole=Metric(value, "1")) for value in (1.0, 1.001)
+        )
+        expected.record_expected([before], Settings())
+        found = expected.differences([now], Settings())
+        assert found is not None
+        assert len(found) == count
+
+
+def test_recording_one_run_keeps_the_others_and_the_settings(
+    servo_lqr: Controller, record: Path
+) -> None:
+    def stored() -> dict[str, Any]:
+        return json.loads(record.read_text(encoding="utf-8"))
+
+    before, result = stored(), result_of(optimal_run(servo_lqr), servo_lqr)
+    expected.record_expected([result], Settings())
+    after = stored()
+    assert after["settings"] == before["settings"]
+    assert after["runs"].pop(result.key) != before["runs"].pop(result.key)
+    assert after["runs"] == before["runs"]
+    for other in (
+        {"control_period": 2e-3}, {"timestep": 5e-4}, {"integrator": "Euler"},
+        {"switching": "implicit"}, {"surface": "discrete"},
+    ):  # fmt: skip
+        assert expected.differences([result], replace(Settings(), **other)) is None
+    # The engines agree to the last bit.
+    assert expected.differences([result], Settings(engine="python")) == []

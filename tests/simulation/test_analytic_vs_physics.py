@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 
 import mujoco
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
@@ -18,6 +20,12 @@ from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.studies.agreement.measure import (
+    AGREEMENT_BOUND,
+    Agreement,
+    acceleration_difference,
+    disagreements,
+)
 
 OpenLoop = Callable[[float | tuple[float, float]], Controller]
 
@@ -109,6 +117,33 @@ def test_the_comparison_notices_one_part_in_a_million(plant: MujocoPlant) -> Non
 
 
 # The printed equations are others
+
+
+def test_the_report_s_comparison_is_the_worst_state_s_and_sees_every_term() -> None:
+    physics = MujocoPlant.load("servo")
+    right = physics.analytic()
+
+    def found(plant: AnalyticPlant, states: int, calls: int = 1) -> list[float]:
+        random = np.random.default_rng(3)
+        return [acceleration_difference(physics, plant, random, states) for _ in range(calls)]
+
+    equations = right.system.equations
+    for term in ("f", "g", "d"):
+        scaled = (sp.Matrix(getattr(equations, term)) * (1 + sp.Rational(1, 10**6))).tolist()
+        rows = scaled if term == "g" else [row[0] for row in scaled]
+        system = replace(right.system, equations=replace(equations, **{term: rows}))
+        wrong = replace(right, system=system)
+        assert found(right, 20)[0] < AGREEMENT_BOUND < found(wrong, 20)[0]
+        assert found(wrong, 20) == [max(found(wrong, 1, calls=20))]
+
+
+def test_only_corrected_equations_beyond_the_bound_disagree() -> None:
+    rows = [
+        Agreement("arm", variant, "nominal", size * AGREEMENT_BOUND, 0.0, 1)
+        for variant, size in (("printed", 9.0), ("corrected", 1.0), ("corrected", 2.0))
+    ]
+    (said,) = disagreements(rows)
+    assert "differ by 2.0e-10 of the largest term, must be 1e-10 at most" in said
 
 
 def test_printed_pendulum_is_off_by_much_of_the_largest_term() -> None:

@@ -46,6 +46,7 @@ from grosmc_mj.studies.cart.measure import (
     cart_settling,
     gain_ratio,
     holding_case,
+    measures_of,
     parts,
     projected_law,
     projections_of,
@@ -304,6 +305,31 @@ def test_the_rail_is_the_models() -> None:
     model = PHYSICS.model
     posts = [model.geom(i).pos[0] for i in range(model.ngeom) if "post" in model.geom(i).name]
     assert rail_half_length(PHYSICS) == max(posts) == -min(posts)
+
+
+def test_what_a_disturbance_does_is_its_largest_over_the_second_half_of_its_time() -> None:
+    """Of the chapter's second case: from 9 s to 30 s, so from 19.5 s on, wherever it is."""
+    case = holding_case("case2")
+    short = run_case(replace(case, duration=0.01), "corrected", "lqr", Settings(engine="python"))
+    time = np.arange(3001) / 100
+    for peak in (19.5, 22.0, 30.0):
+        state = np.zeros((3001, 4))
+        state[0, :2] = 0.2, 0.5
+        state[time == 19.4, :2] = 0.9, 0.8
+        state[time == peak, :2] = -0.3, -0.1
+        run = replace(short.trajectory, time=time, state=state)
+        found = measures_of(replace(short, case=case, trajectory=run), rail=0.8)
+        assert found["cart_disturbed"] == (0.3, "m", "")
+        assert found["angle_disturbed"] == (0.1, "rad", "")
+        assert found["cart_end"].value == (0.3 if peak == 30.0 else 0.0)
+        assert found["travel"].value == 0.9
+        assert found["rail_margin"] == (pytest.approx(-0.1), "m", "off the rail")
+        assert found["cart_settling"].value == 0.01
+        deviation = short.metrics["deviation"].value
+        assert deviation is not None
+        assert found["deviation"] == (pytest.approx(200 * deviation), "%", "")
+    calm = replace(short, case=replace(case, disturbances=()), trajectory=run)
+    assert measures_of(calm, rail=0.8)["cart_disturbed"] == (None, "m", "no disturbance")
 
 
 # On physics

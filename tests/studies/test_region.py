@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
 from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
 from grosmc_mj.simulation.mujoco_plant import undrawn
-from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.studies.region import measure as region
 from grosmc_mj.studies.region.axes import choose_axes, starts_on
 from grosmc_mj.studies.region.loop import Loop, state_names
 from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion, outcomes
@@ -180,6 +182,54 @@ def test_a_start_near_zero_that_drifts_away_is_not_called_converged_early() -> N
     starts = pendulum_starts((0.0, 0.002))
     assert outcomes(drifting, starts, 12.0).tolist() == [Outcome.NOT_CONVERGED.value]
     assert outcomes(drifting, starts, 1.0).tolist() == [CONVERGED]
+
+
+def test_under_a_disturbance_no_start_is_called_converged_before_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Runs that come to rest at once and are carried away in the last part, and one that is not."""
+    starts = np.array([[0.5, 0.0], [0.2, 0.1], [0.9, 0.0]])
+    looked: list[float] = []
+
+    def made_up(self: Loop, found: np.ndarray, duration: float) -> Trajectory:
+        looked.append(duration)
+        ends = np.zeros((len(found), 1, 2)) + self.equilibrium
+        ends[(found[:, 0] < 0.6) & (duration > 9.0), 0, 0] += 0.3
+        status = np.full(len(found), Status.COMPLETED)
+        return SimpleNamespace(time=[0.0, duration], state=ends, status=status)  # pyright: ignore
+
+    monkeypatch.setattr(Loop, "run", made_up)
+    found = {}
+    for case in ("nominal", "case1"):
+        found[case] = "".join(outcomes(loop("servo", case, "lqr"), starts, 10.0).tolist())
+    assert found == {"nominal": "ccc", "case1": "nnc"}
+    assert looked == [10 / 16, 10 / 16, 2.5, 10.0]
+
+
+def test_a_map_has_the_second_axis_down_the_first_across_and_the_line_on_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By starts that converge where the angle is positive and more than the rate."""
+
+    def made_up(loop: Loop, starts: np.ndarray, duration: float) -> np.ndarray:
+        angle, rate = starts[:, 1], starts[:, 3]
+        return np.where((angle > 0) & (angle > rate), "c", "d")
+
+    monkeypatch.setattr(region, "outcomes", made_up)
+    monkeypatch.setattr(region, "BATCH", 8)
+    limits = {"rad": 1.5, "rad/s": 4.5}
+    question = RegionQuestion("cart_pendulum", points=3, limits=limits, controllers=("lqr",))
+    advances: list[str] = []
+    asked = Region(question)
+    (first, *rest) = asked.maps(advances.append)
+    # Angles -1, 0 and 1; rates -3, 0 and 3 from above.
+    assert first.grid.tolist() == [["d", "d", "c"], ["d", "d", "c"], ["d", "d", "d"]]
+    assert "".join(first.line) == "dddddd" + "cccccc"
+    assert first.rest_interval() is None
+    np.testing.assert_allclose(first.line_starts, np.linspace(-1.375, 1.375, 12))
+    assert (first.counts()[Outcome.CONVERGED], first.counts()[Outcome.DIVERGED]) == (2, 7)
+    assert sum(first.fractions().values()) == pytest.approx(1.0)
+    assert len(advances) == asked.batches == 3 * (1 + len(rest))
 
 
 def test_the_arm_ends_at_its_singularity() -> None:
