@@ -194,6 +194,15 @@ def test_a_radius_is_of_the_corners_and_the_first_runs(
     assert radius(failing, "lqr").plants == plants
 
 
+def test_a_radius_looks_at_the_campaigns_own_runs() -> None:
+    asked = campaign(servo(BOTH, laws=LQR, limits=LIMIT.format(1.0)) + CORRELATED)
+    declared = next(look for look in radius(asked, "lqr").looks if look.scale == 1.0)
+    own = evaluate(asked, "lqr", asked.values(range(8))).relative
+    # Scaling by 1 rounds values.
+    assert declared.least == pytest.approx(own.min(), rel=1e-12)
+    assert declared.failures == np.count_nonzero(own < 0)
+
+
 def test_a_nominal_plant_that_fails_has_radius_zero() -> None:
     found = radius(loads(1e-9), "lqr")
     assert found.found == 0.0
