@@ -70,6 +70,13 @@ def test_a_requirement_of_one_law_says_nothing_of_another(found: Findings) -> No
     assert {second for _, _, second in found.differences} == {"grosmc"}
 
 
+def test_only_laws_that_are_run_are_judged(tmp_path: Path) -> None:
+    asked = campaign(servo(), controllers=("lqr",))
+    assert [each.of for each in asked.requirements] == [("lqr",), ("lqr",)]
+    found = findings(asked, kept(asked, tmp_path), 0.95)
+    assert {law for _, law in found.rates} == {"lqr"}
+
+
 def test_differences_and_drivers_are_those_of_the_columns(folder: Folder, found: Findings) -> None:
     lqr, grosmc = (column(folder, "relative", law) for law in ("lqr", "grosmc"))
     difference = found.differences[ALL, "lqr", "grosmc"]
