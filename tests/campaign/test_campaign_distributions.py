@@ -28,6 +28,8 @@ WHOLE = [
     (made(distribution="uniform", least=-1, most=3), stats.uniform(-1, 4)),
     (made(distribution="loguniform", least=0.1, most=10), stats.loguniform(0.1, 10)),
     (made(distribution="triangular", least=1, mode=2, most=5), stats.triang(0.25, 1, 4)),
+    (made(distribution="triangular", least=1, mode=1, most=5), stats.triang(0, 1, 4)),
+    (made(distribution="triangular", least=1, mode=5, most=5), stats.triang(1, 1, 4)),
     (made(distribution="normal", mean=2, deviation=0.5), stats.norm(2, 0.5)),
     (made(distribution="lognormal", median=2, spread=0.5), stats.lognorm(0.5, scale=2)),
 ]
@@ -81,6 +83,13 @@ def test_values_never_leave_the_support(u: float, least: float, width: float) ->
     (value,) = found.quantiles(np.array([u]))
     assert found.support == (least, least + width)
     assert least <= value <= least + width
+
+
+def test_the_spread_of_a_lognormal_has_no_unit() -> None:
+    table = DistributionTable(distribution="lognormal", median="500 g", spread=0.3)
+    found = distribution(table, partial(number_in, unit="kg"))
+    assert found.quantiles(np.array([0.5])) == pytest.approx(0.5, rel=1e-14)
+    assert found.words == "lognormal: median 0.5, spread 0.3"
 
 
 def test_the_ends_of_a_range_are_its_corners() -> None:

@@ -98,6 +98,10 @@ WRONG = [
         mass('{ distribution = "lognormal", median = -1, spread = 1 }'),
         "median = -1 must be positive",
     ),
+    (
+        mass('{ distribution = "lognormal", median = 1, spread = 0 }'),
+        "spread = 0 must be positive",
+    ),
     # What is not physical.
     (mass("[-1, 1]"), "mass scale = -1 can occur, but must be positive: cut the distribution off"),
     (mass("[0, 1]"), "mass scale = 0 can occur, but must be positive"),

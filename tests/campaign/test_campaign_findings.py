@@ -11,6 +11,8 @@ from campaign_cases import AMPLITUDE, DEVIATION, LQR, PAIR, begun, campaign, fal
 from scipy.stats import binomtest
 
 from grosmc_mj.campaign.findings.findings import ALL, Findings, findings
+from grosmc_mj.campaign.findings.pairing import paired
+from grosmc_mj.campaign.findings.sensitivity import sensitivities
 from grosmc_mj.campaign.report.document import results_document
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.work import shards_of
@@ -68,6 +70,38 @@ def test_a_requirement_of_one_law_says_nothing_of_another(found: Findings) -> No
     assert {second for _, _, second in found.differences} == {"grosmc"}
 
 
+def test_only_laws_that_are_run_are_judged(tmp_path: Path) -> None:
+    asked = campaign(servo(), controllers=("lqr",))
+    assert [each.of for each in asked.requirements] == [("lqr",), ("lqr",)]
+    found = findings(asked, kept(asked, tmp_path), 0.95)
+    assert {law for _, law in found.rates} == {"lqr"}
+
+
+def test_differences_and_drivers_are_those_of_the_columns(folder: Folder, found: Findings) -> None:
+    lqr, grosmc = (column(folder, "relative", law) for law in ("lqr", "grosmc"))
+    difference = found.differences[ALL, "lqr", "grosmc"]
+    assert difference == paired(lqr, grosmc, 0.9)
+    assert (difference.only_first, difference.only_second) == (0, 5)
+    names = campaign(servo()).family.names
+    values = {name: column(folder, name, "lqr") for name in names}
+    assert found.sensitivities["lqr"] == sensitivities(values, lqr, 0.9)
+
+
+def test_of_runs_that_are_as_bad_the_first_comes_first(tmp_path: Path) -> None:
+    asked = campaign(servo(laws=LQR, limits=""), runs=64, shard=64)
+    assert findings(asked, kept(asked, tmp_path), 0.9).worst["lqr"] == list(range(16))
+
+
+def test_distributions_may_be_of_the_first_runs_and_rates_are_of_all(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grosmc_mj.campaign.findings.findings.MOST", 3)
+    found = findings(campaign(servo()), folder, 0.9)
+    assert (found.sampled.runs, found.looked_at.runs) == (8, 4)
+    assert {rate.runs for rate in found.rates.values()} == {8}
+    assert {each.runs for each in found.summaries.values()} == {4}
+
+
 @pytest.mark.parametrize("law", ["lqr", "grosmc"])
 def test_the_worst_runs_come_first(folder: Folder, found: Findings, law: str) -> None:
     relative = column(folder, "relative", law)
@@ -98,7 +132,6 @@ def test_results_are_plain_json(found: Findings) -> None:
     assert "no proof" in content["says"]
 
 
-@pytest.mark.slow
 def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
     asked = falling()
     folder = kept(asked, tmp_path)

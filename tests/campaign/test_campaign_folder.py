@@ -150,6 +150,18 @@ def test_only_what_is_missing_is_run(copy: Folder, finished: Folder) -> None:
     assert copy.part(1).stat().st_mtime_ns == untouched
 
 
+def test_a_campaign_without_its_short_last_part_is_not_complete(tmp_path: Path) -> None:
+    asked = campaign(pair(), runs=9)
+    folder = kept(asked, tmp_path / "campaign")
+    whole = findings(asked, folder, 0.95)
+    assert whole.sampled.words == whole.looked_at.words == "9 runs, sobol, seed 0"
+    folder.part(2).unlink()
+    assert missing(asked, folder) == [2]
+    assert findings(asked, folder, 0.95).sampled.words == "8 of 9 runs, sobol, seed 0"
+    rehashed(folder, versions={**read_manifest(folder.path)["versions"], "scipy": "0.1"})
+    assert "is not complete" in told(folder.begin, asked, resume=True)
+
+
 def test_a_full_disk_keeps_finished_parts(
     copy: Folder, finished: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

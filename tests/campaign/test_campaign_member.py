@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from campaign_cases import BOTH, LQR, campaign, servo
+from campaign_cases import BOTH, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.campaign.runs.shard import plants_of
@@ -100,6 +100,16 @@ def test_uncertain_numbers_merge_with_the_files_edits() -> None:
     assert len(mass.case.edits) == 3
 
 
+def test_an_edit_of_one_body_is_not_anothers() -> None:
+    tables = table('body = "upper"', "mass_scale")
+    edit = '[[edit]]\nbody = "lower"\nlength_scale = 1.5\n'
+    asked = campaign(case("two_link_arm", tables, laws=LQR) + edit)
+    assert asked.plant_sample([1.7]).case.edits == (
+        BodyEdit("lower", length_scale=1.5),
+        BodyEdit("upper", mass_scale=1.7),
+    )
+
+
 LOAD, HUM = 'disturbance = "load"', 'disturbance = "hum"'
 
 
@@ -108,6 +118,13 @@ def test_an_amplitude_scales_one_disturbances_wrench() -> None:
     assert load.wrench == (0, 0, 0, 0, -1.5, 0)
     assert hum.wrench == (0, 0, 0, 0, 0.1, 0)
     assert load.profile == Pulse(0.02, 0.03)
+
+
+def test_an_amplitude_scales_forces_and_torques() -> None:
+    wrench = 'force = ["1 N", "2 N", "3 N"]\ntorque = ["4 N m", "5 N m", "6 N m"]'
+    blow = f'[[disturbance]]\nbody = "rotor"\n{wrench}\nlabel = "blow"\n'
+    found = plant_sample(table('disturbance = "blow"', "amplitude", "[-2, 2]"), -1.5, more=blow)
+    assert found.case.disturbances[2].wrench == (-1.5, -3.0, -4.5, -6.0, -7.5, -9.0)
 
 
 def test_a_pulse_keeps_its_length() -> None:

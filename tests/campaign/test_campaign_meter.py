@@ -19,6 +19,7 @@ from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
+POLE = '[[uncertain]]\nbody = "pole"\nmass_scale = [1, 2]\n'
 PERIOD, AFTER = 0.002, [0.0, 0.05, 0.12]
 PUSH = (0.06, 0.09)
 
@@ -133,6 +134,32 @@ def test_both_engines_have_the_same_meters_bit_for_bit(name: str, law: str) -> N
     native, python = run(asked, law, "native"), run(asked, law)
     check(native, asked, law)
     assert native.meters.tobytes() == python.meters.tobytes()
+
+
+def stepped(asked: Campaign, onset: float, *states: list[float]) -> Any:
+    """The meters after samples at these states, a period apart."""
+    law = metered(asked.laws["lqr"], PERIOD, AFTER, onset)
+    memory: Any = law.memory()
+    for k, state in enumerate(states):
+        law.law(k * PERIOD, np.array(state), memory, law.parameters)
+    return memory.meters
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_travel_counts_from_the_start_either_way(way: float) -> None:
+    asked = campaign(case("cart_pendulum", POLE, laws=LQR))
+    places = [way * x for x in (0.5, 0.75, 2.0, 1.25)]
+    meters = stepped(asked, math.inf, *([x, 0.0, 0.0, 0.0] for x in places))
+    assert meters.travel == 1.5
+
+
+@pytest.mark.parametrize(("onset", "outside"), [(0.0, 2), (PERIOD, 1), (math.inf, 2)])
+def test_a_disturbance_from_the_start_is_part_of_the_transient(onset: float, outside: int) -> None:
+    asked = campaign(servo(laws=LQR, limits=""))
+    # The reference is 1 rad: three samples outside the band, and one in it.
+    meters = stepped(asked, onset, *([angle, 0.0] for angle in (0.0, 0.5, 0.9, 1.0)))
+    assert meters.outside == outside * PERIOD
+    assert recording(onset, 0.2).transient == [onset if onset == PERIOD else 0.2]
 
 
 def recording(onset: float, duration: float) -> Recording:

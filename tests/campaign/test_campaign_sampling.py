@@ -55,10 +55,23 @@ def test_the_first_sobol_points_are_scipys_own() -> None:
     assert np.array_equal(unit_points("sobol", DIMENSIONS, 5, 0, SEQUENCE), known)
 
 
-def test_each_sobol_sequence_is_scrambled_anew() -> None:
+@pytest.mark.parametrize(("sampler", "block"), [("sobol", SEQUENCE), ("lhs", HYPERCUBE)])
+def test_each_block_of_each_seed_is_randomised_anew(sampler: str, block: int) -> None:
+    starts = itertools.product(range(3), range(0, 3 * block, block))
+    several = [unit_points(sampler, DIMENSIONS, seed, first, 64) for seed, first in starts]
+    for one, other in itertools.combinations(several, 2):
+        assert not np.any(one == other)
+
+
+def test_random_points_of_many_dimensions_share_no_numbers() -> None:
+    # Philox makes four numbers at a time: a point of nine needs three such blocks.
+    points = unit_points("random", 9, 0, 0, 64)
+    assert len(np.unique(points)) == points.size
+
+
+def test_each_sobol_sequence_is_a_net() -> None:
     first = unit_points("sobol", DIMENSIONS, 5, 0, 256)
     second = unit_points("sobol", DIMENSIONS, 5, SEQUENCE, 256)
-    assert not np.any(first == second)
     for points in (first, second):
         # A (t, m, s)-net: in each dimension, one point in each of 256 intervals.
         assert np.array_equal(np.sort((points * 256).astype(int), axis=0)[:, 0], range(256))

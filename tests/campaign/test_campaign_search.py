@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import AMPLITUDE, BOTH, LAWS, LQR, campaign, case, servo
+from campaign_cases import AMPLITUDE, BOTH, INERTIA, LAWS, LQR, campaign, case, falling, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import specification_of
-from grosmc_mj.campaign.findings.promise import PromisedFamily, promise
+from grosmc_mj.campaign.findings.promise import PromisedFamily, premise_grid, promise
 from grosmc_mj.campaign.findings.radius import Radius, radius
 from grosmc_mj.campaign.findings.worst import Worst, shrunk, worst
 from grosmc_mj.campaign.report.document import found_values, radius_document, worst_document
@@ -21,6 +21,11 @@ from grosmc_mj.errors import ArgumentError, SetupError
 
 # The rotor obeys linear equations: its deviation grows with the load, either way, and with the
 # inertia's distance from the nominal one.
+CORRELATED = """
+[[correlation]]
+between = ["rotor mass scale", "load amplitude"]
+coefficient = 0.5
+"""
 LIMIT = '[[requirement]]\ndeviation_below = "{} mrad"\n'
 
 
@@ -59,7 +64,6 @@ def test_the_shrunk_plant_fails_and_is_next_to_one_that_does_not(known: Worst) -
     assert known.shrunk_relative == relative(asked, *known.shrunk)
     assert known.shrunk_relative is not None
     assert known.shrunk_relative < 0
-    assert known.changed
     # A line of 16 points, refined once: a nearer plant at 1/256 of the way from the worst passes.
     nominal = asked.family.nominal
     moved = (known.shrunk != nominal).astype(float)
@@ -100,6 +104,44 @@ def test_a_search_needs_two_generations() -> None:
         worst(loads(1.0), "lqr", [0], 127)
 
 
+def test_of_runs_that_end_early_the_earlier_is_worse() -> None:
+    asked = campaign(falling().specification.text, runs=16, duration=0.05)
+    # A run that ends at 37 ms, and one that ends later, which is not seen here.
+    found = worst(asked, "fl-lqr", [11, 10], 128)
+    family = asked.family
+    corners = evaluate(asked, "fl-lqr", family.values(family.corners(4))).ended
+    ended = evaluate(asked, "fl-lqr", np.array([found.values])).ended
+    # A corner: farthest from upright, and fastest away from it.
+    assert ended == corners.min() < 0.037
+    assert found.relative == -np.inf
+
+
+def test_a_margin_of_zero_is_kept() -> None:
+    # The rotor starts 1 rad away and moves towards its goal.
+    limit = '[[requirement]]\nstays_within = "1 rad"\n'
+    asked = campaign(servo(AMPLITUDE, laws=LQR, limits=limit))
+    found = evaluate(asked, "lqr", asked.values(range(2)))
+    assert found.relative.tolist() == [0.0, 0.0]
+    assert found.kept.all()
+    worst_one = worst(asked, "lqr", [0], 128)
+    assert (worst_one.relative, worst_one.fails, worst_one.shrunk) == (0.0, False, None)
+    # With three times the load, some of it drives the rotor away.
+    assert radius(asked, "lqr").found > 1
+
+
+def test_a_search_begins_with_the_runs_it_is_given() -> None:
+    asked = loads(1.0, BOTH)
+    own = evaluate(asked, "lqr", asked.values(range(5, 7))).relative
+    assert own.min() != evaluate(asked, "lqr", asked.values(range(2))).relative.min()
+    assert worst(asked, "lqr", [6, 5], 128).samples == own.min()
+
+
+def test_what_is_not_nominal_is_named(known: Worst) -> None:
+    assert known.shrunk is not None
+    pairs = zip(["rotor mass scale", "load amplitude"], known.shrunk, [1.0, 0.0], strict=True)
+    assert known.changed == tuple(name for name, value, nominal in pairs if value != nominal)
+
+
 @pytest.fixture(scope="module")
 def reached() -> Radius:
     """How far the load may grow until LQR deviates by 1 mrad."""
@@ -132,6 +174,33 @@ def test_a_family_without_failures_has_no_outside() -> None:
     found = radius(loads(100.0), "lqr")
     assert found.outside is None
     assert found.found == found.largest == 8.0
+
+
+@pytest.mark.parametrize(
+    ("more", "asked", "plants"),
+    [
+        ("", {"runs": 8}, 4 + 8),
+        ("", {"runs": 1000}, 128),
+        ("", {"runs": 4, "sampler": "corners"}, 4),
+        # Correlated numbers and those without an end have no corners.
+        (CORRELATED, {"runs": 8}, 8),
+        (CORRELATED, {"runs": 1000}, 128),
+    ],
+)
+def test_a_radius_is_of_the_corners_and_the_first_runs(
+    more: str, asked: dict[str, Any], plants: int
+) -> None:
+    failing = campaign(servo(BOTH, laws=LQR, limits=LIMIT.format(1e-9)) + more, **asked)
+    assert radius(failing, "lqr").plants == plants
+
+
+def test_a_radius_looks_at_the_campaigns_own_runs() -> None:
+    asked = campaign(servo(BOTH, laws=LQR, limits=LIMIT.format(1.0)) + CORRELATED)
+    declared = next(look for look in radius(asked, "lqr").looks if look.scale == 1.0)
+    own = evaluate(asked, "lqr", asked.values(range(8))).relative
+    # Scaling by 1 rounds values.
+    assert declared.least == pytest.approx(own.min(), rel=1e-12)
+    assert declared.failures == np.count_nonzero(own < 0)
 
 
 def test_a_nominal_plant_that_fails_has_radius_zero() -> None:
@@ -200,6 +269,52 @@ def test_a_profile_of_ones_own_may_exceed_1(tmp_path: Path) -> None:
     premises = PromisedFamily.of(campaign(text, folder=str(tmp_path)), "grosmc")
     assert isinstance(premises, PromisedFamily)
     assert premises.amplitude(0.5)[4] == pytest.approx(0.5 * 3 * 2 * 5, rel=1e-15)
+
+
+def premises_of(uncertain: str) -> PromisedFamily:
+    """Those of GROSMC over a family of servos, under the load and 0.1 N m of hum."""
+    found = PromisedFamily.of(campaign(servo(uncertain)), "grosmc")
+    assert isinstance(found, PromisedFamily)
+    return found
+
+
+@pytest.mark.parametrize("spread", ["[-3, 1]", "[-1, 3]", "[-3, -1]", "[1, 3]"])
+def test_wrenches_on_a_body_add_up_at_the_largest_magnitude_of_each(spread: str) -> None:
+    premises = premises_of(AMPLITUDE.replace("[-1, 1]", spread))
+    assert premises.campaign.family.nominal.tolist() == [0.0]
+    for scale in (0.0, 0.5, 1.0):
+        torque = 3 * scale + 0.1
+        assert premises.amplitude(scale).tolist() == [0, 0, 0, 0, pytest.approx(torque), 0]
+
+
+def test_the_grid_of_a_premise_is_at_the_largest_wrench_and_the_worst_of_other_numbers() -> None:
+    sizes = '[[uncertain]]\nbody = "rotor"\nlength_scale = [1, 1.5]\n'
+    premises = premises_of(INERTIA + AMPLITUDE.replace("[-1, 1]", "[-2, 2]") + sizes)
+    asked = premises.campaign
+    mass, load, _ = asked.family.quantities
+    found = premise_grid(asked, "grosmc", (mass, load), 2)
+    assert found is not None
+    across, up, grid = found
+    assert (across.tolist(), up.tolist()) == ([1, 3], [-2, 2])
+    # Gains for a family three times as heavy: the heavy rotor needs more of them than the light.
+    wrench = premises.amplitude(1.0)
+    for column, scale in enumerate(across):
+        margins = [premises.margin(np.array([scale, 0, size]), wrench) for size in (1.0, 1.5)]
+        assert margins[0] != margins[1]
+        assert grid[:, column].tolist() == [min(margins)] * 2
+
+
+def test_a_promise_ends_where_starts_leave_the_operating_region() -> None:
+    start = '[[uncertain]]\nstart = "rotor angle"\nvalue = ["0 rad", "2 rad"]\n'
+    premises = premises_of(start)
+    # The reference is 1 rad: z1 = q - 1 reaches the region's 1.2 rad at 1.1 of the uncertainty.
+    assert premises.bound == (1.2, 1.2)
+    assert [premises.starts_inside(scale) for scale in (0.0, 1.099, 1.101)] == [True, True, False]
+    found = promise(premises.campaign, "grosmc")
+    assert found.scale is not None
+    # By bisection to 1 %, from below.
+    assert 1.1 / 1.01 < found.scale <= 1.1
+    assert found.note.endswith("beyond it starts leave that region")
 
 
 @pytest.mark.slow

@@ -10,8 +10,10 @@ from campaign_cases import BOTH, LAWS, LQR, campaign, falling, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.runs.meter import metered
+from grosmc_mj.campaign.runs.requirements import METRICS, Recording, required
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
+from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.simulation.simulate import simulate
 
 
@@ -102,13 +104,14 @@ def test_without_requirements_a_run_keeps_everything_if_it_completes() -> None:
     assert found.relative.tolist() == [1.0, 1.0]
 
 
-def test_two_requirements_of_a_kind_have_columns_of_their_own() -> None:
-    more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "4 mrad"\n'
-    asked = campaign(servo(BOTH, laws=LAWS) + more)
+def test_requirements_of_a_kind_have_columns_of_their_own() -> None:
+    more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "{} mrad"\n'
+    asked = campaign(servo(BOTH, laws=LAWS) + more.format(4) + more.format(5))
     found = evaluate(asked, "lqr", asked.values(range(2)))
-    assert list(found.margins)[-1] == "deviation_below 2"
-    wider = found.margins["deviation_below 2"] - found.margins["deviation_below"]
-    np.testing.assert_allclose(wider, 1e-3, rtol=1e-12)
+    assert list(found.margins)[-2:] == ["deviation_below 2", "deviation_below 3"]
+    for number, wider in ((2, 1e-3), (3, 2e-3)):
+        margins = found.margins[f"deviation_below {number}"]
+        np.testing.assert_allclose(margins - found.margins["deviation_below"], wider, rtol=1e-12)
 
 
 def test_errors_after_an_instant_are_measured_from_then_on() -> None:
@@ -121,6 +124,35 @@ def test_errors_after_an_instant_are_measured_from_then_on() -> None:
     # The rotor starts 1 rad away and moves towards its goal.
     assert found.margins["stays_within 2"].tolist() == [1.0, 1.0]
     assert np.all(found.margins["stays_within"] > 1.0)
+
+
+def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
+    kinds = {
+        "deviation_below": 0.1,
+        "input_below": 0.2,
+        "sliding_below": 0.3,
+        "cart_travel_below": 0.4,
+        "no_reaching_phase": 0.5,
+        "settles_within": 0.75,
+    }
+    limits = [Limit(kind, "1", 1.0, "", 0.0, ("lqr",), ("physics",)) for kind in kinds]
+    named = ["deviation", "input", "sliding", "travel", "sliding_start"]
+    meters = {name: np.array([value]) for name, value in zip(named, kinds.values(), strict=False)}
+    # Outside of the band until 0.5 s of 0.6 s: nothing to be sure of, but something to compare.
+    meters |= {"start": np.ones(1), "outside": np.array([0.5])}
+    recording = Recording(control_period=0.25, duration=0.6, onset=np.array([np.inf]))
+    found = required(limits, {"lqr": campaign(servo()).laws["lqr"]}, 2.0)
+    margins = {each.key: each.margins(meters, np.ones(1, bool), recording).item() for each in found}
+    assert margins == {kind: 1 - measured for kind, measured in kinds.items()}
+    metrics = {name: measured(meters, recording).item() for name, (_, measured) in METRICS.items()}
+    assert metrics == {
+        "deviation": 0.1,
+        "max_input": 0.2,
+        "max_sliding": 0.3,
+        "cart_travel": 0.4,
+        "sliding_start": 0.5,
+        "settling_time": np.inf,
+    }
 
 
 def test_a_seed_is_a_family_of_its_own() -> None:

@@ -132,6 +132,22 @@ def test_difference_of_rates_is_covered(confidence):
         assert covered >= confidence - 1e-12
 
 
+@pytest.mark.parametrize("confidence", [0.6, 0.95])
+@pytest.mark.parametrize(("b", "c", "runs"), [(3, 7, 40), (0, 5, 9), (9, 0, 9), (0, 0, 1)])
+def test_ends_of_the_difference_are_the_formulas(b, c, runs, confidence):
+    # Clopper and Pearson by quantiles of the beta distribution, a quarter of the doubt per end.
+    tail = (1 - confidence) / 4
+
+    def ends(kept):
+        low = stats.beta.ppf(tail, kept, runs - kept + 1) if kept else 0.0
+        return low, stats.beta.isf(tail, kept + 1, runs - kept) if kept < runs else 1.0
+
+    found, worse, better = _with_counts(b, c, runs, confidence), ends(b), ends(c)
+    # Twice the tolerance of SciPy's roots, 2e-12.
+    assert found.low == pytest.approx(better[0] - worse[1], abs=4e-12)
+    assert found.high == pytest.approx(better[1] - worse[0], abs=4e-12)
+
+
 def _with_counts(b, c, runs, confidence):
     """Margins of which the first law alone keeps b, the second alone c, both the rest."""
     first = [1.0] * b + [-1.0] * c + [1.0] * (runs - b - c)

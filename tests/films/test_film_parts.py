@@ -11,10 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from grosmc_mj.rendering import chart, frames
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.films import chart, frames
 from grosmc_mj.films.board import OVERSAMPLING, Storyboard, Trace
 from grosmc_mj.films.camera import Placement, place
 from grosmc_mj.films.chart import draw_chart
