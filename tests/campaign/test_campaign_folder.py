@@ -289,14 +289,14 @@ def test_a_manifest_that_is_not_ours(copy: Folder, content: dict[str, Any], says
 
 @pytest.mark.parametrize(("content", "says"), QUESTIONS)
 def test_a_specification_that_is_none(copy: Folder, content: dict[str, Any], says: str) -> None:
-    changed(copy, specification={**read_manifest(copy.path)["question"], **content})
+    changed(copy, question={**read_manifest(copy.path)["question"], **content})
     said = told(read_campaign, copy.path)
     assert said.startswith(f"{copy.path / 'manifest.json'}: ")
     assert says in said
 
 
 def test_a_specification_needs_its_text(copy: Folder) -> None:
-    changed(copy, specification={"name": "small", "folder": "."})
+    changed(copy, question={"name": "small", "folder": "."})
     assert "the specification of this campaign cannot be read: no text" in told(
         read_campaign, copy.path
     )
@@ -327,7 +327,7 @@ def test_a_manifest_that_is_no_file(tmp_path: Path) -> None:
 
 def test_a_case_file_nested_too_deep_is_refused(copy: Folder) -> None:
     specification = read_manifest(copy.path)["question"]
-    changed(copy, specification={**specification, "text": "a = " + "[" * 3000 + "]" * 3000})
+    changed(copy, question={**specification, "text": "a = " + "[" * 3000 + "]" * 3000})
     assert "nested too deep" in told(read_campaign, copy.path)
 
 
