@@ -57,7 +57,6 @@ portable-fast: $(INSTALLED)  ## The fast tests with an older machine's libraries
 	$(AS) nehalem-libraries $(FAST)
 
 mutate: $(INSTALLED)  ## Put 200 faults in, one at a time, and say which the tests notice (half an hour)
-	$(PIP) install -qq -c constraints.txt -e '.[mutation]'
 	$(BIN)/python tests/mutants.py $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
