@@ -29,7 +29,7 @@ from grosmc_mj.control.references import (
     FourierSeries,
     Setpoint,
     Setpoints,
-    constant,
+    setpoints,
     fourier_series,
 )
 from grosmc_mj.control.switching import find_switching
@@ -101,7 +101,7 @@ def tree_task() -> Task:
 
 @cache
 def two_link_law() -> Controller:
-    task = two_link().task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    task = two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
     return tracking_grosmc(task, 10.0, 30.0)
 
 
@@ -193,7 +193,7 @@ def test_mujocos_dynamics_and_the_symbolic_ones_make_the_same_law() -> None:
         Setpoints(0.3, -0.4),
         *weights(2),
     )
-    task = two_link().task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    task = two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
     for design in (
         lambda t: tracking_grosmc(t, 10.0, 30.0),
         linearized_lqr,
@@ -289,7 +289,7 @@ def one() -> Robot:
 @pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
 def test_one_joint_is_a_robot_in_both_engines_and_in_a_batch(integrator: Any) -> None:
     robot = Robot.from_mjcf(ONE, integrator=integrator)
-    law = tracking_grosmc(robot.task(constant(2), Setpoint(0.5), *weights(1)), 10.0, 5.0)
+    law = tracking_grosmc(robot.task(setpoints(2), Setpoint(0.5), *weights(1)), 10.0, 5.0)
     starts = [[0.0, 0.0], [0.3, -1.0]]
     batch = simulate(robot.plant, law, starts, duration=0.1)
     for engine in ("native", "python"):
@@ -345,7 +345,7 @@ def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> Non
 
 def test_no_address_is_among_a_laws_numbers() -> None:
     other = Robot.from_mjcf(model_path("two_link_arm"))
-    task = other.task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    task = other.task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
     assert task.feedback(np.zeros((2, 4))).plant == two_link_law().parameters.plant
 
 
@@ -361,7 +361,7 @@ def test_metrics_are_those_of_the_law_beside_its_optimum() -> None:
 
 
 def two_link_law_task() -> Task:
-    return two_link().task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    return two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
 
 
 # --- what is converted ---
