@@ -29,8 +29,8 @@ from grosmc_mj.control.references import (
     FourierSeries,
     Setpoint,
     Setpoints,
-    setpoints,
     fourier_series,
+    setpoints,
 )
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
