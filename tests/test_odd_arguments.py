@@ -203,7 +203,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Controller": (
             lambda **given: gm.simulate(servo(), gm.Controller(**given), [0, 0], duration=0.002),
             {"name": "lqr", "law": lqr_law().law, "parameters": lqr_law().parameters}
-            | {"memory": lqr_law().memory, "error": lqr_law().error},
+            | {"memory": lqr_law().memory, "design": lqr_law().design},
         ),
         "System": (
             gm.plants.System,

@@ -340,7 +340,7 @@ def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> Non
     assert np.all(np.array(law.law(0.0, np.zeros(4), memory, law.parameters)) == 0)
     assert memory.undefined == 1
     with pytest.raises(UndefinedLawError):
-        simulate(two_link().plant, replace(law, error=None), np.zeros(4), duration=0.01)
+        simulate(two_link().plant, replace(law, design=None), np.zeros(4), duration=0.01)
 
 
 def test_no_address_is_among_a_laws_numbers() -> None:

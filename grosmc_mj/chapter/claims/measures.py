@@ -184,7 +184,7 @@ def signals(system: str, case: str, name: str) -> Callable[[Laboratory], Drawing
         result = lab.case(system, case, "physics", "grosmc")
         run = result.trajectory
         values: Any = run.sliding if name == "s" else run.input
-        unit = result.controller.sliding_unit if name == "s" else run.system.input.unit
+        unit = result.controller.designed.sliding_unit if name == "s" else run.system.input.unit
         label = f"s [{unit}]" if name == "s" else f"{run.system.input.symbol} [{unit}]"
         return Drawing("time t [s]", label, [Curve("GROSMC", run.time[:-1], values, "grosmc")])
 
@@ -196,7 +196,7 @@ def gains(system: str, case: str) -> Callable[[Laboratory], Drawing]:
 
     def draw(lab: Laboratory) -> Drawing:
         found = audit(lab, find_case(system, case)).signals
-        unit = lab.case(system, case, "physics", "grosmc").controller.sliding_unit
+        unit = lab.case(system, case, "physics", "grosmc").controller.designed.sliding_unit
         return Drawing(
             "time t [s]",
             f"switching rate ρ [{per_second(unit)}]",

@@ -316,7 +316,7 @@ def _surfaces(case: str) -> Callable[[Laboratory], Drawing]:
         s, time = result.trajectory.sliding, result.trajectory.time[:-1]
         assert s is not None
         curves = [Curve("s₁", time, s[:, 0], "grosmc"), Curve("s₂", time, s[:, 1])]
-        return Drawing("time t [s]", f"s [{result.controller.sliding_unit}]", curves)
+        return Drawing("time t [s]", f"s [{result.controller.designed.sliding_unit}]", curves)
 
     return draw
 
