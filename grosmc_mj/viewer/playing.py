@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class LiveRun:
         control_period: Time between two samples of the law [s]; the timestep by default.
     """
 
-    plant: MujocoPlant
+    plant: Plant
     controller: Controller
     x0: ArrayLike
     duration: float

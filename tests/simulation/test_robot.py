@@ -209,7 +209,7 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     theirs, plant = TWO_LINK_JOINTS, MujocoPlant.load("two_link_arm")
     symbolic = replace(p, plant=plant.analytic().parameters)
     heavier = BodyEdit("payload", mass_scale=3.0)
-    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic().parameters
+    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()
     w = np.random.default_rng(1).uniform(-5, 5, 18)
     assert (ours.size, ours.units, ours.output_rows) == (4, theirs.units, theirs.output_rows)
     for x in states(2):

@@ -19,10 +19,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.problem import Plant
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +105,7 @@ class Campaign:
     @cached_property
     def bare(self) -> Plant:
         """The same without what is only drawn, which costs most of compiling a model."""
-        return undrawn(self.plant) if isinstance(self.plant, MujocoPlant) else self.plant
+        return self.plant.undrawn()
 
     @property
     def control_period(self) -> float:

@@ -15,7 +15,7 @@ from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.campaign.runs.meter import metered
 from grosmc_mj.campaign.runs.requirements import METRICS, Recording, afters, relative
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 

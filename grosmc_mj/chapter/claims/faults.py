@@ -19,10 +19,10 @@ from grosmc_mj.experiments.designs import chapter_controller
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import PlantName, Settings
 from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 
 
 class Caught(NamedTuple):

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import mujoco
-import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
@@ -80,9 +79,7 @@ class Robot:
     @property
     def limits(self) -> Array:
         """Least and largest torque of each joint [N m or N], (n, 2); infinite for none."""
-        model = self.plant.model_with_userdata(0)
-        free = np.tile([-np.inf, np.inf], (self.joints, 1))
-        return np.where(model.actuator_ctrllimited[:, None] != 0, model.actuator_ctrlrange, free)
+        return self.plant.input_limits.T
 
     @cached_property
     def nominal(self) -> mujoco.MjModel:

@@ -22,7 +22,6 @@ from grosmc_mj.report.document import origin
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 SYSTEM = "cart_pendulum"
@@ -181,13 +180,6 @@ def _largest(values: Array, unit: str) -> Metric:
     return Metric(float(np.abs(values).max()), unit)
 
 
-def linear_model_of(plant: Plant) -> tuple[Array, Array]:
-    """(A, B) of a plant about upright: by MuJoCo's differences or in symbols."""
-    if isinstance(plant, MujocoPlant):
-        return linearize(plant)
-    return plant.jacobian(np.zeros(4), np.zeros(1))
-
-
 def _nominal_lqr() -> LqrDesign:
     """The optimum that cart-lqr and cart-ism share."""
     physics = MujocoPlant.load(SYSTEM)
@@ -223,7 +215,7 @@ def projections(
     """Each G under case 1 on physics: what the linear model says, and what is measured."""
     case = holding_case("case1")
     plant = case_plant(case, "physics", settings)
-    model, optimum = linear_model_of(plant), _nominal_lqr()
+    model, optimum = plant.linearization(), _nominal_lqr()
     rows = []
     for name, G in projections_of(optimum).items():
         law = projected_law(G, settings.realization(SYSTEM))
