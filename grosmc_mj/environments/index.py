@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.vectors import quadratic
 from grosmc_mj.errors import ArgumentError
 
 
@@ -48,5 +49,5 @@ class Index:
 
     def stage_cost(self, t: float, x: Array, u: ArrayLike) -> float:
         """1/2 (z'Qz + v'Rv), in the index's unit per second."""
-        z, v = np.array(self._error.state(t, x, self._law.parameters)), self.weighed(t, x, u)
-        return float(0.5 * (z @ self._design.Q @ z + v @ self._design.R @ v))
+        z, v = self._error.state(t, x, self._law.parameters), self.weighed(t, x, u)
+        return float(0.5 * (quadratic(z, self._design.Q) + quadratic(v, self._design.R)))
