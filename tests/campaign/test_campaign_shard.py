@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaign_cases import BOTH, LAWS, LQR, campaign, falling, servo
+from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.runs.meter import METRICS, metered
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
+from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.folds import Recording, folded
 from grosmc_mj.experiments.requirements import Limit, afters, margins_of, required
 from grosmc_mj.simulation.simulate import simulate
@@ -124,6 +125,43 @@ def test_errors_after_an_instant_are_measured_from_then_on() -> None:
     # The rotor starts 1 rad away and moves towards its goal.
     assert found.margins["stays_within 2"].tolist() == [1.0, 1.0]
     assert np.all(found.margins["stays_within"] > 1.0)
+
+
+RATIO = "[[requirement]]\ncost_ratio_below = {}\n"
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_a_cost_ratio_is_that_of_the_recorded_run(law: str) -> None:
+    asked = campaign(servo(limits=RATIO.format(1.5)))
+    values = asked.values(range(4))
+    margins = evaluate(asked, law, values).margins["cost_ratio_below"]
+    for row, margin in zip(values, margins, strict=True):
+        plant_sample = asked.plant_sample(row)
+        run = simulate(
+            plant_sample.plant(asked.plant),
+            asked.laws[law],
+            plant_sample.case.x0,
+            duration=0.05,
+            control_period=0.001,
+            timestep=0.001,
+            disturbances=plant_sample.case.disturbances,
+            engine="native",
+        )
+        own = measure(run, asked.laws[law], compare_with_optimum(run, asked.laws[law]))
+        whole, least = own["cost_whole"].value, own["cost_optimal"].value
+        assert whole is not None
+        assert least is not None
+        assert margin == pytest.approx(1.5 - whole / least, rel=1e-9)
+    assert len({*margins}) == 4
+
+
+def test_a_run_without_any_cost_to_compare_with_fails() -> None:
+    start = PLANT.format(system="servo", duration=0.05, start='{ "rotor angle" = "1 rad" }')
+    asked = campaign(start + LOAD + BOTH + LQR + RATIO.format(1e6))
+    found = evaluate(asked, "lqr", asked.values(range(2)))
+    assert found.status == ["completed"] * 2
+    assert np.all(np.isneginf(found.margins["cost_ratio_below"]))
+    assert not np.any(found.kept)
 
 
 def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
