@@ -43,8 +43,6 @@ METRICS: Mapping[str, str] = {
     "max_input": "input",
     "cart_travel": "m",
 }
-# Against this, a distance is a size.
-_NOWHERE = np.zeros(0)
 
 
 @dataclass
@@ -111,10 +109,10 @@ def metered(
         error.state,
         error.size,
         tuple(error.output_rows),
-        _magnitude if error.inputs == 1 else _largest_entry,
+        _one if error.inputs == 1 else _all,
         bool(controller.sliding_unit),
         has_cart(error.system),
-        (_single if np.ndim(controller.memory().v) == 0 else _several) if costs else None,
+        (_one if np.ndim(controller.memory().v) == 0 else _all) if costs else None,
     )
     return replace(
         controller,
@@ -164,14 +162,15 @@ def _metered_law(
     error_state: Any,
     size: int,
     outputs: tuple[int, ...],
-    largest: Callable[[Any], float],
+    entries: Callable[[Any], Any],
     surface: bool,
     cart: bool,
     weighed: Callable[[Any], Any] | None,
 ) -> Law:
-    """The law, which notes at each sample what it finds; costs if v is wanted as a vector."""
-    costs, vector = weighed is not None, weighed or _several
+    """The law, which notes at each sample what it finds, costs if told how v is a vector."""
+    costs, vector = weighed is not None, weighed or _all
     inner, difference, follow = jitable(law), _difference(outputs), _follower(size)
+    nothing = (0.0,) * size
 
     def metered_law(t: float, x: Any, memory: Any, p: Any) -> Any:
         u = inner(t, x, memory, p)
@@ -183,8 +182,8 @@ def _metered_law(
             s = _largest_entry(memory.s)
         if cart:
             position = x[0]
-        error, deviation = difference(z, _NOWHERE), difference(z, meters.optimal)
-        note(t, error, deviation, largest(u), s, position, meters, known)
+        error, deviation = difference(z, nothing), difference(z, meters.optimal)
+        note(t, error, deviation, _largest_entry(entries(u)), s, position, meters, known)
         if costs:
             v = vector(memory.v)
             note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
@@ -196,18 +195,14 @@ def _metered_law(
 
 
 @jitable
-def _magnitude(u: float) -> float:
-    return abs(u)
+def _one(value: float) -> Any:
+    """The entries of a number."""
+    return (value,)
 
 
 @jitable
-def _single(v: float) -> Any:
-    return (v,)
-
-
-@jitable
-def _several(v: Any) -> Any:
-    return v
+def _all(values: Any) -> Any:
+    return values
 
 
 @jitable
@@ -221,13 +216,13 @@ def _largest_entry(values: Any) -> float:
 
 @cache
 def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
-    """Jitable (a, b) -> a - b of the one output, or the norm of several; a's if b is empty."""
+    """Jitable (a, b) -> a - b of the one output, or the norm of that of several."""
     if len(outputs) == 1:
         only = outputs[0]
 
         @jitable
         def single(a: Any, b: Any) -> float:
-            return a[only] - b[only] if len(b) else a[only]
+            return a[only] - b[only]
 
         return single
 
@@ -235,8 +230,7 @@ def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
     def several(a: Any, b: Any) -> float:
         total = 0.0
         for i in outputs:
-            difference = a[i] - b[i] if len(b) else a[i]
-            total += difference * difference
+            total += (a[i] - b[i]) * (a[i] - b[i])
         return math.sqrt(total)
 
     return several
