@@ -34,6 +34,7 @@ from grosmc_mj.control.switching import (
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.metrics.recorded import crossings
 from grosmc_mj.experiments.runs import (
     PlantName,
     Settings,
@@ -60,7 +61,6 @@ from grosmc_mj.studies.switching.measure import (
     CaseRow,
     SwitchingRun,
     benchmark,
-    crossings,
     experiments,
     law_for,
     measure_case,

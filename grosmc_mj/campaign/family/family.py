@@ -15,7 +15,7 @@ from scipy import stats
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.sampling import all_corners
-from grosmc_mj.campaign.runs.requirements import MARGIN, METRICS
+from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
@@ -25,6 +25,8 @@ from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit
 
+# How the columns of margins begin.
+MARGIN = "margin "
 # Columns of the results, beside the uncertain numbers.
 RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
 # What a physical plant has above zero, and what it has not below zero.

@@ -16,7 +16,7 @@ from grosmc_mj.control.design import Realization, realized
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.experiments.case import Case, find_case
 from grosmc_mj.experiments.document import case_document
-from grosmc_mj.experiments.metrics import Metric, settled
+from grosmc_mj.experiments.metrics import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, case_plant, run_case, run_on
 from grosmc_mj.report.document import origin
 from grosmc_mj.simulation.edits import BodyEdit
@@ -156,7 +156,7 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
     deviation = None if found is None or start == 0 else float(100 * found / start)
     return {
         "angle_settling": result.metrics["settling_time"],
-        "cart_settling": cart_settling(run.time[calm], cart[calm]),
+        "cart_settling": settling_time(run.time[calm], cart[calm], CART_BAND),
         "travel": Metric(travel, "m"),
         "rail_margin": Metric(rail - travel, "m", "" if travel <= rail else "off the rail"),
         "max_input": result.metrics["max_input"],
@@ -167,11 +167,6 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
         "cart_end": Metric(float(abs(cart[-1])), "m"),
         "angle_end": Metric(float(abs(angle[-1])), "rad"),
     }
-
-
-def cart_settling(time: Array, position: Array) -> Metric:
-    """When |p| enters ``CART_BAND`` for good."""
-    return settled(time, position, CART_BAND)
 
 
 def _largest(values: Array, unit: str) -> Metric:
