@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from grosmc_mj import environments
-    from grosmc_mj.control.controller import Controller
+    from grosmc_mj.control.controller import Controller, custom_controller
     from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
     from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-    from grosmc_mj.control.custom import custom_controller
     from grosmc_mj.control.design import (
-        Realization,
-        Task,
         computed_torque_pd,
         linearized_lqr,
         regulating_grosmc,
@@ -27,6 +24,7 @@ if TYPE_CHECKING:
     from grosmc_mj.control.lqr import lqr
     from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
     from grosmc_mj.control.switching import find_switching
+    from grosmc_mj.control.task import Realization, Task
     from grosmc_mj.errors import DivergenceError, GrosmcError
     from grosmc_mj.experiments.designs import chapter_controller
     from grosmc_mj.films.film import Film, Format, Take
@@ -53,7 +51,7 @@ _HOMES = {
     "constant": "control.references",
     "Constant": "simulation.disturbances",
     "Controller": "control.controller",
-    "custom_controller": "control.custom",
+    "custom_controller": "control.controller",
     "Disturbance": "simulation.disturbances",
     "DivergenceError": "errors",
     "ErrorCoordinates": "control.coordinates.symbolic",
@@ -69,7 +67,7 @@ _HOMES = {
     "lqr": "control.lqr",
     "MujocoPlant": "simulation.mujoco_plant",
     "Pulse": "simulation.disturbances",
-    "Realization": "control.design",
+    "Realization": "control.task",
     "reference": "control.references",
     "regulating_grosmc": "control.design",
     "Robot": "simulation.robots.robot",
@@ -81,7 +79,7 @@ _HOMES = {
     "Status": "simulation.trajectory",
     "System": "plants",
     "Take": "films.film",
-    "Task": "control.design",
+    "Task": "control.task",
     "TIME": "control.references",
     "tracking_grosmc": "control.design",
     "Trajectory": "simulation.trajectory",
