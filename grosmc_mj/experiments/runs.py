@@ -8,8 +8,9 @@ from functools import cache, lru_cache
 from typing import Any, Literal, get_args
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SWITCHINGS
+from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
 from grosmc_mj.experiments.case import Case, cases, find_case
 from grosmc_mj.experiments.designs import (

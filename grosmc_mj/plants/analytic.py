@@ -115,7 +115,9 @@ class AnalyticPlant(Plant):
             raise ModelError(
                 f"{self.system.name} as equations has no model in MuJoCo: scale a parameter instead"
             )
-        scales, p = scales or {}, self.parameters
+        if not scales:
+            return self
+        p = self.parameters
         return self.with_parameters(
             **{name: factor * getattr(p, name, math.nan) for name, factor in scales.items()}
         )

@@ -20,8 +20,8 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     feedback_linearization,
 )
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import FeedbackParameters
 from grosmc_mj.control.references import TIME, Setpoint, Setpoints, reference, setpoints
+from grosmc_mj.control.task import FeedbackParameters
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.plants import ARM, CART_PENDULUM, SERVO, AnalyticPlant, Signal, System, find_system
 from grosmc_mj.plants.equations import Equations

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
 from grosmc_mj.control.switching import (
     SWITCHINGS,
     Adaptive,
@@ -31,6 +30,7 @@ from grosmc_mj.control.switching import (
     UnitVector,
     find_switching,
 )
+from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import chapter_controller

@@ -17,8 +17,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, linearized_lqr, tracking_grosmc
+from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
+from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
 from grosmc_mj.experiments.case import Case, find_case

@@ -15,8 +15,6 @@ import pytest
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import (
-    Realization,
-    Task,
     computed_torque_pd,
     linear_lqr,
     linearized_lqr,
@@ -33,6 +31,7 @@ from grosmc_mj.control.references import (
     setpoints,
 )
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.designs import TWO_LINK_JOINTS
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure

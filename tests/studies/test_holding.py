@@ -25,9 +25,9 @@ from grosmc_mj.control.cart import (
     sliding_dynamics,
 )
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.switching import Implicit
+from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import chapter_controller

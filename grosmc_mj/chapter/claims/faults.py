@@ -114,7 +114,7 @@ def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:
 
 
 def _no_edit(plant: Plant, _case: Case, _name: PlantName) -> Plant:
-    return plant.edited() if isinstance(plant, MujocoPlant) else plant
+    return plant.changed()
 
 
 def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
@@ -126,8 +126,6 @@ def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
 
 
 def _printed_physics(plant: Plant, _case: Case, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant):
-        return plant
     return plant.analytic(plant.system.variants[0])
 
 

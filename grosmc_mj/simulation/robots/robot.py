@@ -11,8 +11,8 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.design import AS_PRINTED, Realization, Task
 from grosmc_mj.control.references import ReferenceFunction
+from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.simulation.models import compile_spec

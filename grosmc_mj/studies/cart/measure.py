@@ -12,8 +12,9 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.cart import holding_ism, holding_lqr, sliding_dynamics
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.case import Case, find_case
 from grosmc_mj.experiments.document import case_document
 from grosmc_mj.experiments.metrics import Metric, settling_time
