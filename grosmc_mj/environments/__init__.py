@@ -9,11 +9,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from grosmc_mj.environments.gymnasium_ids import register
     from grosmc_mj.environments.judging import judge_policy
     from grosmc_mj.environments.law_policies import law_policy
     from grosmc_mj.environments.loading import load
     from grosmc_mj.environments.policy_controllers import policy_controller
-    from grosmc_mj.environments.registration import register
 
 # No module has the name of a function: importing it would take the function's place.
 _HOMES = {
@@ -21,7 +21,7 @@ _HOMES = {
     "law_policy": "law_policies",
     "load": "loading",
     "policy_controller": "policy_controllers",
-    "register": "registration",
+    "register": "gymnasium_ids",
 }
 
 __all__ = ["judge_policy", "law_policy", "load", "policy_controller", "register"]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of, within
+from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, within
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
@@ -120,6 +120,5 @@ def price_of_epsilon(lab: Laboratory) -> Drawing:
     curves = []
     for case, label, colour in (("case1", "with d(t)", "grosmc"), ("nominal", "without", "")):
         run = lab.case(_SYSTEM, case, "physics", "grosmc").trajectory
-        assert run.sliding is not None
-        curves.append(Curve(label, run.time[:-1], run.sliding, colour))
+        curves.append(Curve(label, run.time[:-1], sliding(run), colour))
     return Drawing("time t [s]", "s [rad/s]", curves)

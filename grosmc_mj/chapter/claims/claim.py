@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import PlantName
 
@@ -18,6 +19,10 @@ class Verdict(Enum):
     SUPPORTED = "supported"
     REFUTED = "refuted"
     INCONCLUSIVE = "inconclusive"
+
+
+class NeedsSlidingModeError(GrosmcError):
+    """A measurement that asks a controller for what only a sliding mode law has."""
 
 
 class Measured(NamedTuple):

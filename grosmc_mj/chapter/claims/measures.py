@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
+from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured, NeedsSlidingModeError
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import Comparison
@@ -22,7 +24,7 @@ from grosmc_mj.plants import find_system
 from grosmc_mj.premises.audit import Premise, audit, per_second
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.report.palette import LABELS
-from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Samples of a run that are looked at: odd, so that both sides of the chatter are met.
 _EVERY = 7
@@ -36,6 +38,29 @@ def of(result: RunResult, value: float | None, note: str = "") -> Measured:
     if not all(system.linearizable(x) for x in result.trajectory.state[::20]):
         return Measured(value, f"the run leaves {system.region}", broken=True)
     return Measured(value, note)
+
+
+def sliding(run: Trajectory) -> Array:
+    """s at the samples of a run, (samples,) or (samples, m).
+
+    Raises:
+        NeedsSlidingModeError: If its law has none.
+    """
+    if run.sliding is None:
+        raise NeedsSlidingModeError("it asks for the law's sliding variable")
+    return run.sliding
+
+
+def surface_memory(law: Controller) -> SurfaceMemory:
+    """A new memory of the law's surface.
+
+    Raises:
+        NeedsSlidingModeError: If it has none.
+    """
+    memory = law.memory()
+    if not isinstance(memory, SurfaceMemory):
+        raise NeedsSlidingModeError("it asks for the law's sliding variable")
+    return memory
 
 
 def deviation(
@@ -96,7 +121,7 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     """
     result = lab.case(system, case, plant, "grosmc")
     run, law = result.trajectory, result.controller
-    assert run.sliding is not None
+    s = sliding(run)
     true = lab.equations(result.case, plant)
     nothing = np.zeros(6 * len(run.system.bodies))
     worst, note = 0.0, ""
@@ -108,10 +133,10 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
             return of(result, None, "the law does not switch")
         if not np.all(band > 0):
             return of(result, None, "the law switches the wrong way")
-        away = float((np.abs(run.sliding[row]) / band).max())
+        away = float((np.abs(s[row]) / band).max())
         if away > worst:
             worst = away
-            note = f"at t = {t:.3g} s; max |s| = {np.abs(run.sliding).max():.3g}"
+            note = f"at t = {t:.3g} s; max |s| = {np.abs(s).max():.3g}"
     return of(result, worst, note)
 
 

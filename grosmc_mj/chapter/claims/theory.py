@@ -11,9 +11,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.arm import PAYLOADS
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of
+from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, surface_memory
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import (
     PENDULUM_REACHING_RATE,
@@ -99,8 +98,7 @@ def _approach(
     if abs(x[system.output]) > system.position_bound or not system.linearizable(x):
         return -np.inf
     near = 1e-6 * side * p.G[0] / (p.G[0] @ p.G[0])
-    memory = law.memory()
-    assert isinstance(memory, SurfaceMemory)
+    memory = surface_memory(law)
     memory.z0[:], memory.t = z - near, t
     u = law.law(t, x, memory, p)
     dz2 = error.sign * (derivative(x, u, w)[velocity] - ddy_r)
@@ -114,8 +112,7 @@ def reaching_time(lab: Laboratory, plant: PlantName, *, system: str, torque: flo
     case = trial(system, "kick", _start(system), 4.0, (), (kick,))
     result = lab.run(case, plant, "grosmc")
     run, p = result.trajectory, result.controller.parameters
-    s = run.sliding
-    assert s is not None
+    s = sliding(run)
     after = np.flatnonzero(run.time[:-1] >= 2.02 - 1e-9)
     if not len(after):
         return Measured(None, result.ended, broken=True)

@@ -15,13 +15,14 @@ from grosmc_mj.chapter.claims.measures import (
     from_optimum,
     leaving_the_surface,
     of,
+    sliding,
+    surface_memory,
     within,
 )
 from grosmc_mj.chapter.two_link_figures import true_tip
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.gains import authority
-from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.case import Case, find_case
 from grosmc_mj.experiments.designs import TWO_LINK_CIRCLE, TWO_LINK_G, TWO_LINK_UNCERTAINTY
 from grosmc_mj.experiments.laboratory import Laboratory, trial
@@ -85,8 +86,7 @@ def leaving_the_surfaces(lab: Laboratory, plant: PlantName, *, cases: Sequence[s
     results, values = [], []
     for name in cases:
         result = lab.case(_SYSTEM, name, plant, "grosmc")
-        s = result.trajectory.sliding
-        assert s is not None
+        s = sliding(result.trajectory)
         if not len(s) or np.any(s[0]):
             return of(result, None, f"{name} starts off its surface")
         found = leaving_the_surface(lab, plant, system=_SYSTEM, case=name)
@@ -208,9 +208,8 @@ def _approach(
 ) -> Array:
     """s_i' sgn(s_i) next to the surfaces on the named sides, (m,)."""
     error, p = law.coordinates, law.parameters
-    x, memory = error.place(0.0, z, p), law.memory()
+    x, memory = error.place(0.0, z, p), surface_memory(law)
     assert isinstance(error, ErrorCoordinates)
-    assert isinstance(memory, SurfaceMemory)
     # Any time but the start, at which the law takes z for its own z(0).
     memory.z0[:], memory.t = z - np.linalg.pinv(p.G) @ (1e-6 * sides), 1.0
     u = law.law(1.0, x, memory, p)
@@ -269,8 +268,7 @@ def distance_from_optimum(lab: Laboratory, *, case: str, scale: float, unit: str
 def surfaces(lab: Laboratory, *, case: str) -> Drawing:
     """Both sliding variables of GROSMC on physics."""
     result = lab.case(_SYSTEM, case, "physics", "grosmc")
-    s, time = result.trajectory.sliding, result.trajectory.time[:-1]
-    assert s is not None
+    s, time = sliding(result.trajectory), result.trajectory.time[:-1]
     curves = [Curve("s₁", time, s[:, 0], "grosmc"), Curve("s₂", time, s[:, 1])]
     return Drawing("time t [s]", f"s [{result.controller.sliding_unit}]", curves)
 
