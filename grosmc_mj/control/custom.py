@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arguments import require
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.laws import Coordinates, Law
 from grosmc_mj.control.memory import Memory
@@ -39,8 +39,7 @@ def custom_controller(
     require("numbers", {} if numbers is None else numbers, Mapping, "numbers by their names")
     if not callable(law):
         raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
-    if like.error is None or like.lqr is None:
-        raise ArgumentError(f"{like.name} has no optimum that {name} could be compared with")
+    design = like.designed
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
     for key in numbers or {}:
         if (
@@ -54,14 +53,16 @@ def custom_controller(
     parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
     return Controller(
         name=name,
-        law=_weighed(law, like.error, like.linearizing),
+        law=_weighed(law, design.error, design.linearizing),
         parameters=parameters,
-        memory=_Fresh(like.error.inputs),
-        error=like.error,
-        lqr=like.lqr,
-        source="a law of one's own",
-        gains={key: float(v) for key, v in (numbers or {}).items() if np.ndim(v) == 0},
-        linearizing=like.linearizing,
+        memory=_Fresh(design.error.inputs),
+        design=Design(
+            design.error,
+            design.lqr,
+            source="a law of one's own",
+            gains={key: float(v) for key, v in (numbers or {}).items() if np.ndim(v) == 0},
+            linearizing=design.linearizing,
+        ),
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty, switching_gains
@@ -349,22 +349,22 @@ def realized(controller: Controller, realization: Realization) -> Controller:
 
     Nothing that a design computes depends on its switching law or its control period.
     """
-    if realization == AS_PRINTED or controller.with_reach is None or controller.lqr is None:
+    design = controller.design
+    if realization == AS_PRINTED or design is None or design.with_reach is None:
         return controller
     p, switching, period = controller.parameters, realization.switching, None
     changes: dict[str, Any] = {"switching": switching}
     # A shaped law has no matrix S that a period would enter.
     if isinstance(p, SurfaceParameters):
         period = realization.control_period
-        changes["S"] = drift_of_surface(p.G, controller.lqr, period)
-    memory, m = controller.memory(), len(controller.lqr.K)
+        changes["S"] = drift_of_surface(p.G, design.lqr, period)
+    memory, m = controller.memory(), len(design.lqr.K)
     return replace(
         controller,
-        law=controller.with_reach(switching.reach(m)),
+        law=design.with_reach(switching.reach(m)),
         parameters=replace(p, **changes),
         memory=switching.new_memory(m, len(memory.z0)),  # pyright: ignore
-        switching=switching.name,
-        control_period=period,
+        design=replace(design, switching=switching.name, control_period=period),
     )
 
 
@@ -381,9 +381,17 @@ def _sliding(
     """A sliding mode controller, sampled as the task says."""
     law = with_reach(AS_PRINTED.switching.reach(task.error.inputs))
     made = _controller(
-        "grosmc", law, task, parameters, optimum, source, declared, linearizing=linearizing
+        "grosmc",
+        law,
+        task,
+        parameters,
+        optimum,
+        source,
+        declared,
+        linearizing=linearizing,
+        with_reach=with_reach,
     )
-    return realized(replace(made, with_reach=with_reach), task.realization)
+    return realized(made, task.realization)
 
 
 def surface_numbers(optimum: LqrDesign, G: ArrayLike | None = None) -> dict[str, Any]:
@@ -448,6 +456,7 @@ def _controller(
     declared: str = "",
     *,
     linearizing: bool = False,
+    with_reach: Callable[[Reach], laws.Law] | None = None,
 ) -> Controller:
     """A controller with the gains that are worth showing."""
     switched = isinstance(parameters, SurfaceParameters)
@@ -459,20 +468,19 @@ def _controller(
     first = {f"K{j + 1}": float(K[0, j]) for j in range(n)}
     every = {f"K{i + 1}{j + 1}": float(K[i, j]) for i in range(m) for j in range(n)}
     switching = AS_PRINTED.switching
-    return Controller(
-        name=name,
-        law=law,
-        parameters=parameters,
-        memory=switching.new_memory(m, n) if switched else partial(_without_surface, m),
-        error=task.error,
-        lqr=optimum,
+    memory = switching.new_memory(m, n) if switched else partial(_without_surface, m)
+    design = Design(
+        task.error,
+        optimum,
         source=source,
         gains={**(first if m == 1 else every), **gains},
         declared=declared,
         sliding_unit=_sliding_unit(task, parameters) if switched else "",
         linearizing=linearizing,
         switching=switching.name if switched else "",
+        with_reach=with_reach,
     )
+    return Controller(name, law, parameters, memory, design)
 
 
 def _without_surface(m: int) -> Memory:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn, get_args
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.environments.index import Index
 from grosmc_mj.environments.signals import Observation, Signals, input_label
@@ -196,16 +196,13 @@ def policy_controller(
         )
     called = name or getattr(policy, "__name__", type(policy).__name__)
     law = PolicyLaw(policy, like, takes, called)
-    assert like.error is not None  # as PolicyLaw has found
+    design = like.designed
     return Controller(
         name=called,
         law=law,
         parameters=like.parameters,
-        memory=partial(_memory, like.error.inputs),
-        error=like.error,
-        lqr=like.lqr,
-        source="a policy",
-        linearizing=like.linearizing,
+        memory=partial(_memory, design.error.inputs),
+        design=Design(design.error, design.lqr, source="a policy", linearizing=design.linearizing),
     )
 
 

@@ -37,8 +37,8 @@ from grosmc_mj.control.references import (
     Setpoints,
     Sine,
     circle,
-    constant,
     setpoint,
+    setpoints,
     sine,
 )
 from grosmc_mj.control.switching import SuperTwisting, Switching, find_switching
@@ -119,7 +119,7 @@ TWO_LINK_TIP = ErrorCoordinates(
     TWO_LINK_ARM, circle, outputs=tip(), guess=(1.0, -1.7, 0.0, 0.0), unit="m"
 )
 TWO_LINK_CIRCLE = Circle(0.45, 0.15, 0.15, np.pi)
-TWO_LINK_JOINTS = ErrorCoordinates(TWO_LINK_ARM, constant(2, 2))
+TWO_LINK_JOINTS = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
 TWO_LINK_TARGET = Setpoints(np.pi / 3, -np.pi / 2)
 TWO_LINK_WEIGHTS = (np.diag([100.0, 20.0, 100.0, 20.0]), np.eye(2))
 TWO_LINK_GAINS = (10.0, 30.0)

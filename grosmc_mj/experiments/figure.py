@@ -66,9 +66,9 @@ def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:
 
 def _outputs(result: RunResult) -> list[Array]:
     """The output, or the size of several outputs' errors; and the distance from the optimum."""
-    comparison, error = result.comparison, result.controller.error
+    comparison, error = result.comparison, result.controller.designed.error
     output = comparison.error
-    if len(comparison.outputs) == 1 and error is not None:
+    if len(comparison.outputs) == 1:
         output = comparison.reference[:, 0] + error.sign * comparison.error
     return [output, comparison.deviation]
 
@@ -88,12 +88,11 @@ def _largest(rows: Array) -> Array:
 def _labels(results: Sequence[RunResult], *, sliding: bool) -> list[str]:
     """What the panels' axes are called."""
     result = results[0]
-    error, system = result.controller.error, result.trajectory.system
-    assert error is not None
+    error, system = result.controller.designed.error, result.trajectory.system
     several = len(result.comparison.outputs) > 1
     unit = error.units[result.comparison.outputs[0]]
     output = "|y − yᵣ|" if several else "output y"
-    units = [r.controller.sliding_unit for r in results if r.controller.sliding_unit]
+    units = [unit for r in results if (unit := r.controller.designed.sliding_unit)]
     s = [f"{'largest |s|' if several else 's'} [{units[0]}]"] if sliding and units else []
     s = s or (["s"] if sliding else [])
     u = system.inputs[0]

@@ -100,7 +100,7 @@ def film_of(
                 colour=colour_of(name, len(takes)),
                 run=run,
                 ghost=_ghost(result, moving=moving),
-                sliding_unit=result.controller.sliding_unit,
+                sliding_unit=result.controller.designed.sliding_unit,
                 ended=ended and f"{ended} at {float(run.valid_until):.2f} s",
             )
         )
@@ -120,13 +120,15 @@ def _trace(results: Sequence[RunResult]) -> int:
     """The site whose path is drawn: the tip of a robot, if its model names one."""
     physics = results[0].true
     assert isinstance(physics, MujocoPlant)
-    robots = all(isinstance(result.controller.error, RobotCoordinates) for result in results)
+    errors = [result.controller.designed.error for result in results]
+    robots = all(isinstance(error, RobotCoordinates) for error in errors)
     return trace_site(physics.model) if robots else -1
 
 
 def _held_beside(results: Sequence[RunResult]) -> int | None:
     """The first state that a law of the whole state holds beside the controlled ones, if any."""
-    if not any(isinstance(result.controller.error, StateCoordinates) for result in results):
+    errors = [result.controller.designed.error for result in results]
+    if not any(isinstance(error, StateCoordinates) for error in errors):
         return None
     system = results[0].trajectory.system
     return next(i for i in range(len(system.states)) if i not in system.controlled)
@@ -139,7 +141,7 @@ def _ghost(result: RunResult, *, moving: bool) -> Array:
     else as the coordinates that have these outputs.
     """
     comparison, law = result.comparison, result.controller
-    error, controlled = law.error, list(result.trajectory.system.controlled)
+    error, controlled = law.designed.error, list(result.trajectory.system.controlled)
     if not isinstance(error, ErrorCoordinates) or error.outputs is None:
         return comparison.reference if moving else comparison.optimum
     z = np.zeros_like(comparison.optimal) if moving else comparison.optimal

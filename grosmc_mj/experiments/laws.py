@@ -105,11 +105,11 @@ def _realization(
 ) -> Realization:
     """How a law is sampled."""
     given = {"switching", "surface"} & table.model_fields_set
-    if made.with_reach is None:
+    if made.design is None or made.design.with_reach is None:
         if given:
             raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
         return Realization()
-    design = file.task.design or (made.error.system.name if made.error else "")
+    design = file.task.design or made.design.error.system.name
     law = (
         switching_for(table.switching, design)
         if design in DESIGNS

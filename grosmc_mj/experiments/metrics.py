@@ -11,7 +11,6 @@ from scipy.integrate import trapezoid
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.simulation.trajectory import Trajectory
 
 METRICS = (
@@ -90,11 +89,10 @@ def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
     Raises:
         ArgumentError: If the controller follows no optimum.
     """
-    if controller.error is None or controller.lqr is None:
-        raise ArgumentError(f"{controller.name} has no error coordinates or no optimum")
-    error, p = controller.error, controller.parameters
+    design, p = controller.designed, controller.parameters
+    error = design.error
     z = error.along(run.time, run.state, p)
-    optimal = controller.lqr.optimal_trajectory(z[0], run.time)
+    optimal = design.lqr.optimal_trajectory(z[0], run.time)
     reference = error.reference_along(run.time, p.reference)
     outputs = error.output_rows
     optimum = reference + error.sign * optimal
@@ -121,8 +119,7 @@ def measure(
     transient = slice(None)
     if 0 < onset < time[-1]:
         transient = slice(0, int(np.searchsorted(time, onset)) + 1)
-    assert controller.error is not None
-    output, u = controller.error.units[comparison.outputs[0]], run.system.input.unit
+    output, u = controller.designed.error.units[comparison.outputs[0]], run.system.input.unit
     single = len(comparison.outputs) == 1
     changed = np.abs(np.diff(run.input, axis=0))
     metrics = {
@@ -132,7 +129,7 @@ def measure(
         if single
         else Metric(None, "%", "several outputs"),
         "rms_error": Metric(float(np.sqrt(np.mean(error**2))), output),
-        **_surface_metrics(run, controller.sliding_unit),
+        **_surface_metrics(run, controller.designed.sliding_unit),
         **_costs(run, controller, comparison),
         "total_variation": Metric(float(changed.sum() / time[-1]), f"{u}/s"),
         "max_input": Metric(float(np.abs(run.input).max()), u),
@@ -184,8 +181,7 @@ def _surface_metrics(run: Trajectory, unit: str) -> dict[str, Metric]:
 
 def _costs(run: Trajectory, controller: Controller, comparison: Comparison) -> dict[str, Metric]:
     """J over the run with the continuous part of the input, with the whole, and the least J*."""
-    design = controller.lqr
-    assert design is not None
+    design = controller.designed.lqr
     time, z = comparison.time, comparison.z
     of_state = trapezoid(np.einsum("ti,ij,tj->t", z, design.Q, z), time)
     continuous = -(z @ design.K.T)

@@ -84,9 +84,8 @@ def limits(
     """
     names = tuple(controller.name for controller in controllers)
     named, on = tuple(table.of or ()), tuple(table.on or _judged(plants))
-    surfaced = tuple(law.name for law in controllers if law.sliding_unit)
-    error = controllers[0].error
-    assert error is not None
+    surfaced = tuple(law.name for law in controllers if law.designed.sliding_unit)
+    error = controllers[0].designed.error
     output = error.units[error.output_rows[0]]
     u = error.system.inputs[0].unit
     units = {
@@ -127,7 +126,7 @@ def limits(
 
 def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
     """Unit of s of the laws that are meant."""
-    units = [law.sliding_unit for law in controllers if law.name in named or not named]
+    units = [law.designed.sliding_unit for law in controllers if law.name in named or not named]
     return next((unit for unit in units if unit), "")
 
 

@@ -43,8 +43,7 @@ def _cell(metric: Metric | None) -> str:
 
 def results_table(results: Sequence[RunResult]) -> Table:
     """The runs of one system."""
-    system, error = results[0].trajectory.system, results[0].controller.error
-    assert error is not None
+    system, error = results[0].trajectory.system, results[0].controller.designed.error
     output = error.units[error.output_rows[0]]
     table = empty_table(f"{system.title}: x1 in {output}, u in {system.input.unit}")
     columns = [*_COLUMNS, _CART] if system.name == "cart_pendulum" else _COLUMNS
@@ -122,9 +121,10 @@ def gains_table(results: Sequence[RunResult]) -> Table:
             continue
         seen.add(key)
         # Of a matrix for many joints most entries are zero.
-        shown = [(n, v) for n, v in result.controller.gains.items() if v or len(n) < _MATRIX]
+        design = result.controller.designed
+        shown = [(n, v) for n, v in design.gains.items() if v or len(n) < _MATRIX]
         gains = ", ".join(f"{n} = {v:.4g}" for n, v in shown)
-        if result.controller.declared:
-            gains += f"; computed for {result.controller.declared}"
-        table.add_row(*key, result.controller.source, gains)
+        if design.declared:
+            gains += f"; computed for {design.declared}"
+        table.add_row(*key, design.source, gains)
     return table

@@ -39,7 +39,7 @@ _INSTANTS = 400
 
 def is_robots(result: RunResult) -> bool:
     """Whether a run is one that these premises are for: a robot's law on a robot in MuJoCo."""
-    return isinstance(result.controller.error, RobotCoordinates) and isinstance(
+    return isinstance(result.controller.designed.error, RobotCoordinates) and isinstance(
         result.true, MujocoPlant
     )
 
@@ -112,8 +112,8 @@ def _rate(result: RunResult, points: Points) -> Premise:
     p: Any = law.parameters
     t, _, most = max(points, key=lambda point: point[2].required)
     joint = joints[int(np.abs(most.pushes).argmax())]
-    alone = "" if "unit-vector" in law.switching else _joint_by_joint(points)
-    unit = per_second(law.sliding_unit)
+    alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
+    unit = per_second(law.designed.sliding_unit)
     printed = hasattr(p, "epsilon")
     found = Premise(
         "epsilon" if printed else "switching gain",
@@ -207,7 +207,7 @@ def _torque(result: RunResult) -> Premise:
 
 def _headroom(law: Controller, plant: Any, points: Points) -> Premise:
     """The nominal torque leaves what the switching term may need, whatever its signs."""
-    error, limits = law.error, _limits(plant)
+    error, limits = law.designed.error, _limits(plant)
     assert isinstance(error, RobotCoordinates)
     margins, alone, switched = [], [], []
     for t, _, found in points:

@@ -157,7 +157,7 @@ def _require_alike(plants: tuple[Plant, ...], controllers: tuple[Controller, ...
 
 def _require_designed_for(system: System, controller: Controller) -> None:
     """Refuse a controller of another system."""
-    designed = controller.error.system if controller.error else system
+    designed = controller.design.error.system if controller.design else system
     if designed is not system:
         raise ArgumentError(
             f"{controller.name} is designed for {designed.name}, the plant is {system.name}"
@@ -181,7 +181,7 @@ def _stride(
             f"{max(1, stride) * h:g} s, or another timestep"
         )
     for each in controllers:
-        wanted = each.control_period
+        wanted = each.design.control_period if each.design else None
         if wanted is not None and not math.isclose(wanted, period, rel_tol=1e-9):
             raise ArgumentError(
                 f"{each.name} is designed for a control period of {wanted:g} s, not {period:g} s"

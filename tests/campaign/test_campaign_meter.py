@@ -84,11 +84,11 @@ def check(found: Metered, asked: Campaign, law: str) -> None:
     controller = asked.laws[law]
     assert meters["input"][0] == np.abs(whole.command[::2]).max()
     if samples.sliding is not None:
-        assert controller.sliding_unit
+        assert controller.designed.sliding_unit
         assert meters["sliding"][0] == np.abs(samples.sliding).max()
         assert meters["sliding_start"][0] == np.abs(samples.sliding[0]).max()
     else:
-        assert not controller.sliding_unit
+        assert not controller.designed.sliding_unit
         assert meters["sliding"][0] == meters["sliding_start"][0] == 0.0
     if asked.plant.system.name == "cart_pendulum":
         assert meters["travel"][0] == measured["cart_travel"].value > 0
@@ -194,6 +194,6 @@ def test_one_law_measures_many_batches_without_compiling_again() -> None:
 
 
 def test_a_law_without_an_optimum_cannot_be_metered() -> None:
-    law = replace(campaign(servo()).laws["lqr"], lqr=None)
-    with pytest.raises(ArgumentError, match="lqr has no error coordinates or no optimum"):
+    law = replace(campaign(servo()).laws["lqr"], design=None)
+    with pytest.raises(ArgumentError, match="lqr has no error coordinates and no optimum"):
         metered(law, 0.001, [], 0.0)

@@ -420,8 +420,7 @@ each_law = pytest.mark.parametrize(("system", "name"), LAWS)
 
 def samples(law: Controller, count: int = 20) -> list[tuple[float, Array]]:
     """Random instants and states in the region of every law."""
-    assert law.error is not None
-    random, n = np.random.default_rng(3), len(law.error.system.states)
+    random, n = np.random.default_rng(3), len(law.designed.error.system.states)
     return [(0.01 * k, random.uniform(-1, 1, n)) for k in range(count)]
 
 
@@ -456,8 +455,7 @@ def test_zero_gain_leaves_the_continuous_law(system: str, name: str) -> None:
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_surface_without_its_integral_is_the_projection_alone(system: str) -> None:
     law = faulty("integral left out", system)
-    assert law.error is not None
-    z = np.array([law.error.state(t, x, law.parameters) for t, x in samples(law)])
+    z = np.array([law.designed.error.state(t, x, law.parameters) for t, x in samples(law)])
     assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G.T, abs=1e-13)
 
 
@@ -471,9 +469,8 @@ def test_small_projection_scales_all_that_is_made_of_it(system: str) -> None:
     small = law.parameters
     for name in ("G", "S", "GB", "size_of_GB"):
         assert getattr(small, name) == pytest.approx(0.01 * getattr(p, name), rel=1e-15)
-    assert law.lqr is not None
-    assert pytest.approx(small.S, rel=1e-12) == small.G @ law.lqr.closed_loop
-    assert pytest.approx(small.G @ law.lqr.B, rel=1e-12) == small.GB
+    assert pytest.approx(small.S, rel=1e-12) == small.G @ law.designed.lqr.closed_loop
+    assert pytest.approx(small.G @ law.designed.lqr.B, rel=1e-12) == small.GB
     assert small.GB @ small.GB_inverse == pytest.approx(np.eye(len(small.GB)), rel=1e-12)
     assert small.size_of_GB == pytest.approx(np.linalg.norm(small.GB), rel=1e-12)
     for name in ("K", "eta", "gamma0", "gamma1", "k", "epsilon"):

@@ -158,7 +158,7 @@ def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_lengt
     """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
     case = replace(find_case("servo", "nominal"), duration=0.005)
     environment = gymnasium.make("grosmc_mj/Servo-v0", task=case, control_period=2e-3)
-    design = nominal_controller("servo", "grosmc", "corrected").lqr
+    design = nominal_controller("servo", "grosmc", "corrected").designed.lqr
     assert design is not None
     observation, _ = environment.reset()
     for length, end in ((2e-3, 2e-3), (2e-3, 4e-3), (1e-3, 5e-3)):

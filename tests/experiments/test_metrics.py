@@ -58,9 +58,8 @@ def servo_run(theta: np.ndarray, rate: np.ndarray, u: np.ndarray) -> Trajectory:
 
 def optimal_run(controller: Controller) -> Trajectory:
     """The continuous optimum itself, x* and u* = -K x*."""
-    assert controller.lqr is not None
-    x = controller.lqr.optimal_trajectory([1.0, 0.0], TIME)
-    u = -(x @ controller.lqr.K.T)[:-1, 0]
+    x = controller.designed.lqr.optimal_trajectory([1.0, 0.0], TIME)
+    u = -(x @ controller.designed.lqr.K.T)[:-1, 0]
     return servo_run(1.0 - x[:, 0], -x[:, 1], u)
 
 

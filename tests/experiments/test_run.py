@@ -36,14 +36,14 @@ def law(t, x, memory, p):
     return p.plant.m * math.sin(x[0]) - p.a * x[0] - p.b * x[1]
 
 def made(plant, epsilon=5.0):
-    error = gm.ErrorCoordinates(plant.system, gm.constant(2))
-    task = gm.Task(plant, error, gm.Setpoint(0.0), Q=np.eye(2), R=1.0)
+    error = gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2))
+    task = gm.Task(plant, error, gm.control.Setpoint(0.0), Q=np.eye(2), R=1.0)
     return gm.tracking_grosmc(task, k=5.0, epsilon=epsilon)
 
 def gust(t):
     return math.exp(-t)
 
-pair = (gm.reference([sp.sin(gm.TIME)]), gm.Setpoint())
+pair = (gm.control.reference([sp.sin(gm.control.TIME)]), gm.control.Setpoint())
 wrong = 3
 """
 

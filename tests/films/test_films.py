@@ -618,7 +618,7 @@ def test_a_run_that_diverged_can_be_filmed(
     plant = gm.MujocoPlant.load("servo")
     law = gm.chapter_controller("lqr", plant.analytic())
     away = replace(law, parameters=replace(law.parameters, K=-10 * law.parameters.K))
-    with pytest.raises(gm.DivergenceError) as caught:
+    with pytest.raises(gm.errors.DivergenceError) as caught:
         gm.simulate(plant, away, [0.0, 0.0], duration=1.0)
     run = caught.value.trajectory
     takes = (

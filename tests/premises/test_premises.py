@@ -222,7 +222,7 @@ def rounding_of_u_c(law: Controller, t: float, x: Array, z: Array) -> float:
     most n times by half an epsilon; the difference rounds once more, a quotient as often as twice.
     """
     size, roundings = (np.abs(law.parameters.K) @ np.abs(z)).item(), len(z)
-    if law.linearizing:
+    if law.designed.linearizing:
         alpha, E = law.coordinates.dynamics(t, x, law.parameters)
         size, roundings = (size + abs(alpha.item())) / abs(E.item()), roundings + 3
     return 2 * roundings * (np.finfo(float).eps / 2) * size
@@ -245,7 +245,7 @@ def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
 ) -> None:
     """Through feedback linearization the nominal plant under u_c is z1'' = -K z, exactly."""
     law, plant = chapter_controller(name, nominal(system)), nominal(system)
-    assert law.linearizing is expected
+    assert law.designed.linearizing is expected
     velocity = law.coordinates.system.output + law.coordinates.system.degrees_of_freedom
     misses = []
     for t, z, _ in random_points(system, 10):

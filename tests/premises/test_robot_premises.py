@@ -18,7 +18,7 @@ from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import AS_PRINTED, linearized_lqr, tracking_grosmc
-from grosmc_mj.control.references import FourierSeries, constant, fourier_series
+from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
 from grosmc_mj.experiments.case import Case, find_case
@@ -116,7 +116,7 @@ def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")
     regulation = "two_link_arm regulation"
     theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, regulation)
-    task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     ours = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
     heavier = BodyEdit("payload", mass_scale=3.0)
     push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
@@ -242,7 +242,7 @@ def test_a_robot_without_limits_keeps_them() -> None:
     free = ARM.replace(' limited="true" range="-2 2"', "").replace('ctrllimited="true"', "")
     free = free.replace('ctrlrange="-25 25"', "").replace('ctrlrange="-9 9"', "")
     robot = Robot.from_mjcf(free)
-    task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
     result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
     assert all(each.holds for each in audited(result).premises)

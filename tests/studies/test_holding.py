@@ -76,8 +76,7 @@ def members(count: int) -> list[AnalyticPlant]:
 
 
 def optimum_of(law: Controller) -> LqrDesign:
-    assert law.lqr is not None
-    return law.lqr
+    return law.designed.lqr
 
 
 def force_for(plant: AnalyticPlant, x: Array, w: float) -> tuple[float, float]:
@@ -234,7 +233,7 @@ def test_mujocos_linear_model_gives_the_same_laws() -> None:
     for found, expected in zip(model, linear_model(NOMINAL), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
     for make in (holding_lqr, holding_ism):
-        ours, theirs = make(NOMINAL).gains, make(NOMINAL, model).gains
+        ours, theirs = make(NOMINAL).designed.gains, make(NOMINAL, model).designed.gains
         assert ours.keys() == theirs.keys()
         np.testing.assert_allclose(list(ours.values()), list(theirs.values()), rtol=1e-8)
 

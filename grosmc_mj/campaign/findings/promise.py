@@ -60,7 +60,7 @@ class PromisedFamily:
     def of(cls, campaign: Campaign, controller: str) -> PromisedFamily | str:
         """The premises of a controller, or in words why there are none."""
         law, case = campaign.laws[controller], campaign.experiment.case
-        if not law.switching:
+        if not law.designed.switching:
             return f"{controller} does not switch: it promises nothing about uncertainty"
         plant = campaign.plant
         if not isinstance(plant, MujocoPlant) or plant.system.read_parameters is None:

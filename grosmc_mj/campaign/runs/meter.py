@@ -20,7 +20,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.vectors import each, row_times
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.metrics import SETTLING_BAND
 from grosmc_mj.jitable import jitable
 
@@ -90,11 +89,10 @@ def metered(
     Raises:
         ArgumentError: If the controller follows no optimum.
     """
-    error, design = controller.error, controller.lqr
-    if error is None or design is None:
-        raise ArgumentError(f"{controller.name} has no error coordinates or no optimum")
+    design = controller.designed
+    error = design.error
     numbers = MeterNumbers(
-        transition=_transition(design.closed_loop.tobytes(), error.size, control_period),
+        transition=_transition(design.lqr.closed_loop.tobytes(), error.size, control_period),
         after=np.array(after or [0.0], float),
         onset=onset if onset > 0 else math.inf,
     )
@@ -104,7 +102,7 @@ def metered(
         error.size,
         tuple(error.output_rows),
         _magnitude if error.inputs == 1 else _largest_entry,
-        bool(controller.sliding_unit),
+        bool(design.sliding_unit),
         error.system.name == "cart_pendulum",
     )
     return replace(
@@ -123,8 +121,7 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
 
 def _memory(controller: Controller, errors: int) -> Memory:
     """The law's own memory with meters."""
-    assert controller.error is not None
-    meters = Meters(np.zeros(controller.error.size), np.zeros(errors))
+    meters = Meters(np.zeros(controller.designed.error.size), np.zeros(errors))
     return _with(controller.memory(), meters=meters)
 
 

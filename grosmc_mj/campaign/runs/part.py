@@ -159,8 +159,7 @@ def _noted(bound_to: str, index: int, ids: range) -> dict[str, Any]:
 
 def _schema(campaign: Campaign) -> pa.Schema:
     """Columns of a part, with their types and units."""
-    error = next(iter(campaign.laws.values())).error
-    assert error is not None
+    error = next(iter(campaign.laws.values())).designed.error
     units = {
         "output": error.units[error.output_rows[0]],
         "input": error.system.inputs[0].unit,

@@ -52,8 +52,7 @@ def _negated(law: Law, m: int) -> Law:
 
 
 def _wrong_sign(law: Controller, _case: Case, _plant: PlantName) -> Controller:
-    m = law.error.inputs if law.error else 1
-    return replace(law, law=_negated(law.law, m))
+    return replace(law, law=_negated(law.law, law.designed.error.inputs))
 
 
 def _no_switching(law: Controller, _case: Case, _plant: PlantName) -> Controller:

@@ -177,7 +177,7 @@ def signals(lab: Laboratory, *, system: str, case: str, name: str) -> Drawing:
     result = lab.case(system, case, "physics", "grosmc")
     run = result.trajectory
     values: Any = run.sliding if name == "s" else run.input
-    unit = result.controller.sliding_unit if name == "s" else run.system.input.unit
+    unit = result.controller.designed.sliding_unit if name == "s" else run.system.input.unit
     label = f"s [{unit}]" if name == "s" else f"{run.system.input.symbol} [{unit}]"
     return Drawing("time t [s]", label, [Curve("GROSMC", run.time[:-1], values, "grosmc")])
 
@@ -185,7 +185,7 @@ def signals(lab: Laboratory, *, system: str, case: str, name: str) -> Drawing:
 def gains(lab: Laboratory, *, system: str, case: str) -> Drawing:
     """Required and configured ρ along the run."""
     found = audit(lab, find_case(system, case)).signals
-    unit = lab.case(system, case, "physics", "grosmc").controller.sliding_unit
+    unit = lab.case(system, case, "physics", "grosmc").controller.designed.sliding_unit
     return Drawing(
         "time t [s]",
         f"switching rate ρ [{per_second(unit)}]",

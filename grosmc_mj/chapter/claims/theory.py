@@ -167,7 +167,7 @@ def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
     drifting = replace(equations, f=(rate + _DRIFT_OF_ERROR, acceleration))
     strange = replace(servo, system=replace(servo.system, equations=drifting))
     # The law goes on believing in the true kinematics: it is designed for another system.
-    unaware = replace(law, error=None)
+    unaware = replace(law, design=None)
     run = simulate(
         strange, unaware, case.x0, duration=5.0, control_period=lab.settings.control_period,
         timestep=lab.settings.timestep, engine="python",

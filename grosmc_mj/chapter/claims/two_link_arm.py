@@ -270,7 +270,7 @@ def surfaces(lab: Laboratory, *, case: str) -> Drawing:
     result = lab.case(_SYSTEM, case, "physics", "grosmc")
     s, time = sliding(result.trajectory), result.trajectory.time[:-1]
     curves = [Curve("s₁", time, s[:, 0], "grosmc"), Curve("s₂", time, s[:, 1])]
-    return Drawing("time t [s]", f"s [{result.controller.sliding_unit}]", curves)
+    return Drawing("time t [s]", f"s [{result.controller.designed.sliding_unit}]", curves)
 
 
 def unknown_kinematics(lab: Laboratory) -> str:

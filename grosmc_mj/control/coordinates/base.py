@@ -59,7 +59,7 @@ class OutputCoordinates(ABC):
         if not callable(self.reference):
             raise ArgumentError(
                 f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
-                "derivatives, such as constant(2)"
+                "derivatives, such as setpoints(2)"
             )
         if isinstance(self.sign, bool) or not isinstance(self.sign, int) or abs(self.sign) != 1:
             raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")

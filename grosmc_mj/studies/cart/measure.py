@@ -191,9 +191,7 @@ def linear_model_of(plant: Plant) -> tuple[Array, Array]:
 def _nominal_lqr() -> LqrDesign:
     """The optimum that cart-lqr and cart-ism share."""
     physics = MujocoPlant.load(SYSTEM)
-    optimum = holding_lqr(physics.analytic(), linearize(physics)).lqr
-    assert optimum is not None
-    return optimum
+    return holding_lqr(physics.analytic(), linearize(physics)).designed.lqr
 
 
 def projections_of(optimum: LqrDesign) -> dict[str, Array | None]:
@@ -311,9 +309,9 @@ def document(found: Study) -> dict[str, Any]:
                 "case": each.result.case.name,
                 "plant": each.result.plant,
                 "controller": each.result.controller.name,
-                "equations": each.result.controller.source,
-                "gains": dict(each.result.controller.gains),
-                "declared": each.result.controller.declared,
+                "equations": each.result.controller.designed.source,
+                "gains": dict(each.result.controller.designed.gains),
+                "declared": each.result.controller.designed.declared,
                 "status": each.result.status.name.lower(),
                 "ended": each.result.ended,
                 "measures": {name: metric._asdict() for name, metric in each.measures.items()},

@@ -100,8 +100,8 @@ class Loop:
         Raises:
             ArgumentError: If the law regulates something that is no state.
         """
-        error = self.controller.error
-        if error is None or error.outputs is not None:
+        error = self.controller.designed.error
+        if error.outputs is not None:
             raise ArgumentError(
                 f"{self.controller.name} in {self.case.name} of {self.system.name} regulates "
                 "outputs that are no states: take another --case"
