@@ -20,8 +20,8 @@ from grosmc_mj.films.camera import Placement, place
 from grosmc_mj.films.chart import draw_chart
 from grosmc_mj.films.film import FREE_CAMERA, Film, Format, Take
 from grosmc_mj.films.layout import Layout
+from grosmc_mj.films.marks import add_trace
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.traces import add_trace
 from grosmc_mj.plants import SERVO
 from grosmc_mj.report.palette import DISTURBANCE, red_green_blue
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
