@@ -307,6 +307,12 @@ def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_plac
             assert np.all(frame[rows, cursor] == 120)
             np.testing.assert_array_equal(frame[rows, before], board.chart.drawn[rows, before])
             np.testing.assert_array_equal(frame[rows, after], board.chart.empty[rows, after])
+        # Nothing else changes but the clock.
+        changed = np.any(frame != board.chart.empty, axis=2)
+        pictures = [board.layout.picture(number) for number in range(2)]
+        for box in (*pictures, *board.chart.areas, board.layout.clock):
+            changed[box.top : box.bottom, box.left : box.right] = False
+        assert not changed.any()
 
 
 def test_a_run_that_is_over_says_so_and_is_pushed_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
