@@ -68,9 +68,9 @@ def judge_policy(
     findings = []
     for claim in chosen:
         lab.asked = False
-        found = _judged(lab, claim, refine=refine)
+        finding = _judged(lab, claim, refine=refine)
         if lab.asked or claims is not None:
-            findings.append(found)
+            findings.append(finding)
     return findings
 
 
@@ -146,10 +146,10 @@ class _PolicyLaboratory(Laboratory):
 
 def _claim(system: str, claim: str | Claim) -> Claim:
     """A claim about the system."""
-    found = find_claim(claim) if isinstance(claim, str) else claim
-    if found.system != system:
-        raise ArgumentError(f"claim {found.id} is about {found.system}, not about {system}")
-    return found
+    chosen = find_claim(claim) if isinstance(claim, str) else claim
+    if chosen.system != system:
+        raise ArgumentError(f"claim {chosen.id} is about {chosen.system}, not about {system}")
+    return chosen
 
 
 def _judged(lab: _PolicyLaboratory, claim: Claim, *, refine: bool) -> Finding:

@@ -99,12 +99,12 @@ def _write_labels(figure: Figure, film: Film, layout: Layout) -> None:
             words.append(("disturbance", DISTURBANCE))
         x = _right_of(write(box, box.left + pad, take.label, 1.1 * points, take.colour, "bold"))
         for text, colour in words:
-            found = write(box, x + 1.3 * layout.font, text, 0.85 * points, colour, "normal")
-            if _right_of(found) > box.right - pad:
+            written = write(box, x + 1.3 * layout.font, text, 0.85 * points, colour, "normal")
+            if _right_of(written) > box.right - pad:
                 # The name matters most; what does not fit beside it is left out.
-                found.remove()
+                written.remove()
             else:
-                x = _right_of(found)
+                x = _right_of(written)
 
 
 def _right_of(text: Any) -> float:

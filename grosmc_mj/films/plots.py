@@ -141,13 +141,13 @@ def _names(signals: Sequence[Signal]) -> str:
 
 def _distinct_ghosts(film: Film) -> list[Array]:
     """The ghosts' coordinates, each once; those of runs that ended early are left out."""
-    found: list[Array] = []
+    ghosts: list[Array] = []
     for take in film.takes:
         if take.ghost is None or len(take.run.time) < len(film.longest.run.time):
             continue
-        if not any(np.allclose(take.ghosts, other, atol=1e-9) for other in found):
-            found.append(take.ghosts)
-    return found
+        if not any(np.allclose(take.ghosts, other, atol=1e-9) for other in ghosts):
+            ghosts.append(take.ghosts)
+    return ghosts
 
 
 def slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:

@@ -202,10 +202,10 @@ class Live:
 def _moves(plant: MujocoPlant, x0: Array, body: str) -> bool:
     """Whether a force along x at the body's centre accelerates anything."""
     model, n = plant.model, plant.system.degrees_of_freedom
-    data, found = mujoco.MjData(model), []
+    data, accelerations = mujoco.MjData(model), []
     data.qpos[:], data.qvel[:] = x0[:n], x0[n:]
     for force in (0.0, 1.0):
         data.xfrc_applied[model.body(body).id, 0] = force
         mujoco.mj_forward(model, data)
-        found.append(data.qacc.copy())
-    return bool(np.abs(found[1] - found[0]).max() > _NOTHING)
+        accelerations.append(data.qacc.copy())
+    return bool(np.abs(accelerations[1] - accelerations[0]).max() > _NOTHING)

@@ -72,9 +72,9 @@ def worst_of_family(lab: Laboratory, plant: PlantName) -> Measured:
         where_now = case.title
         if run.status is not Status.COMPLETED:
             return Measured(None, f"{where_now}: the run ended early", broken=True)
-        found = from_optimum(compare_with_optimum(run, law))
-        if found >= worst:
-            worst, where = found, where_now
+        away = from_optimum(compare_with_optimum(run, law))
+        if away >= worst:
+            worst, where = away, where_now
     return Measured(worst, f"worst at {where}")
 
 
@@ -89,9 +89,9 @@ def unbalanced_torque(lab: Laboratory, plant: PlantName) -> Measured:
         M = 0.1 + 0.06 * math.sin(q)
         gravity = p.m * p.l * p.g * math.cos(q)
         coriolis = 0.03 * math.cos(q) * rate * rate
-        found = derivative(np.array([q, rate]), tau, np.zeros(12))[1]
+        acceleration = derivative(np.array([q, rate]), tau, np.zeros(12))[1]
         terms = np.array([tau, -gravity, -coriolis])
-        worst = max(worst, abs(M * found - terms.sum()) / np.abs(terms).max())
+        worst = max(worst, abs(M * acceleration - terms.sum()) / np.abs(terms).max())
     return Measured(100 * float(worst), "300 random states and torques")
 
 
@@ -104,9 +104,9 @@ def deviation_of_printed_law(lab: Laboratory, plant: PlantName) -> Measured:
 
 def epsilon_margin(lab: Laboratory, _: PlantName) -> Measured:
     """The printed epsilon over what d(t) needs along the run."""
-    found = audit(lab, find_case(_SYSTEM, "case1"))
-    required, configured = found.signals["required"], found.signals["configured"]
-    premise = next(each for each in found.premises if each.name == "epsilon")
+    audited = audit(lab, find_case(_SYSTEM, "case1"))
+    required, configured = audited.signals["required"], audited.signals["configured"]
+    premise = next(one for one in audited.premises if one.name == "epsilon")
     if not required.any():
         return Measured(None, "nothing pushes s away here", broken=True)
     return Measured(

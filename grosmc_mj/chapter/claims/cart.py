@@ -113,9 +113,11 @@ def _unmatched(
 
 def _amplified(optimum: LqrDesign, model: tuple[np.ndarray, np.ndarray]) -> Measured:
     """The factors of all projections, and what that of B+ adds."""
-    found = {name: amplification(optimum, G, model) for name, G in projections_of(optimum).items()}
-    words = ", ".join(f"{name} {value:.3f}" for name, value in found.items() if value is not None)
-    value = found["B+"]
+    factors = {
+        name: amplification(optimum, G, model) for name, G in projections_of(optimum).items()
+    }
+    words = ", ".join(f"{name} {value:.3f}" for name, value in factors.items() if value is not None)
+    value = factors["B+"]
     return Measured(None if value is None else 100 * (value - 1), f"amplification: {words}")
 
 
@@ -123,8 +125,8 @@ def _worse(optimum: LqrDesign, model: tuple[np.ndarray, np.ndarray]) -> Measured
     """The slowest poles with the stiff and with the declared weights."""
     stiff = lqr(optimum.A, optimum.B, _STIFF, 1.0)
     declared, poles = (
-        {name: slowest_pole(each, G, model) for name, G in projections_of(each).items()}
-        for each in (optimum, stiff)
+        {name: slowest_pole(design, G, model) for name, G in projections_of(design).items()}
+        for design in (optimum, stiff)
     )
     note = (
         f"poles at {poles['B+']:.3g} and, LQR alone, {poles[ALONE]:.3g} 1/s; with the declared "
@@ -186,6 +188,6 @@ def angles(lab: Laboratory) -> Drawing:
         result = lab.run(_trial(UNCERTAINTIES[what]), "physics", "cart-ism")
         run = result.trajectory
         curves.append(Curve(f"{LABELS['cart-ism']}, {what}", run.time, run.state[:, 1], colour))
-    found = lab.run(_trial(UNCERTAINTIES["4m"]), "physics", "cart-ism").comparison
-    curves.append(Curve("nominal optimum", found.time, found.optimum[:, 0]))
+    comparison = lab.run(_trial(UNCERTAINTIES["4m"]), "physics", "cart-ism").comparison
+    curves.append(Curve("nominal optimum", comparison.time, comparison.optimum[:, 0]))
     return Drawing("time t [s]", "pole angle θ [rad]", curves)

@@ -27,9 +27,9 @@ _LARGER = (BodyEdit("pole", mass_scale=4.0, length_scale=4.0),)
 def from_two_seconds(lab: Laboratory, plant: PlantName, *, controller: str) -> Measured:
     """Distance of the settling time from 2 s."""
     result = lab.case(_SYSTEM, "nominal", plant, controller)
-    found = result.metrics["settling_time"]
-    off = None if found.value is None else abs(found.value - 2.0)
-    note = found.note or f"settles in {found.value:.3g} s"
+    settling = result.metrics["settling_time"]
+    off = None if settling.value is None else abs(settling.value - 2.0)
+    note = settling.note or f"settles in {settling.value:.3g} s"
     return of(result, off, note)
 
 
@@ -100,8 +100,8 @@ def acceleration_error(lab: Laboratory, plant: PlantName) -> Measured:
         x = np.array([0.0, random.uniform(-1.2, 1.2), 0.0, random.uniform(-5, 5)])
         u = random.uniform(-10, 10)
         terms = np.array(_lagrange(x, u))
-        found = derivative(x, u, np.zeros(12))[3]
-        worst = max(worst, abs(found - terms.sum()) / np.abs(terms).max())
+        acceleration = derivative(x, u, np.zeros(12))[3]
+        worst = max(worst, abs(acceleration - terms.sum()) / np.abs(terms).max())
     return Measured(100 * float(worst), "300 random states and forces")
 
 
@@ -134,9 +134,9 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     law, run = result.controller, result.trajectory
     naive = required = 0.0
     for row in range(0, len(run.time) - 1, 10):
-        found = balance(law, true, float(run.time[row]), run.state[row], np.zeros(12))
-        naive = max(naive, found.push)
-        required = max(required, found.required)
+        balanced = balance(law, true, float(run.time[row]), run.state[row], np.zeros(12))
+        naive = max(naive, balanced.push)
+        required = max(required, balanced.required)
     if required < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     return of(
@@ -157,7 +157,7 @@ def close_up(lab: Laboratory) -> Drawing:
     """The pole's angle under d(t), magnified."""
     curves = []
     for name, label in (("lqr", "LQR"), ("grosmc", "GROSMC")):
-        found = lab.case(_SYSTEM, "case2", "physics", name).comparison
-        after = within(found.time, 8.0)
-        curves.append(Curve(label, found.time[after], 1e3 * found.z[after, 0], name))
+        comparison = lab.case(_SYSTEM, "case2", "physics", name).comparison
+        after = within(comparison.time, 8.0)
+        curves.append(Curve(label, comparison.time[after], 1e3 * comparison.z[after, 0], name))
     return Drawing("time t [s]", "pole angle θ [mrad]", curves)

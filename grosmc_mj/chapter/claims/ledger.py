@@ -77,8 +77,11 @@ def _on(lab: Laboratory, claim: Claim, plant: PlantName, *, refine: bool) -> Pla
 def _verdict(claim: Claim, measured: Measured, refined: Measured | None) -> Verdict:
     """Supported or refuted if both measurements say so; otherwise there is no telling."""
     both = [measured] if refined is None else [measured, refined]
-    answers = {claim.holds(each) for each in both}
-    strange = any(each.value is not None and not math.isfinite(each.value) for each in both)
-    if strange or len(answers) > 1 or any(each.broken for each in both):
+    answers = {claim.holds(measurement) for measurement in both}
+    strange = any(
+        measurement.value is not None and not math.isfinite(measurement.value)
+        for measurement in both
+    )
+    if strange or len(answers) > 1 or any(measurement.broken for measurement in both):
         return Verdict.INCONCLUSIVE
     return Verdict.SUPPORTED if answers.pop() else Verdict.REFUTED

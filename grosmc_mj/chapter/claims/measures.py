@@ -71,22 +71,24 @@ def deviation(
     return of(result, from_optimum(result.comparison))
 
 
-def from_optimum(found: Comparison) -> float:
+def from_optimum(comparison: Comparison) -> float:
     """max |y - y*| in percent of the initial error."""
-    return 100 * float(np.abs(found.deviation).max() / abs(found.error[0]))
+    return 100 * float(np.abs(comparison.deviation).max() / abs(comparison.error[0]))
 
 
 def extrapolated(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
     """The deviation extrapolated to a sampling time of zero, in percent of the start."""
-    found = []
-    for each in (lab, lab.refined):
-        result = each.case(system, case, plant, "grosmc")
+    values = []
+    for level in (lab, lab.refined):
+        result = level.case(system, case, plant, "grosmc")
         judged = of(result, from_optimum(result.comparison))
         if judged.broken or judged.value is None:
             return judged
-        found.append(judged.value)
-    note = f"{found[0]:.3g} % at T, {found[1]:.3g} % at T/2, a ratio of {found[0] / found[1]:.3g}"
-    return Measured(abs(2 * found[1] - found[0]), note)
+        values.append(judged.value)
+    note = (
+        f"{values[0]:.3g} % at T, {values[1]:.3g} % at T/2, a ratio of {values[0] / values[1]:.3g}"
+    )
+    return Measured(abs(2 * values[1] - values[0]), note)
 
 
 def changed_response(
@@ -127,9 +129,9 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     worst, note = 0.0, ""
     for row in range(0, len(run.time) - 1, _EVERY):
         t, x = float(run.time[row]), run.state[row]
-        found = balance(law, true, t, x, nothing)
-        band = 2 * lab.settings.control_period * found.configured * np.diag(found.R)
-        if found.configured == 0:
+        balanced = balance(law, true, t, x, nothing)
+        band = 2 * lab.settings.control_period * balanced.configured * np.diag(balanced.R)
+        if balanced.configured == 0:
             return of(result, None, "the law does not switch")
         if not np.all(band > 0):
             return of(result, None, "the law switches the wrong way")
@@ -153,8 +155,8 @@ def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
 def _margins(premise: Premise) -> str:
     """The margins over the region and along the run."""
     readings = (("over the region", premise.region), ("along the run", premise.along))
-    found = [f"{r.margin:.3g} {premise.unit} {where}" for where, r in readings if r is not None]
-    return " and ".join(found)
+    margins = [f"{r.margin:.3g} {premise.unit} {where}" for where, r in readings if r is not None]
+    return " and ".join(margins)
 
 
 def outputs(
@@ -184,14 +186,14 @@ def signals(lab: Laboratory, *, system: str, case: str, name: str) -> Drawing:
 
 def gains(lab: Laboratory, *, system: str, case: str) -> Drawing:
     """Required and configured ρ along the run."""
-    found = audit(lab, find_case(system, case)).signals
+    rates = audit(lab, find_case(system, case)).signals
     unit = lab.case(system, case, "physics", "grosmc").controller.designed.sliding_unit
     return Drawing(
         "time t [s]",
         f"switching rate ρ [{per_second(unit)}]",
         [
-            Curve("required", found["time"], found["required"]),
-            Curve("configured", found["time"], found["configured"], "grosmc"),
+            Curve("required", rates["time"], rates["required"]),
+            Curve("configured", rates["time"], rates["configured"], "grosmc"),
         ],
     )
 

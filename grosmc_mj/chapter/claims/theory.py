@@ -46,11 +46,11 @@ def _declared(lab: Laboratory, system: str) -> tuple[float, tuple[tuple[float, f
         return SERVO_UNCERTAINTY.reaching_rate, scales, np.array(SERVO_UNCERTAINTY.wrench)
     if system == "cart_pendulum":
         plant = lab.controller(find_case(system, "nominal"), "corrected", "grosmc").parameters.plant
-        found = pendulum_uncertainty(plant)
+        declared = pendulum_uncertainty(plant)
         return (
             PENDULUM_REACHING_RATE,
-            (found.scales["m"], found.scales["L"]),
-            np.array(found.wrench),
+            (declared.scales["m"], declared.scales["L"]),
+            np.array(declared.wrench),
         )
     return _ARM_RATE, PAYLOADS, np.zeros(12)
 

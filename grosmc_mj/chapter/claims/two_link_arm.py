@@ -58,9 +58,9 @@ def least_deviation_of_linear_laws(
 def _extreme(results: list[RunResult], values: list[float], pick: Callable[..., int]) -> Measured:
     """The largest or the smallest of the values of several runs, and which; broken if one is."""
     for result, value in zip(results, values, strict=True):
-        found = of(result, value)
-        if found.broken:
-            return found._replace(note=f"{_name(result)}: {found.note}")
+        measured = of(result, value)
+        if measured.broken:
+            return measured._replace(note=f"{_name(result)}: {measured.note}")
     place = pick(range(len(values)), key=values.__getitem__)
     return Measured(values[place], _name(results[place]))
 
@@ -89,11 +89,11 @@ def leaving_the_surfaces(lab: Laboratory, plant: PlantName, *, cases: Sequence[s
         s = sliding(result.trajectory)
         if not len(s) or np.any(s[0]):
             return of(result, None, f"{name} starts off its surface")
-        found = leaving_the_surface(lab, plant, system=_SYSTEM, case=name)
-        if found.value is None:
-            return found
+        measured = leaving_the_surface(lab, plant, system=_SYSTEM, case=name)
+        if measured.value is None:
+            return measured
         results.append(result)
-        values.append(found.value)
+        values.append(measured.value)
     return _extreme(results, values, max)
 
 
@@ -112,12 +112,12 @@ def _true_gain(
 
 def extrapolated_deviation(lab: Laboratory, plant: PlantName, *, cases: Sequence[str]) -> Measured:
     """Largest deviation over cases, extrapolated to a sampling time of zero, in percent."""
-    found = {name: extrapolated(lab, plant, system=_SYSTEM, case=name) for name in cases}
-    for judged in found.values():
+    limits = {name: extrapolated(lab, plant, system=_SYSTEM, case=name) for name in cases}
+    for judged in limits.values():
         if judged.broken or judged.value is None:
             return judged
-    worst = max(found.values(), key=lambda each: each.value or 0.0)
-    return worst._replace(note="; ".join(f"{name} {each.note}" for name, each in found.items()))
+    worst = max(limits.values(), key=lambda limit: limit.value or 0.0)
+    return worst._replace(note="; ".join(f"{name} {limit.note}" for name, limit in limits.items()))
 
 
 def gain_margin(lab: Laboratory, plant: PlantName, *, cases: Sequence[str]) -> Measured:
@@ -140,10 +140,10 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Case]) -> M
         true, law = lab.equations(case, plant), result.controller
         worst, least = np.inf, np.inf
         for t, x, w in _at_samples(lab, result, plant):
-            found = balance(law, true, t, x, w)
-            least = min(least, found.gain_ratio)
-            if found.required > 0:
-                worst = min(worst, found.configured / found.required)
+            balanced = balance(law, true, t, x, w)
+            least = min(least, balanced.gain_ratio)
+            if balanced.required > 0:
+                worst = min(worst, balanced.configured / balanced.required)
         results.append(result)
         values.append(float(worst))
         notes.append(f"{case.name}: {worst:.3g}, least r {least:.3g}")
@@ -170,8 +170,8 @@ def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured
                 r = authority(G_r @ E_true @ np.linalg.inv(G_r @ E))
                 if r < least[name][0]:
                     least[name] = (r, f"{0.2 * mass:.2g} kg, q2 = {x[1]:.3g} rad")
-    (found, where), (own, _) = least["B+"], least["own"]
-    return Measured(float(found), f"at {where}; the law's own G keeps {own:.3g}")
+    (r, where), (own, _) = least["B+"], least["own"]
+    return Measured(float(r), f"at {where}; the law's own G keeps {own:.3g}")
 
 
 def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
@@ -259,9 +259,9 @@ def distance_from_optimum(lab: Laboratory, *, case: str, scale: float, unit: str
     """The distance of each law from its own nominal trajectory, on physics."""
     curves = []
     for name in (*_OTHERS, "grosmc"):
-        found = lab.case(_SYSTEM, case, "physics", name).comparison
+        comparison = lab.case(_SYSTEM, case, "physics", name).comparison
         label = LABELS.get(name, name)
-        curves.append(Curve(label, found.time, scale * found.deviation, name))
+        curves.append(Curve(label, comparison.time, scale * comparison.deviation, name))
     return Drawing("time t [s]", f"distance from the optimum [{unit}]", curves)
 
 
