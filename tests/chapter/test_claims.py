@@ -112,9 +112,7 @@ statement = "s"
 source = "section 1"
 criterion = "c"
 measure = { function = "measures.deviation", case = "case1", controller = "lqr" }
-sense = "at most"
-threshold = 2.0
-unit = "%"
+limit = { at_most = 2.0, unit = "%" }
 why = "w"
 verdicts = { corrected = "refuted", physics = "supported" }
 reason = "r."
@@ -140,16 +138,19 @@ def test_claim_is_what_its_file_says(tmp_path: Path) -> None:
     [
         ("[claim-1]", "[claim-1", "no valid TOML"),
         ("[claim-1]", "claim-2 = 1\n[claim-1]", "claim claim-2: 1 must be a table"),
-        ('why = "w"', "", "claim claim-1: why is missing"),
-        ("why =", "whi =", "claim claim-1: why is missing"),
+        ('why = "w"', "", "claim claim-1: why must be given too"),
+        ("why =", "whi =", "claim claim-1: unknown key 'whi': did you mean 'why'?"),
+        ('why = "w"', "why = 1", "why = 1 must be a text"),
         ("untested", 'premiss = "p"\nuntested', "unknown key 'premiss': did you mean 'premise'?"),
-        ("2.0", '"2"', "threshold = '2' must be a number with a point"),
-        ("at most", "below", "unknown sense 'below': valid: at most, at least"),
+        ("2.0", "2", "limit = {'at_most': 2, 'unit': '%'} must have at_most or at_least, a number"),
+        ("at_most", "below", "limit = {'below': 2.0, 'unit': '%'} must have at_most or at_least"),
+        ("2.0,", "2.0, at_least = 1.0,", "must have at_most or at_least, a number with a point"),
         ("refuted", "perhaps", "unknown verdict 'perhaps': valid: supported, refuted"),
         ("physics =", "physic =", "unknown plant 'physic': did you mean 'physics'?"),
         ('{ corrected = "refuted", physics = "supported" }', "{}", "verdicts name no plant"),
         ("measures.deviation", "measures.deviatoin", "did you mean 'measures.deviation'?"),
         ("function =", "funktion =", "unknown function None: valid: servo."),
+        ('"measures.deviation"', "[]", "unknown function []: valid: servo."),
         (', case = "case1"', "", "measures.deviation: missing a required argument: 'case'"),
         ("case =", "cases =", "measure: measures.deviation: "),
         ("measures.deviation", "measures.outputs", "measures.outputs: too many positional"),

@@ -25,12 +25,16 @@ from grosmc_mj.experiments.runs import PlantName
 
 # What a claim's functions are called with, before the arguments that its file gives.
 _CALLED_WITH = {"measure": ("lab", "plant"), "premise": ("lab",), "drawing": ("lab",)}
-_KEYS = {field.name: field for field in fields(Claim) if field.name not in ("id", "system")}
+# A limit has three of a claim's fields, the file's place two; the others have keys of their names.
+_ELSEWHERE = {"id", "system", "sense", "threshold", "unit"}
+_FIELDS = [field for field in fields(Claim) if field.name not in _ELSEWHERE]
+_KEYS = [*(field.name for field in _FIELDS), "limit"]
+_REQUIRED = [*(field.name for field in _FIELDS if field.default is MISSING), "limit"]
 # Keys whose values are no text.
-_TYPES = {"threshold": float, "verdicts": dict, "exact": bool, "defect": bool} | dict.fromkeys(
+_TYPES = {"limit": dict, "verdicts": dict, "exact": bool, "defect": bool} | dict.fromkeys(
     _CALLED_WITH, dict
 )
-_WORDS = {float: "a number with a point", bool: "true or false", dict: "a table", str: "a text"}
+_WORDS = {bool: "true or false", dict: "a table", str: "a text"}
 
 
 def _functions() -> dict[str, Callable[..., Any]]:
@@ -85,19 +89,16 @@ def _claim(name: str, system: str, table: Any) -> Claim:
     """
     if not isinstance(table, dict):
         raise ArgumentError(f"{shown(table)} must be a table")
-    for key, field in _KEYS.items():
-        if key not in table and field.default is MISSING:
-            raise ArgumentError(f"{key} is missing")
     values = dict(table)
     for key, value in table.items():
-        if key not in _KEYS:
-            raise ArgumentError(unknown_name("key", key, _KEYS))
-        kind = _TYPES.get(key, str)
+        kind = _TYPES.get(_one_of("key", key, _KEYS), str)
         if not isinstance(value, kind):
             raise ArgumentError(f"{key} = {shown(value)} must be {_WORDS[kind]}")
         if key in _CALLED_WITH:
             values[key] = _bound(key, value, system)
-    _one_of("sense", table["sense"], ("at most", "at least"))
+    if missing := [key for key in _REQUIRED if key not in table]:
+        raise ArgumentError(f"{', '.join(missing)} must be given too")
+    values |= _limit(values.pop("limit"))
     values["verdicts"] = {
         _one_of("plant", plant, get_args(PlantName)): Verdict(
             _one_of("verdict", verdict, [each.value for each in Verdict])
@@ -109,13 +110,29 @@ def _claim(name: str, system: str, table: Any) -> Claim:
     return Claim(id=name, system=system, **values)
 
 
+def _limit(table: dict[str, Any]) -> dict[str, Any]:
+    """Sense, threshold and unit.
+
+    Raises:
+        ArgumentError: If the table has anything else.
+    """
+    match table:
+        case {"at_most": float(threshold), "unit": str(unit)} if len(table) == 2:
+            return {"sense": "at most", "threshold": threshold, "unit": unit}
+        case {"at_least": float(threshold), "unit": str(unit)} if len(table) == 2:
+            return {"sense": "at least", "threshold": threshold, "unit": unit}
+    raise ArgumentError(
+        f"limit = {shown(table)} must have at_most or at_least, a number with a point, and a unit"
+    )
+
+
 def _one_of(kind: str, name: Any, valid: Iterable[str]) -> Any:
     """The name, if it is one.
 
     Raises:
         ArgumentError: If it is not.
     """
-    if name not in valid:
+    if not isinstance(name, str) or name not in valid:
         raise ArgumentError(unknown_name(kind, name, valid))
     return name
 
