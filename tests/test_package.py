@@ -39,7 +39,7 @@ def test_the_command_line_s_help_loads_neither_mujoco_nor_numba() -> None:
     assert python(program) == "[]"
 
 
-@pytest.mark.parametrize("place", ["", "control", "simulation", "films"])
+@pytest.mark.parametrize("place", ["", "control", "simulation", "films", "environments"])
 def test_every_public_name_is_there_and_documented(place: str) -> None:
     package = getattr(grosmc_mj, place) if place else grosmc_mj
     for name in package.__all__:

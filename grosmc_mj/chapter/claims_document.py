@@ -6,14 +6,11 @@ import math
 from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Finding, PlantFinding
-from grosmc_mj.chapter.expected_verdicts import Expectation
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 
 
-def claim_document(
-    finding: Finding, expectation: Expectation | None, lab: Laboratory
-) -> dict[str, Any]:
+def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
     """One claim with what was found."""
     claim = finding.claim
     return {
@@ -31,11 +28,9 @@ def claim_document(
         "because": finding.because,
         "untested": claim.untested,
         "plants": {name: _plant(each, lab) for name, each in finding.plants.items()},
-        "expected": None
-        if expectation is None
-        else {
-            "verdicts": {name: verdict.value for name, verdict in expectation.verdicts.items()},
-            "reason": expectation.reason,
+        "expected": {
+            "verdicts": {name: verdict.value for name, verdict in claim.verdicts.items()},
+            "reason": claim.reason,
         },
     }
 

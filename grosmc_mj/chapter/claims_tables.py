@@ -11,7 +11,6 @@ from rich.text import Text
 
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, Verdict
 from grosmc_mj.chapter.claims.faults import Caught
-from grosmc_mj.chapter.expected_verdicts import Expectation
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Reading
 
@@ -69,7 +68,7 @@ LEGEND = (
 )
 
 
-def story(finding: Finding, expectation: Expectation | None, lab: Laboratory) -> Iterator[Text]:
+def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
     """The whole story of one claim, line by line."""
     claim = finding.claim
     yield Text.assemble((claim.id, "bold"), "  ", word(finding.verdict))
@@ -95,8 +94,7 @@ def story(finding: Finding, expectation: Expectation | None, lab: Laboratory) ->
     if finding.because:
         yield from _paragraph("because", f"a premise failed: {finding.because}")
     yield from _paragraph("not tested", claim.untested or "nothing that the claim speaks of")
-    if expectation is not None:
-        yield from _paragraph("expected", expectation.reason)
+    yield from _paragraph("expected", claim.reason)
 
 
 def _paragraph(title: str, text: str) -> Iterator[Text]:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 def claims(command: Claims) -> int:
     """Judge, print, write, compare."""
     from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
-    from grosmc_mj.chapter.expected_verdicts import load_expectations
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.report.document import origin, write_json
@@ -54,7 +53,7 @@ def claims(command: Claims) -> int:
     if command.page is not None:
         from grosmc_mj.chapter.claims_page import write_page
 
-        for path in write_page(findings, load_expectations(), lab, command.page):
+        for path in write_page(findings, lab, command.page):
             console.print(str(path), soft_wrap=True)
     elif command.json:
         print(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False))
@@ -78,10 +77,8 @@ def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Findin
 def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:
     """Findings as plain values."""
     from grosmc_mj.chapter.claims_document import claim_document
-    from grosmc_mj.chapter.expected_verdicts import load_expectations
 
-    expected = load_expectations()
-    return [claim_document(finding, expected.get(finding.claim.id), lab) for finding in findings]
+    return [claim_document(finding, lab) for finding in findings]
 
 
 def print_ledger(console: Console, findings: Sequence[Finding]) -> None:
@@ -124,7 +121,7 @@ def _counts(findings: Sequence[Finding]) -> str:
 
 def _compare(console: Console, findings: Sequence[Finding], *, quiet: bool) -> int:
     """Say which verdicts are not the expected ones."""
-    from grosmc_mj.chapter.expected_verdicts import verdict_differences
+    from grosmc_mj.chapter.claims.ledger import verdict_differences
 
     differing = verdict_differences(findings)
     if not quiet:
@@ -139,9 +136,8 @@ def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> 
     """The story of one claim, and its figure."""
     from grosmc_mj.chapter.claims_figures import write_picture
     from grosmc_mj.chapter.claims_tables import story
-    from grosmc_mj.chapter.expected_verdicts import load_expectations
 
-    for line in story(finding, load_expectations().get(finding.claim.id), lab):
+    for line in story(finding, lab):
         console.print(line, soft_wrap=True)
     path = write_picture(finding, lab, out / "claims" / f"{finding.claim.id}.png")
     console.print(f"  {'figure':<12}{path}", soft_wrap=True)

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 def validate(command: Validate) -> int:
     """Run, print, write, compare."""
     from grosmc_mj.chapter import expected_results as expected
-    from grosmc_mj.chapter.claims.ledger import CLAIMS, judge
+    from grosmc_mj.chapter.claims.ledger import CLAIMS, judge, verdict_differences
     from grosmc_mj.chapter.document import document
-    from grosmc_mj.chapter.expected_verdicts import verdict_differences
     from grosmc_mj.chapter.figures import drawable, write_figures
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings, plan, run_all, select_cases

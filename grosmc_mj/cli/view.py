@@ -10,7 +10,8 @@ from grosmc_mj.cli.commands import View
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.viewer.playing import LiveRun, Motion
+    from grosmc_mj.viewer.live import LiveRun
+    from grosmc_mj.viewer.playback import Motion
 
 
 def view(command: View) -> int:
@@ -29,7 +30,7 @@ def _of_system(command: View) -> tuple[LiveRun, str]:
     """A case of a system of the package, and the command that films it."""
     from grosmc_mj.experiments.case import find_case
     from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
-    from grosmc_mj.viewer.playing import LiveRun
+    from grosmc_mj.viewer.live import LiveRun
 
     settings = Settings(
         switching=command.switching,
@@ -53,7 +54,7 @@ def _of_system(command: View) -> tuple[LiveRun, str]:
 def _of_file(command: View) -> tuple[LiveRun, str]:
     """A case file, and the command that films it."""
     from grosmc_mj.experiments.experiment import find_file, prepare
-    from grosmc_mj.viewer.playing import LiveRun
+    from grosmc_mj.viewer.live import LiveRun
 
     if command.case is not None or command.switching != "sign" or command.surface != "printed":
         raise ArgumentError(

@@ -23,8 +23,8 @@ from grosmc_mj.experiments.document import case_document
 from grosmc_mj.experiments.runs import RunResult, Settings, nominal_controller
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
+from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.traces import trace_site
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.report.document import origin, write_json
 from grosmc_mj.report.palette import LABELS, colour_of

@@ -20,7 +20,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization
-from grosmc_mj.environments import experiment, law_policy
+from grosmc_mj.environments import episode, law_policy
 from grosmc_mj.errors import (
     ArgumentError,
     DivergenceError,
@@ -68,7 +68,7 @@ def simulated(
 
 def stepped(environment: Any, policy: Callable[[Any], Any]) -> tuple[Array, Array, float, Any]:
     """States at the samples, inputs, return and last time step of an episode."""
-    names = [signal.name for signal in environment.task.experiment.plant.system.states]
+    names = [signal.name for signal in environment.task.setup.plant.system.states]
     step = environment.reset()
     states, inputs, total = [], [], 0.0
     while True:
@@ -232,7 +232,7 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> MujocoPlant:
     spec.actuator("force").ctrlrange = (-2.0, 2.0)
     spec.actuator("force").ctrllimited = True
     weak = replace(plant, spec=spec)
-    monkeypatch.setattr(experiment, "case_plant", lambda *_: weak)
+    monkeypatch.setattr(episode, "case_plant", lambda *_: weak)
     return weak
 
 
@@ -493,4 +493,4 @@ def test_the_names_are_there_without_mujoco_or_a_face() -> None:
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = grosmc_mj.environments.nothing
+        _ = grosmc_mj.environments.nothing  # pyright: ignore[reportAttributeAccessIssue]

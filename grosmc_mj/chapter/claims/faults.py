@@ -179,19 +179,19 @@ def self_test(
     """
     sound = _verdicts(Laboratory(settings), claims)
     for fault in faults:
-        found = _verdicts(Laboratory(settings, fault), claims)
-        yield Caught(fault, tuple(c.id for c in claims if found[c.id] != sound[c.id]))
+        verdicts = _verdicts(Laboratory(settings, fault), claims)
+        yield Caught(fault, tuple(c.id for c in claims if verdicts[c.id] != sound[c.id]))
         advance(fault.name)
 
 
 def _verdicts(lab: Laboratory, claims: Sequence[Claim]) -> dict[str, dict[str, Verdict]]:
     """Every claim's verdict on every plant."""
-    found = {}
+    verdicts = {}
     for claim in claims:
         try:
             judged = judge(lab, claim, refine=False)
-            found[claim.id] = {name: each.verdict for name, each in judged.plants.items()}
+            verdicts[claim.id] = {name: each.verdict for name, each in judged.plants.items()}
         except (ValueError, RuntimeError) as error:
             # A laboratory so wrong that it cannot measure has been noticed as well.
-            found[claim.id] = {"error": type(error).__name__}
-    return found
+            verdicts[claim.id] = {"error": type(error).__name__}
+    return verdicts

@@ -16,8 +16,14 @@ from typing import Any
 from distributed import Client, Future, KilledWorker
 
 from grosmc_mj.campaign.runs.executors.dask_cluster import cluster_client
-from grosmc_mj.campaign.runs.executors.interface import Finished, Notice, Work
-from grosmc_mj.campaign.runs.executors.outcome import ShardOutcome, attempt, one_line
+from grosmc_mj.campaign.runs.executors.interface import (
+    Finished,
+    Notice,
+    ShardOutcome,
+    Work,
+    attempt,
+    one_line,
+)
 from grosmc_mj.campaign.runs.executors.versions import differences, versions
 from grosmc_mj.errors import SetupError
 
