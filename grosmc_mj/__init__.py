@@ -9,6 +9,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from grosmc_mj.versions import __version__ as __version__
+
 if TYPE_CHECKING:
     from grosmc_mj import environments
     from grosmc_mj.control.controller import Controller
@@ -40,8 +42,6 @@ if TYPE_CHECKING:
     from grosmc_mj.simulation.robots.robot import Robot
     from grosmc_mj.simulation.simulate import simulate
     from grosmc_mj.simulation.trajectory import Status, Trajectory
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "AddedMass": "simulation.edits",
