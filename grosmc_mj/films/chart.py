@@ -17,7 +17,7 @@ from grosmc_mj.films.film import Film, Take
 from grosmc_mj.films.layout import Box, Layout
 from grosmc_mj.films.sizes import FEW, Size, distances, loads
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.report.figure import DEFAULTS
+from grosmc_mj.report.figure import DEFAULTS, jumps, shade
 from grosmc_mj.report.palette import DISTURBANCE, GRID, OPTIMUM, red_green_blue
 
 _DPI = 100
@@ -312,8 +312,7 @@ def _held(
     window = _window(take, times)
     y = values[window]
     seen.append(y)
-    jumps = np.abs(np.diff(y)).sum() > 20 * np.ptp(y) if len(y) > 1 else False
-    style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps else {"lw": 1.8}
+    style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps(y) else {"lw": 1.8}
     colour = _tint(take.colour, index)
     return axes.plot(take.run.time[window][: len(y)], y, color=colour, **style)
 
@@ -326,7 +325,7 @@ def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:
     acts = np.flatnonzero(np.any(run.wrench, axis=1))
     if len(acts):
         first, last = float(run.time[acts[0]]), float(run.time[acts[-1] + 1])
-        axes.axvspan(max(first, times[0]), min(last, times[1]), color=DISTURBANCE, alpha=0.13, lw=0)
+        shade(axes, max(first, times[0]), min(last, times[1]))
 
 
 def _pixels(canvas: FigureCanvasAgg) -> np.ndarray:
