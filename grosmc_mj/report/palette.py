@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+# Okabe and Ito's, with a softer black.
+BLACK, ORANGE, SKY, GREEN = "#222222", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+
 COLOURS = {
-    "lqr": "#D55E00",
-    "fl-lqr": "#CC79A7",
-    "grosmc": "#0072B2",
-    "pd": "#E69F00",
+    "lqr": VERMILION,
+    "fl-lqr": PURPLE,
+    "grosmc": BLUE,
+    "pd": ORANGE,
     "cart-lqr": "#999933",
-    "cart-ism": "#56B4E9",
+    "cart-ism": SKY,
     "cart-pfl": "#882255",
 }
 LABELS = {
@@ -42,10 +46,10 @@ PLANTS: Mapping[str, str] = {
 }
 
 # What was asked for: kept, not kept, or not decided.
-KEPT, FAILED, OPEN = "#009E73", "#D55E00", "#E69F00"
+KEPT, FAILED, OPEN = GREEN, VERMILION, ORANGE
 
-OPTIMUM = "#222222"
-DISTURBANCE = "#009E73"
+OPTIMUM = BLACK
+DISTURBANCE = GREEN
 # Below zero margin.
 FAILED_SHADE = "#f3e3d7"
 GRID = "#dddddd"

@@ -24,7 +24,7 @@ from grosmc_mj.campaign.findings.promise import premise_grid, speaks_of
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.report.figure import board, in_lines, write_figure
-from grosmc_mj.report.palette import law_styles
+from grosmc_mj.report.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.report.tables import shown_unit
 
 _SIZE = (4.4, 4.1)
@@ -42,11 +42,11 @@ class PassMark(Enum):
     DIVERGED = "did not complete"
 
 
-# Okabe and Ito's colours and a marker each; the later lie above.
+# A colour and a marker each; the later lie above.
 _MARKS: Mapping[PassMark, tuple[str, str]] = {
-    PassMark.PASSED: ("#56B4E9", "o"),
-    PassMark.FAILED: ("#D55E00", "X"),
-    PassMark.DIVERGED: ("#222222", "^"),
+    PassMark.PASSED: (SKY, "o"),
+    PassMark.FAILED: (VERMILION, "X"),
+    PassMark.DIVERGED: (BLACK, "^"),
 }
 
 

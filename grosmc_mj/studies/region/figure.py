@@ -16,21 +16,21 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
 from grosmc_mj.report.figure import figure_written, in_lines
-from grosmc_mj.report.palette import label_of
+from grosmc_mj.report.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
 from grosmc_mj.studies.region.axes import Axis
 from grosmc_mj.studies.region.measure import Region, RegionMap
 from grosmc_mj.studies.region.outcome import Outcome
 
-# Okabe and Ito's colours, which differ in lightness too.
+# They differ in lightness too.
 OUTCOME_COLOURS: Mapping[Outcome, str] = {
-    Outcome.CONVERGED: "#0072B2",
-    Outcome.LEFT: "#E69F00",
-    Outcome.SINGULAR: "#CC79A7",
-    Outcome.NOT_CONVERGED: "#F0E442",
-    Outcome.DIVERGED: "#222222",
+    Outcome.CONVERGED: BLUE,
+    Outcome.LEFT: ORANGE,
+    Outcome.SINGULAR: PURPLE,
+    Outcome.NOT_CONVERGED: YELLOW,
+    Outcome.DIVERGED: BLACK,
 }
 # White on a dark rim, which shows on every outcome.
-_OUTLINE: list[AbstractPathEffect] = [withStroke(linewidth=3.2, foreground="#222222")]
+_OUTLINE: list[AbstractPathEffect] = [withStroke(linewidth=3.2, foreground=BLACK)]
 
 
 def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -> None:
