@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grosmc_mj.chapter.claims.claim import Finding, PlantFinding, Verdict
 from grosmc_mj.chapter.claims_figures import write_picture
-from grosmc_mj.chapter.claims_tables import shown
+from grosmc_mj.chapter.claims_tables import decisive, shown
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
@@ -67,7 +67,7 @@ def _page(
         for finding in own:
             claim = finding.claim
             unit = "" if claim.unit == "1" else f" {claim.unit}"
-            value = shown(finding.plants[claim.plants[-1]].measured) + unit
+            value = shown(decisive(finding)) + unit
             sign = "≤" if claim.sense == "at most" else "≥"
             name = f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id
             yield (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +22,7 @@ def claims(command: Claims) -> int:
     from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
-    from grosmc_mj.report.document import origin, write_json
+    from grosmc_mj.report.document import json_text, origin, write_json
 
     if command.explain is not None and command.system is not None:
         raise ArgumentError("--explain names one claim: leave out the system")
@@ -56,7 +55,7 @@ def claims(command: Claims) -> int:
         for path in write_page(findings, lab, command.page):
             console.print(str(path), soft_wrap=True)
     elif command.json:
-        print(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False))
+        print(json_text(content), end="")
     else:
         print_ledger(console, findings)
     return _compare(console, findings, quiet=command.json)

@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from rich.markup import escape
-
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import Hold
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from grosmc_mj.experiments.metrics import Metric
-    from grosmc_mj.studies.cart.measure import Study
-
-# Header, measure and factor of each column of numbers.
-_COLUMNS = (
-    ("angle\nsettled [s]", "angle_settling", 1.0),
-    ("cart\nsettled [s]", "cart_settling", 1.0),
-    ("travel\n[m]", "travel", 1.0),
-    ("max |u|\n[N]", "max_input", 1.0),
-    ("max|θ-θ*|\n% of start", "deviation", 1.0),
-    ("var. of u\n[N/s]", "total_variation", 1.0),
-    ("|p| under\nd(t) [mm]", "cart_disturbed", 1e3),
-    ("|θ| under\nd(t) [mrad]", "angle_disturbed", 1e3),
-)
-
 
 def hold(command: Hold) -> int:
-    """Run, print, write, draw."""
+    """Run, write, print, draw."""
     from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.files import cannot_write
     from grosmc_mj.report.document import write_json
     from grosmc_mj.studies.cart.figure import write_holding_figure
-    from grosmc_mj.studies.cart.measure import CART_BAND, document, steps, study
+    from grosmc_mj.studies.cart.measure import steps, study
+    from grosmc_mj.studies.cart.report import cart_document, cart_tables, legend
 
     settings = Settings(
         switching=command.switching,
@@ -48,17 +27,11 @@ def hold(command: Hold) -> int:
     console = screen.console()
     with screen.progress(steps()) as advance:
         found = study(settings, advance)
-    write_json(target, document(found))
-    for table in (_runs(found), _projections(found), _parts(found)):
+    write_json(target, cart_document(found))
+    for table in cart_tables(found):
         console.print(table)
         console.print()
-    console.print(
-        f"settled: for good within 2 % of the start angle and within {100 * CART_BAND:g} cm, up to "
-        "the onset of d(t); under d(t): in the second half of its time. (!): beyond the rail of "
-        f"±{found.rail:g} m. θ*: nominal optimum of each law. r: input gain on s, true over "
-        "nominal.",
-        style="dim",
-    )
+    console.print(legend(found), style="dim")
     for each in found.held:
         if each.result.ended:
             console.print(
@@ -67,76 +40,3 @@ def hold(command: Hold) -> int:
     figure = write_holding_figure(found, command.out)
     console.print(f"{target}, {figure}", soft_wrap=True)
     return screen.DONE
-
-
-def _runs(found: Study) -> Table:
-    """Every law in every case."""
-    from grosmc_mj.report.tables import empty_table
-
-    table = empty_table(
-        f"Cart-pendulum in MuJoCo from -10 degrees: {found.settings.switching} switching, "
-        f"{found.settings.surface} surface"
-    )
-    for header in ("case", "law"):
-        table.add_column(header, no_wrap=True)
-    for header, _, _ in _COLUMNS:
-        table.add_column(escape(header), justify="right", no_wrap=True)
-    shown = ""
-    for result, measures in found.held:
-        if shown and shown != result.case.name:
-            table.add_section()
-        label = "" if shown == result.case.name else result.case.name
-        shown = result.case.name
-        cells = [_cell(measures[name], factor) for _, name, factor in _COLUMNS]
-        margin = measures["rail_margin"].value
-        if margin is not None and margin < 0:
-            cells[2] += " (!)"
-        law = result.controller.name + (" (!)" if result.ended else "")
-        table.add_row(label, law, *cells, style="red" if result.ended else "")
-    return table
-
-
-def _projections(found: Study) -> Table:
-    """Every G."""
-    from grosmc_mj.report.tables import empty_table, number
-
-    table = empty_table("case1: what the unmatched uncertainty costs with each G")
-    table.add_column("surface", no_wrap=True)
-    for header in (
-        "amplification of\nwhat is unmatched", "r =\nG B_t/G B", "slowest pole\non s = 0 [1/s]",
-        "max|θ-θ*|\n% of start", "max |u|\n[N]",
-    ):  # fmt: skip
-        table.add_column(escape(header), justify="right", no_wrap=True)
-    for row in found.projections:
-        table.add_row(
-            row.name if row.G is None else escape(f"G = {row.name}"),
-            "-" if row.amplification is None else f"{row.amplification:.3f}",
-            "-" if row.gain_ratio is None else f"{row.gain_ratio:.3f}",
-            number(row.pole),
-            _cell(row.deviation),
-            _cell(row.max_input),
-        )
-    return table
-
-
-def _parts(found: Study) -> Table:
-    """What the input reaches of each uncertainty."""
-    from grosmc_mj.report.tables import empty_table
-
-    table = empty_table("Norms of what is added to A - B K")
-    table.add_column("uncertainty of the pole", no_wrap=True)
-    for header in ("matched", "unmatched"):
-        table.add_column(escape(header), justify="right", no_wrap=True)
-    for row in found.parts:
-        # What is left of zero is rounding of MuJoCo's differences.
-        table.add_row(row.name, f"{row.matched:.3f}", f"{row.unmatched:.3f}")
-    return table
-
-
-def _cell(metric: Metric, factor: float = 1.0) -> str:
-    """A measure in a table."""
-    from grosmc_mj.report.tables import number
-
-    if metric.value is None:
-        return "never" if metric.note == "not reached" else "-"
-    return number(factor * metric.value)

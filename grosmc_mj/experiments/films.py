@@ -27,7 +27,7 @@ from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.report.document import origin, write_json
-from grosmc_mj.report.palette import LABELS, colour_of
+from grosmc_mj.report.palette import colour_of, label_of
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
@@ -96,7 +96,7 @@ def film_of(
         ended = _ENDED[result.status]
         takes.append(
             Take(
-                label=LABELS.get(name, name),
+                label=label_of(name),
                 colour=colour_of(name, len(takes)),
                 run=run,
                 ghost=_ghost(result, moving=moving),

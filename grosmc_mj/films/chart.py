@@ -14,7 +14,7 @@ from grosmc_mj.films.board import Chart
 from grosmc_mj.films.film import Film
 from grosmc_mj.films.layout import Box, Layout
 from grosmc_mj.films.plots import PLOTS
-from grosmc_mj.report.figure import DEFAULTS
+from grosmc_mj.report.figure import DEFAULTS, shade
 from grosmc_mj.report.palette import DISTURBANCE, GRID
 
 _DPI = 100
@@ -152,7 +152,7 @@ def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:
     acts = np.flatnonzero(np.any(run.wrench, axis=1))
     if len(acts):
         first, last = float(run.time[acts[0]]), float(run.time[acts[-1] + 1])
-        axes.axvspan(max(first, times[0]), min(last, times[1]), color=DISTURBANCE, alpha=0.13, lw=0)
+        shade(axes, max(first, times[0]), min(last, times[1]))
 
 
 def _pixels(canvas: FigureCanvasAgg) -> np.ndarray:

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from grosmc_mj.arrays import Array
 from grosmc_mj.films.film import Film, Take
 from grosmc_mj.plants.system import Signal
+from grosmc_mj.report.figure import jumps
 from grosmc_mj.report.palette import OPTIMUM, red_green_blue
 
 # More signals than this of one kind are shown by their size.
@@ -247,8 +248,7 @@ def _held(
     window = _window(take, times)
     y = values[window]
     seen.append(y)
-    jumps = np.abs(np.diff(y)).sum() > 20 * np.ptp(y) if len(y) > 1 else False
-    style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps else {"lw": 1.8}
+    style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps(y) else {"lw": 1.8}
     colour = _tint(take.colour, index)
     return axes.plot(take.run.time[window][: len(y)], y, color=colour, **style)
 

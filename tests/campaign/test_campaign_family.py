@@ -244,7 +244,7 @@ def test_an_analytic_plant_has_parameters_and_no_bodies(tmp_path: Path) -> None:
         specification(own + uncertain('parameter = "J"', "scale = [1, 2]"), folder=str(tmp_path))
     )
     plant = family.plant_sample([1.5]).plant(family.plant)
-    assert plant.parameters.J == 0.03  # pyright: ignore[reportAttributeAccessIssue]
+    assert plant.parameters.J == 0.03
 
 
 def test_nominal_values_are_the_files_own_and_no_disturbance() -> None:

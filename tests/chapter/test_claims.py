@@ -49,6 +49,7 @@ from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import PlantName, Settings, case_plant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import switching_rate
+from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
@@ -892,8 +893,7 @@ def test_document_of_a_claim_holds_no_nan() -> None:
     claim = BY_ID["servo-sliding"]
     for number in (math.nan, math.inf):
         content = claim_document(finding(claim, value=number), Laboratory(Settings()))
-        text = json.dumps(content, allow_nan=False)
-        assert json.loads(text)["plants"]["physics"]["value"] is None
+        assert json.loads(json_text(content))["plants"]["physics"]["value"] is None
     assert set(content) == KEYS
     assert content["expected"]["reason"] == claim.reason
 

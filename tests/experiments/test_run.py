@@ -212,7 +212,7 @@ def test_edit_reaches_the_plant_and_not_the_law(folder: Path):
     experiment = prepare(Path(own(folder)))
     law = experiment.laws["corrected", "law"]
     assert law.parameters.plant.m == 2.0
-    assert experiment.subject.plants["corrected"].parameters.m == 3.0  # pyright: ignore
+    assert experiment.subject.plants["corrected"].parameters.m == 3.0
 
 
 def test_factory_and_reference_of_ones_own(folder: Path):

@@ -29,6 +29,7 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.audit import Audit, Premise, audit
 from grosmc_mj.premises.balance import Balance, balance, switching_rate
+from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
@@ -425,7 +426,7 @@ def test_law_without_gain_fails_with_advice_that_can_be_followed(
     assert failed.along is not None
     # Without a gain the margin is minus what is required.
     assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
-    json.dumps(audit_document(found), allow_nan=False)
+    json_text(audit_document(found))
     audit_table(found)
     assert list(worst_points(found))
     assert failed.restores
@@ -438,7 +439,7 @@ def test_law_without_gain_fails_with_advice_that_can_be_followed(
 def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) -> None:
     for case in cases(system):
         found = chapter_audit(system, case.name)
-        content = json.loads(json.dumps(audit_document(found), allow_nan=False))
+        content = json.loads(json_text(audit_document(found)))
         assert (content["system"], content["case"]) == (system, case.name)
         for written, each in zip(content["premises"], found.premises, strict=True):
             margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]

@@ -33,6 +33,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_case, run_on
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises
+from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.simulation.models import load_spec
@@ -259,7 +260,7 @@ def test_a_law_that_does_not_switch_has_the_premises_of_torques_and_joints_alone
 
 def test_table_and_document_have_every_premise() -> None:
     found = robot_audit(run(law(epsilon=0.5), LOAD))
-    content = json.loads(json.dumps(audit_document(found), allow_nan=False))
+    content = json.loads(json_text(audit_document(found)))
     assert [each["name"] for each in content["premises"]] == list(KEPT)
     assert [each["holds"] for each in content["premises"]] == [e.holds for e in found.premises]
     assert audit_table(found).row_count == len(KEPT)

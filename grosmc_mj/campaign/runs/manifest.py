@@ -13,7 +13,7 @@ from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.report.document import git_revision
-from grosmc_mj.versions import DECISIVE, installed
+from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"
 # Of manifests and parts. Parts of schema 1 have neither a checksum nor the manifest's hash.
@@ -43,7 +43,7 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
         "configuration": _configuration(campaign),
         "model": model_hash(campaign),
         "sources": sources_of(specification),
-        "versions": installed(DECISIVE),
+        "versions": versions(DECISIVE),
     }
     return {
         "schema_version": SCHEMA_VERSION,

@@ -19,7 +19,7 @@ from grosmc_mj.chapter.claims.measures import (
     surface_memory,
     within,
 )
-from grosmc_mj.chapter.two_link_figures import true_tip
+from grosmc_mj.chapter.figures import true_tip
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.gains import authority

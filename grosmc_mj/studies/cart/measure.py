@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,8 @@ from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.document import case_document
 from grosmc_mj.experiments.metrics import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, case_plant, run_case, run_on
-from grosmc_mj.report.document import origin
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -280,46 +278,6 @@ def parts() -> list[Parts]:
         found = uncertainty(optimum, linearize(nominal.edited(edit)))
         rows.append(Parts(name, *(float(np.linalg.norm(part, 2)) for part in found)))
     return rows
-
-
-def document(found: Study) -> dict[str, Any]:
-    """The content of hold.json."""
-    return {
-        **origin(None),
-        "configuration": {
-            **asdict(found.settings),
-            "cases": [case_document(holding_case(name)) for name in HORIZONS],
-            "rail_half_length": {"value": found.rail, "unit": "m"},
-            "cart_band": {"value": CART_BAND, "unit": "m"},
-        },
-        "runs": [
-            {
-                "case": each.result.case.name,
-                "plant": each.result.plant,
-                "controller": each.result.controller.name,
-                "equations": each.result.controller.designed.source,
-                "gains": dict(each.result.controller.designed.gains),
-                "declared": each.result.controller.designed.declared,
-                "status": each.result.status.name.lower(),
-                "ended": each.result.ended,
-                "measures": {name: metric._asdict() for name, metric in each.measures.items()},
-            }
-            for each in found.held
-        ],
-        "projections": [
-            {
-                "name": row.name,
-                "G": None if row.G is None else row.G[0].tolist(),
-                "amplification": row.amplification,
-                "gain_ratio": row.gain_ratio,
-                "pole": {"value": row.pole, "unit": "1/s"},
-                "deviation": row.deviation._asdict(),
-                "max_input": row.max_input._asdict(),
-            }
-            for row in found.projections
-        ],
-        "uncertainties": [row._asdict() for row in found.parts],
-    }
 
 
 def run_of(found: Study, case: str, law: str) -> Trajectory:
