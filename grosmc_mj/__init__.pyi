@@ -1,16 +1,10 @@
 from . import campaign, control, environments, errors, films, plants, simulation
-from .control.controller import Controller
+from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
-from .control.custom import custom_controller
-from .control.design import (
-    Realization,
-    Task,
-    linearized_lqr,
-    regulating_grosmc,
-    tracking_grosmc,
-)
+from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
 from .control.gains import Uncertainty
 from .control.lqr import lqr
+from .control.task import Realization, Task
 from .errors import GrosmcError
 from .experiments.designs import chapter_controller
 from .plants import AnalyticPlant, affine_plant

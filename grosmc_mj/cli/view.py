@@ -30,7 +30,6 @@ def _of_system(command: View) -> tuple[LiveRun, str]:
     """A case of a system of the package, and the command that films it."""
     from grosmc_mj.experiments.case import find_case
     from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
-    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
     from grosmc_mj.viewer.live import LiveRun
 
     settings = Settings(
@@ -41,7 +40,6 @@ def _of_system(command: View) -> tuple[LiveRun, str]:
     realization = settings.realization(case.controllers)
     law = nominal_controller(case.system, name, "corrected", realization, case.controllers)
     plant = case_plant(case, "physics", settings)
-    assert isinstance(plant, MujocoPlant)
     experiment = LiveRun(
         plant, law, case.x0, case.duration, case.disturbances, settings.control_period
     )
@@ -56,7 +54,6 @@ def _of_system(command: View) -> tuple[LiveRun, str]:
 def _of_file(command: View) -> tuple[LiveRun, str]:
     """A case file, and the command that films it."""
     from grosmc_mj.experiments.experiment import find_file, prepare
-    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
     from grosmc_mj.viewer.live import LiveRun
 
     if command.case is not None or command.switching != "sign" or command.surface != "printed":
@@ -65,7 +62,7 @@ def _of_file(command: View) -> tuple[LiveRun, str]:
         )
     found = prepare(find_file(command.system))
     plant = found.subject.plants.get("physics")
-    if not isinstance(plant, MujocoPlant):
+    if plant is None:
         raise ArgumentError(f"{command.system}: it does not run in MuJoCo: there is nothing to see")
     laws = {name: law for (on, name), law in found.laws.items() if on == "physics"}
     name = command.controller or list(laws)[-1]

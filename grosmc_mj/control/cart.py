@@ -20,17 +20,13 @@ from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import (
-    AS_PRINTED,
-    BoundedParameters,
-    FeedbackParameters,
-    surface_numbers,
-)
+from grosmc_mj.control.design import surface_numbers
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.references import Setpoint, setpoint
 from grosmc_mj.control.surface import accumulated
 from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.task import AS_PRINTED, BoundedParameters, FeedbackParameters
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, System

@@ -18,9 +18,8 @@ from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case, find_case
 from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
-from grosmc_mj.plants import find_system
+from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.quiet import warnings_counted_only
 
@@ -77,9 +76,7 @@ class EpisodeSetup:
     ) -> None:
         self.case = _case(find_system(system).name, task)
         settings = Settings(control_period=control_period, timestep=timestep)
-        plant = case_plant(self.case, "physics", settings)
-        assert isinstance(plant, MujocoPlant)
-        self.plant = plant
+        self.plant = plant = case_plant(self.case, "physics", settings)
         design = self.case.controllers
         self.law = nominal_controller(system, INDEX_LAW, "corrected", design=design)
         self.signals, self.index = Signals(self.law), Index(self.law)
@@ -92,9 +89,7 @@ class EpisodeSetup:
             timestep=timestep,
             disturbances=self.case.disturbances,
         )
-        limited = plant.model.actuator_ctrllimited.astype(bool)[:, None]
-        bounds = np.where(limited, plant.model.actuator_ctrlrange, [-np.inf, np.inf])
-        self.low, self.high = bounds.T
+        self.low, self.high = plant.input_limits
         self._spread = _half_widths(self.plant, spread)
         self._require_start()
 
@@ -273,7 +268,7 @@ def _case(system: str, task: str | Case) -> Case:
     return task
 
 
-def _half_widths(plant: MujocoPlant, spread: ArrayLike) -> Array:
+def _half_widths(plant: Plant, spread: ArrayLike) -> Array:
     """Half widths of every state, (n,)."""
     n = len(plant.system.states)
     try:

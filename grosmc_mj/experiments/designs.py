@@ -18,16 +18,12 @@ from grosmc_mj.control.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
-    AS_PRINTED,
-    Realization,
-    Task,
     computed_torque_pd,
     linear_grosmc,
     linear_lqr,
     linearized_lqr,
     realized,
     regulating_grosmc,
-    require_analytic,
     tracking_grosmc,
 )
 from grosmc_mj.control.gains import Uncertainty
@@ -42,6 +38,7 @@ from grosmc_mj.control.references import (
     sine,
 )
 from grosmc_mj.control.switching import SuperTwisting, Switching, find_switching
+from grosmc_mj.control.task import AS_PRINTED, Realization, Task, require_analytic
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.plants import (
     ARM,

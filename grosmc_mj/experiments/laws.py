@@ -13,13 +13,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.custom import custom_controller
 from grosmc_mj.control.design import (
-    Realization,
-    Task,
     computed_torque_pd,
     linear_lqr,
     linearized_lqr,
@@ -29,6 +26,7 @@ from grosmc_mj.control.design import (
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 from grosmc_mj.experiments.designs import DESIGNS, switching_for
 from grosmc_mj.experiments.file.formula import formula

@@ -9,9 +9,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.gains import authority, authority_together, surface_rate
-from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
+from grosmc_mj.plants import Plant
 
 
 class Balance(NamedTuple):
@@ -47,7 +45,7 @@ class Balance(NamedTuple):
 
 def balance(
     law: Controller,
-    true: AnalyticPlant | MujocoPlant,
+    true: Plant,
     t: float,
     x: Array,
     w: Array,
@@ -73,11 +71,7 @@ def balance(
         u_c, believed = np.linalg.solve(E, -(p.K @ z) - alpha), G[:, rows] @ E
     else:
         E, u_c, believed = optimum.B[rows], -(p.K @ z), G @ optimum.B
-    if isinstance(error, RobotCoordinates) and isinstance(true, MujocoPlant):
-        drift, gain = error.moved(t, x, p, true, w, u)
-    else:
-        assert not isinstance(true, MujocoPlant)
-        drift, gain = error.moved(t, x, p, true.parameters, w)
+    drift, gain = error.moved(t, x, p, true, w, u)
     push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
     together = "unit-vector" in law.designed.switching
     R = steered @ np.linalg.inv(believed)

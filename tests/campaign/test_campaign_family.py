@@ -198,7 +198,6 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
             "corners: correlated numbers have none",
         ),
         (plain(more=SECOND), {}, "two disturbances have the label 'load': give each its own"),
-        (plain(more="[[requirement]]\ncost_ratio_below = 2\n"), {}, "leave it out"),
         (plain(more=SHORT.replace("10", "19")), {}, "there are 0.02 s before"),
         (plain(ONSET.format(0.001), SHORT), {}, "there are 0.001 s before"),
         # A load that may come at once leaves nothing to settle in.

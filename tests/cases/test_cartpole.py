@@ -16,8 +16,9 @@ from grosmc_mj.cases.cartpole.equations import CART_POLE, CartPoleParameters
 from grosmc_mj.cases.cartpole.limited import LimitedParameters, limited
 from grosmc_mj.control.cart import HoldingUncertainty, holding_ism, linear_model
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import GainError, ModelError, SetupError
 from grosmc_mj.plants import CART_PENDULUM, SYSTEMS, AnalyticPlant, CartPendulumParameters
 from grosmc_mj.simulation.edits import BodyEdit

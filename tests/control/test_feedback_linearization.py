@@ -20,8 +20,8 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     feedback_linearization,
 )
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import FeedbackParameters
 from grosmc_mj.control.references import TIME, Setpoint, Setpoints, reference, setpoints
+from grosmc_mj.control.task import FeedbackParameters
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.plants import ARM, CART_PENDULUM, SERVO, AnalyticPlant, Signal, System, find_system
 from grosmc_mj.plants.equations import Equations
@@ -598,7 +598,7 @@ def test_error_moves_as_the_true_plant_makes_it(system: System, sign: Any) -> No
     for x in states(system.name, 10):
         w, t = random.normal(0, 1, 6 * len(system.bodies)), 0.7
         for wrench in (w, None):
-            drift, gain = error.moved(t, x, p, true, wrench)
+            drift, gain = error.moved(t, x, p, AnalyticPlant(system, true), wrench)
             assert (drift.shape, gain.shape) == ((2,), (2, 1))
             pushed = 0.0 if wrench is None else by_hand.disturbance(x, w, true)[velocity]
             fallen = by_hand.drift(x, true)[velocity]
@@ -616,13 +616,13 @@ def test_uncertain_kinematics_are_not_matched() -> None:
     third, angle = motor_system(), np.array([0.2, 1.5, -0.4])
     error = ErrorCoordinates(third, setpoints(3))
     p = FeedbackParameters(Motor(), Setpoint(0.0), np.zeros((1, 3)))
-    drift, gain = error.moved(0.0, angle, p, Motor(J=0.04))
+    drift, gain = error.moved(0.0, angle, p, AnalyticPlant(third, Motor(J=0.04)))
     force = 0.7 * -0.4 - 0.1 * 1.5
     np.testing.assert_allclose(drift[:2], [1.5, force / 0.04], rtol=1e-13)
     np.testing.assert_allclose(gain, [[0], [0], [0.7 / 0.02 / 0.05]], rtol=1e-13)
     expected = [0, force / 0.04 - force / 0.02]
     np.testing.assert_allclose(error.unmatched(0.0, angle, p, drift), expected, atol=1e-12)
-    certain, _ = error.moved(0.0, angle, p, Motor())
+    certain, _ = error.moved(0.0, angle, p, AnalyticPlant(third, Motor()))
     np.testing.assert_allclose(error.unmatched(0.0, angle, p, certain), [0, 0], atol=1e-12)
 
 

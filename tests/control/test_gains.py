@@ -16,7 +16,7 @@ import sympy as sp
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import Task, linear_grosmc, regulating_grosmc
+from grosmc_mj.control.design import linear_grosmc, regulating_grosmc
 from grosmc_mj.control.gains import (
     SwitchingGains,
     Uncertainty,
@@ -26,6 +26,7 @@ from grosmc_mj.control.gains import (
 )
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.designs import (
     ARM_ERROR,

@@ -18,8 +18,8 @@ import pytest
 import grosmc_mj
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization
 from grosmc_mj.environments import episode, law_policy
 from grosmc_mj.errors import (
     ArgumentError,

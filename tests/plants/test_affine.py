@@ -171,7 +171,7 @@ def test_gains_cover_what_reaches_s_through_the_row_without_an_input() -> None:
     for _ in range(200):
         z = random.uniform(-1, 1, 2)
         x = law.coordinates.place(0.0, z, p)
-        true = replace(p.plant, a=random.uniform(1, 3))
+        true = plant.with_parameters(a=random.uniform(1, 3))
         alpha, E = law.coordinates.dynamics(0.0, x, p)
         u_0 = np.linalg.solve(E, -(p.K @ z) - alpha)
         push, steered = surface_rate(law.coordinates.moved(0.0, x, p, true), z, p.G, S, u_0)

@@ -24,7 +24,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.case import cases, find_case
 from grosmc_mj.experiments.designs import ARM_G, DESIGNS, chapter_controller
-from grosmc_mj.experiments.laboratory import Fault, Laboratory, physics_derivative, trial
+from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.audit import Audit, Premise, audit
@@ -116,7 +116,7 @@ def pushed_away(law: Controller, true: AnalyticPlant, t: float, z: Array, w: Arr
 def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
     """By the equations of the perturbed plant, and by MuJoCo, which does not know them."""
     law, plant = robust(system), perturbed(system)
-    true, physics = plant.analytic(), physics_derivative(plant)
+    true, physics = plant.analytic(), plant.derivative
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
         u = law.law(t, x, beside_surface(law, t, z, 1e-9), law.parameters)

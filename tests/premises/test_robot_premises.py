@@ -17,8 +17,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, linearized_lqr, tracking_grosmc
+from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
+from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
 from grosmc_mj.experiments.case import Case, find_case
@@ -182,8 +183,8 @@ def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
     x, error, p = np.array([0.3, -0.4, 0.0, 1.0]), controller.coordinates, controller.parameters
     for side in (-1.0, 1.0):
         x[3] = side
-        still, _ = error.moved(0.0, x, p, plant, u=np.zeros(N))  # pyright: ignore
-        without, gain = error.moved(0.0, x, p, arm().plant, u=np.zeros(N))  # pyright: ignore
+        still, _ = error.moved(0.0, x, p, plant, u=np.zeros(N))
+        without, gain = error.moved(0.0, x, p, arm().plant, u=np.zeros(N))
         # Sliding friction is against the motion, of its full size.
         np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
 

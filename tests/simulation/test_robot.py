@@ -15,8 +15,6 @@ import pytest
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import (
-    Realization,
-    Task,
     computed_torque_pd,
     linear_lqr,
     linearized_lqr,
@@ -33,6 +31,7 @@ from grosmc_mj.control.references import (
     setpoints,
 )
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.designs import TWO_LINK_JOINTS
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
@@ -209,7 +208,7 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     theirs, plant = TWO_LINK_JOINTS, MujocoPlant.load("two_link_arm")
     symbolic = replace(p, plant=plant.analytic().parameters)
     heavier = BodyEdit("payload", mass_scale=3.0)
-    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic().parameters
+    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()
     w = np.random.default_rng(1).uniform(-5, 5, 18)
     assert (ours.size, ours.units, ours.output_rows) == (4, theirs.units, theirs.output_rows)
     for x in states(2):

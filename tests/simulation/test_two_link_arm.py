@@ -19,11 +19,12 @@ from scipy.integrate import trapezoid
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import Task, computed_torque_pd, regulating_grosmc
+from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
 from grosmc_mj.control.gains import authority, switching_gains
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import setpoints
 from grosmc_mj.control.switching import Implicit
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import (

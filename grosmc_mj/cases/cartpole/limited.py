@@ -15,9 +15,9 @@ from typing import Any
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.design import BoundedParameters
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.task import BoundedParameters
 from grosmc_mj.control.vectors import norm, row_times
 from grosmc_mj.errors import GainError
 

@@ -33,7 +33,6 @@ from grosmc_mj.studies.cart.measure import (
     UNCERTAINTIES,
     amplification,
     holding_case,
-    linear_model_of,
     projected_law,
     projections_of,
     rail_half_length,
@@ -104,7 +103,7 @@ def _unmatched(
     measure: Callable[[LqrDesign, tuple[np.ndarray, np.ndarray]], Measured],
 ) -> Measured:
     """A measurement on the linear model of case 1; there is none where all of it is matched."""
-    model = linear_model_of(lab.plant(holding_case("case1"), plant))
+    model = lab.plant(holding_case("case1"), plant).linearization()
     optimum = _optimum(lab, plant)
     if amplification(optimum, projections_of(optimum)["B+"], model) is None:
         return Measured(None, "nothing is unmatched here", broken=True)

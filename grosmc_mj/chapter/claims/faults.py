@@ -19,10 +19,10 @@ from grosmc_mj.experiments.designs import chapter_controller
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import PlantName, Settings
 from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 
 
 class Caught(NamedTuple):
@@ -114,7 +114,7 @@ def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:
 
 
 def _no_edit(plant: Plant, _case: Case, _name: PlantName) -> Plant:
-    return plant.edited() if isinstance(plant, MujocoPlant) else plant
+    return plant.changed()
 
 
 def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
@@ -126,8 +126,6 @@ def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
 
 
 def _printed_physics(plant: Plant, _case: Case, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant):
-        return plant
     return plant.analytic(plant.system.variants[0])
 
 

@@ -22,7 +22,7 @@ from grosmc_mj.experiments.designs import (
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
-from grosmc_mj.plants import AnalyticPlant, find_system
+from grosmc_mj.plants import find_system
 from grosmc_mj.premises.audit import REGIONS
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
@@ -160,8 +160,7 @@ _DRIFT_OF_ERROR = 0.05
 def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
     """max |x1 - x1*| of the servo with a constant 0.05 rad/s added to theta', in percent."""
     case = find_case("servo", "nominal")
-    law, servo = lab.controller(case, plant, "grosmc"), lab.plant(case, plant)
-    assert isinstance(servo, AnalyticPlant)
+    law, servo = lab.controller(case, plant, "grosmc"), lab.equations(case, plant)
     equations = servo.system.equations
     rate, acceleration = equations.f
     drifting = replace(equations, f=(rate + _DRIFT_OF_ERROR, acceleration))

@@ -12,17 +12,17 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.cart import holding_ism, holding_lqr, sliding_dynamics
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.case import Case, find_case
 from grosmc_mj.experiments.document import case_document
-from grosmc_mj.experiments.metrics import Metric, settled
+from grosmc_mj.experiments.metrics import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, case_plant, run_case, run_on
 from grosmc_mj.report.document import origin
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 SYSTEM = "cart_pendulum"
@@ -157,7 +157,7 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
     deviation = None if found is None or start == 0 else float(100 * found / start)
     return {
         "angle_settling": result.metrics["settling_time"],
-        "cart_settling": cart_settling(run.time[calm], cart[calm]),
+        "cart_settling": settling_time(run.time[calm], cart[calm], CART_BAND),
         "travel": Metric(travel, "m"),
         "rail_margin": Metric(rail - travel, "m", "" if travel <= rail else "off the rail"),
         "max_input": result.metrics["max_input"],
@@ -170,22 +170,10 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
     }
 
 
-def cart_settling(time: Array, position: Array) -> Metric:
-    """When |p| enters ``CART_BAND`` for good."""
-    return settled(time, position, CART_BAND)
-
-
 def _largest(values: Array, unit: str) -> Metric:
     if len(values) == 0:
         return Metric(None, unit, "no disturbance")
     return Metric(float(np.abs(values).max()), unit)
-
-
-def linear_model_of(plant: Plant) -> tuple[Array, Array]:
-    """(A, B) of a plant about upright: by MuJoCo's differences or in symbols."""
-    if isinstance(plant, MujocoPlant):
-        return linearize(plant)
-    return plant.jacobian(np.zeros(4), np.zeros(1))
 
 
 def _nominal_lqr() -> LqrDesign:
@@ -223,7 +211,7 @@ def projections(
     """Each G under case 1 on physics: what the linear model says, and what is measured."""
     case = holding_case("case1")
     plant = case_plant(case, "physics", settings)
-    model, optimum = linear_model_of(plant), _nominal_lqr()
+    model, optimum = plant.linearization(), _nominal_lqr()
     rows = []
     for name, G in projections_of(optimum).items():
         law = projected_law(G, settings.realization(SYSTEM))

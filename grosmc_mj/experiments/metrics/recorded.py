@@ -1,16 +1,29 @@
-"""What is measured on a run, with units."""
+"""What is measured on a recorded run, with units.
+
+Largest values, settling and the like are the folds that running laws use, too. Means, costs and
+variations are sums by NumPy, whose last digits are on record; what a running law adds up one
+sample after the other, ``folds.Costs``, agrees with them up to rounding.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.metrics.folds import (
+    MeterNumbers,
+    Recording,
+    folded,
+    note_all,
+    transient_end,
+)
+from grosmc_mj.plants import System
 from grosmc_mj.simulation.trajectory import Trajectory
 
 METRICS = (
@@ -27,11 +40,6 @@ METRICS = (
     "max_input",
     "cart_travel",
 )
-
-# The usual 2 % band, of the initial error.
-SETTLING_BAND = 0.02
-# The part of the time that an error must stay in it.
-DWELL = 0.1
 
 
 class Metric(NamedTuple):
@@ -113,69 +121,122 @@ def measure(
         comparison: The run beside its optimum.
         onset: When the first disturbance begins [s].
     """
-    time, error = comparison.time, comparison.error
+    time = comparison.time
     if len(time) < 2:
         return {name: Metric(None, "", "ended at the start") for name in METRICS}
-    transient = slice(None)
-    if 0 < onset < time[-1]:
-        transient = slice(0, int(np.searchsorted(time, onset)) + 1)
     output, u = controller.designed.error.units[comparison.outputs[0]], run.system.input.unit
-    single = len(comparison.outputs) == 1
-    changed = np.abs(np.diff(run.input, axis=0))
+    meters, recording = noted(run, comparison, onset)
+    value = {name: float(found[0]) for name, found in folded(meters, recording).items()}
     metrics = {
-        "deviation": Metric(float(np.abs(comparison.deviation).max()), output),
-        "settling_time": settling_time(time[transient], error[transient]),
-        "overshoot": overshoot(error[transient])
-        if single
+        "deviation": Metric(value["deviation"], output),
+        "settling_time": _settling(value["settling_time"]),
+        "overshoot": _overshoot(meters)
+        if len(comparison.outputs) == 1
         else Metric(None, "%", "several outputs"),
-        "rms_error": Metric(float(np.sqrt(np.mean(error**2))), output),
-        **_surface_metrics(run, controller.designed.sliding_unit),
+        "rms_error": Metric(root_mean_square(comparison.error), output),
+        **_surface_metrics(run, controller.designed.sliding_unit, value["max_sliding"]),
         **_costs(run, controller, comparison),
-        "total_variation": Metric(float(changed.sum() / time[-1]), f"{u}/s"),
-        "max_input": Metric(float(np.abs(run.input).max()), u),
+        "total_variation": Metric(variation_rate(run.input, float(time[-1])), f"{u}/s"),
+        "max_input": Metric(value["max_input"], u),
     }
-    if run.system.name == "cart_pendulum":
-        travel = float(np.abs(run.state[:, 0] - run.state[0, 0]).max())
-        metrics["cart_travel"] = Metric(travel, "m")
+    if has_cart(run.system):
+        metrics["cart_travel"] = Metric(value["cart_travel"], "m")
     return metrics
 
 
-def settling_time(time: Array, error: Array) -> Metric:
-    """When |error| enters the 2 % band of |error(0)| for good; ``not reached`` if never."""
-    return settled(time, error, SETTLING_BAND * abs(error[0]))
+def noted(
+    run: Trajectory, comparison: Comparison, onset: float = math.inf, after: float = 0.0
+) -> tuple[Any, Recording]:
+    """The meters of a recorded run, (1,), noted at every instant, and what they are of.
+
+    Args:
+        run: One run on any plant.
+        comparison: The run beside its optimum.
+        onset: When the first disturbance begins [s].
+        after: From when on the largest error is wanted [s].
+    """
+    rows = np.zeros((len(run.time), 5))
+    rows[:, 0], rows[:, 1] = comparison.error, comparison.deviation
+    # Input and s are held up to the next instant: at the last one there are none.
+    for column, held in ((2, run.input), (3, run.sliding)):
+        if held is not None:
+            rows[: len(held), column] = _largest_entries(held)
+    if has_cart(run.system):
+        rows[:, 4] = run.state[:, 0]
+    known = MeterNumbers(np.array([after]), transient_end(onset))
+    return note_all(run.time, rows, known), Recording.recorded(run.time, onset, (after,))
 
 
-def settled(time: Array, error: Array, band: float) -> Metric:
+def has_cart(system: System) -> bool:
+    """Whether the first state of a system is a cart's position."""
+    return system.name == "cart_pendulum"
+
+
+def settling_time(time: Array, error: Array, width: float | None = None) -> Metric:
     """When |error| enters a band for good; ``not reached`` if never.
 
-    To count, it must stay inside for the last tenth of the time at least: an error that swings
-    in and out is always inside for a moment before some end.
+    Args:
+        time: Instants from 0 on [s], (N,).
+        error: (N,).
+        width: Of the band; 2 % of |error(0)| unless told.
     """
-    outside = np.flatnonzero(np.abs(error) > band)
-    last = int(outside[-1]) if len(outside) else -1
-    if last + 1 >= len(time) or time[last + 1] > (1 - DWELL) * time[-1]:
-        return Metric(None, "s", "not reached")
-    return Metric(float(time[last + 1]), "s")
+    known = MeterNumbers() if width is None else MeterNumbers(part=0.0, width=width)
+    found = folded(*_error_alone(time, error, known))
+    return _settling(float(found["settling_time"][0]))
 
 
 def overshoot(error: Array) -> Metric:
     """Largest error beyond zero, in percent of the initial error."""
-    if error[0] == 0:
+    return _overshoot(_error_alone(np.arange(float(len(error))), error, MeterNumbers())[0])
+
+
+def _error_alone(time: Array, error: Array, known: MeterNumbers) -> tuple[Any, Recording]:
+    """The meters of an error, and what they are of."""
+    rows = np.column_stack([error, np.zeros((len(time), 4))])
+    return note_all(time, rows, known), Recording.recorded(time, math.inf)
+
+
+def _settling(settled: float) -> Metric:
+    return Metric(settled, "s") if settled < math.inf else Metric(None, "s", "not reached")
+
+
+def _overshoot(meters: Any) -> Metric:
+    start, beyond = float(meters["start"][0]), float(meters["beyond"][0])
+    if start == 0:
         return Metric(None, "%", "no initial error")
-    return Metric(float(max(0.0, (-error / error[0]).max()) * 100), "%")
+    return Metric(beyond / abs(start) * 100, "%")
 
 
-def _surface_metrics(run: Trajectory, unit: str) -> dict[str, Metric]:
+def root_mean_square(values: Array) -> float:
+    """The root of the mean of the squares."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def variation_rate(values: Array, seconds: float) -> float:
+    """How much held values change, of several the sum of theirs, per second."""
+    return float(np.abs(np.diff(values, axis=0)).sum() / seconds)
+
+
+def crossings(values: Array) -> int:
+    """How often values change their sign; a zero in between counts once."""
+    return int(np.count_nonzero(np.diff(np.sign(values[values != 0.0]))))
+
+
+def _largest_entries(rows: Array) -> Array:
+    """The largest magnitude in each row of one or more numbers, (N,)."""
+    return np.abs(rows.reshape(len(rows), -1)).max(axis=1)
+
+
+def _surface_metrics(run: Trajectory, unit: str, largest: float) -> dict[str, Metric]:
     """Maximum and RMS of |s| at the samples; of several, of its largest entry."""
     if run.sliding is None:
         return {
             "max_sliding": Metric(None, "", "no surface"),
             "rms_sliding": Metric(None, "", "no surface"),
         }
-    largest = np.abs(run.sliding.reshape(len(run.sliding), -1)).max(axis=1)
     return {
-        "max_sliding": Metric(float(largest.max()), unit),
-        "rms_sliding": Metric(float(np.sqrt(np.mean(largest**2))), unit),
+        "max_sliding": Metric(largest, unit),
+        "rms_sliding": Metric(root_mean_square(_largest_entries(run.sliding)), unit),
     }
 
 
