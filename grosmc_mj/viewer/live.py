@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
 from grosmc_mj.simulation.engines.closed_loop import ClosedLoop
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.trajectory import Status, why_ended
 
@@ -43,7 +43,7 @@ class LiveRun:
         control_period: Time between two samples of the law [s]; the timestep by default.
     """
 
-    plant: MujocoPlant
+    plant: Plant
     controller: Controller
     x0: ArrayLike
     duration: float
@@ -63,7 +63,7 @@ class Push:
         size: How much.
     """
 
-    def __init__(self, plant: MujocoPlant, x0: Array) -> None:
+    def __init__(self, plant: Plant, x0: Array) -> None:
         """Find out at the start whether a force moves the body."""
         system = plant.system
         self.body = system.uncertain_body or system.bodies[-1]
@@ -199,7 +199,7 @@ class Live:
         self.push.change_size(factor)
 
 
-def _moves(plant: MujocoPlant, x0: Array, body: str) -> bool:
+def _moves(plant: Plant, x0: Array, body: str) -> bool:
     """Whether a force along x at the body's centre accelerates anything."""
     model, n = plant.model, plant.system.degrees_of_freedom
     data, accelerations = mujoco.MjData(model), []
