@@ -125,7 +125,9 @@ def outcomes(
     if costs_wanted(campaign):
         starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
         law = campaign.laws[controller]
-        found["cost_ratio"] = cost_ratios(law, meters["costs"], starts, last, duration)
+        # What a run ended early at may be out of all bounds.
+        ends = np.where(completed[:, None], last, starts)
+        found["cost_ratio"] = cost_ratios(law, meters["costs"], starts, ends, duration)
     own = [each for each in campaign.requirements if controller in each.of]
     margins = margins_of(own, found, completed)
     shares = [np.ones(len(values)), *(margins[each.key] / each.value for each in own)]
