@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
     from grosmc_mj.control.switching import find_switching
     from grosmc_mj.errors import DivergenceError, GrosmcError
-    from grosmc_mj.experiments.designs import chapter_controller
+    from grosmc_mj.experiments.experiment import Experiment, chapter_controller
     from grosmc_mj.films.film import Film, Format, Take
     from grosmc_mj.films.write import write_film
     from grosmc_mj.plants import AnalyticPlant, Signal, System, affine_plant
@@ -48,7 +48,7 @@ _HOMES = {
     "affine_plant": "plants",
     "AnalyticPlant": "plants",
     "BodyEdit": "simulation.edits",
-    "chapter_controller": "experiments.designs",
+    "chapter_controller": "experiments.experiment",
     "computed_torque_pd": "control.design",
     "constant": "control.references",
     "Constant": "simulation.disturbances",
@@ -57,6 +57,7 @@ _HOMES = {
     "Disturbance": "simulation.disturbances",
     "DivergenceError": "errors",
     "ErrorCoordinates": "control.coordinates.symbolic",
+    "Experiment": "experiments.experiment",
     "feedback_linearization": "control.coordinates.feedback_linearization",
     "Film": "films.film",
     "find_switching": "control.switching",
@@ -101,6 +102,7 @@ __all__ = [
     "Disturbance",
     "DivergenceError",
     "ErrorCoordinates",
+    "Experiment",
     "Film",
     "Format",
     "GrosmcError",

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.figure import Picture, Runs
-from grosmc_mj.experiments.designs import TWO_LINK_TIP
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.report.figure import labelled_below
 from grosmc_mj.report.palette import LABELS, OPTIMUM, colour_of
@@ -18,8 +18,10 @@ _LAWS = ("lqr", "pd", "grosmc")
 
 def true_tip(result: RunResult) -> Array:
     """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
-    z = TWO_LINK_TIP.outputs_along(result.trajectory.state, result.plant_parameters)
-    return z[:, TWO_LINK_TIP.output_rows]
+    error = result.controller.error
+    assert isinstance(error, ErrorCoordinates)
+    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
+    return z[:, error.output_rows]
 
 
 def _tracking(case: str) -> Callable[[Figure, Runs], None]:

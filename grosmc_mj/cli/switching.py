@@ -64,7 +64,7 @@ def document(
     by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
 ) -> dict[str, Any]:
     """The content of switching.json; what diverged has null for its numbers."""
-    from grosmc_mj.experiments.designs import DESIGNS
+    from grosmc_mj.experiments.experiment import find_experiment
     from grosmc_mj.report.document import origin
     from grosmc_mj.studies.switching import measure as chattering
 
@@ -72,7 +72,7 @@ def document(
         **origin(None),
         "configuration": {
             "timestep": {"value": chattering.TIMESTEP, "unit": "s"},
-            "slopes": {name: DESIGNS[name].slope for name in chattering.CASES},
+            "slopes": {name: find_experiment(name, "nominal").slope for name in chattering.CASES},
         },
         "benchmark": {
             "equation": "s' = r phi + 0.5 sin(2 pi t), rho = 1, phi held",

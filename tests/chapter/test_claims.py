@@ -19,6 +19,7 @@ import scipy.integrate
 import scipy.linalg
 from rich.cells import cell_len
 from rich.console import Console
+from shipped import case_plant, controller_names, find_case
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -32,10 +33,10 @@ from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, 
 from grosmc_mj.chapter.expected_verdicts import load_expectations, verdict_differences
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller, controller_names
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
-from grosmc_mj.experiments.runs import PlantName, Settings, case_plant
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import switching_rate
 from grosmc_mj.simulation.edits import BodyEdit

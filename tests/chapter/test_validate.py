@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 from conftest import hear_interrupts
+from shipped import run_case
 
 from grosmc_mj import cli
 from grosmc_mj.chapter import expected_results as expected
-from grosmc_mj.experiments.runs import Settings, plan, run_case, select_cases
+from grosmc_mj.experiments.runs import Settings, plan, select_cases
 
 pytestmark = pytest.mark.slow
 

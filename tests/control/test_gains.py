@@ -12,6 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from shipped import (
+    ARM_ERROR,
+    ARM_REFERENCE,
+    ARM_WEIGHTS,
+    PENDULUM_DISTURBANCE,
+    PENDULUM_ERROR,
+    PENDULUM_UPRIGHT,
+    PENDULUM_WEIGHTS,
+    SERVO_ERROR,
+    SERVO_STEP,
+    SERVO_UNCERTAINTY,
+    SERVO_WEIGHTS,
+)
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -27,21 +40,7 @@ from grosmc_mj.control.gains import (
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, constant, setpoint
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.experiments.designs import (
-    ARM_ERROR,
-    ARM_REFERENCE,
-    ARM_WEIGHTS,
-    PENDULUM_DISTURBANCE,
-    PENDULUM_ERROR,
-    PENDULUM_UPRIGHT,
-    PENDULUM_WEIGHTS,
-    SERVO_ERROR,
-    SERVO_STEP,
-    SERVO_UNCERTAINTY,
-    SERVO_WEIGHTS,
-    chapter_controller,
-    pendulum_uncertainty,
-)
+from grosmc_mj.experiments.experiment import chapter_controller, pendulum_uncertainty
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, System
 from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.cart_pendulum import pole_torque

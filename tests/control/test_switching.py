@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shipped import case_plant, find_case, nominal_controller, run_case, run_on
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -32,17 +33,9 @@ from grosmc_mj.control.switching import (
     find_switching,
 )
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
-from grosmc_mj.experiments.runs import (
-    PlantName,
-    Settings,
-    Surface,
-    case_plant,
-    nominal_controller,
-    run_case,
-    run_on,
-)
+from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings, Surface
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant

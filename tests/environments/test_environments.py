@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from shipped import case_plant, cases, find_case, nominal_controller
 
 import grosmc_mj
 from grosmc_mj.arrays import Array
@@ -29,9 +30,9 @@ from grosmc_mj.errors import (
     SetupError,
     UndefinedLawError,
 )
-from grosmc_mj.experiments.case import Case, cases, find_case
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory

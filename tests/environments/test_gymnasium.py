@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj.environments import experiment, law_policy, register
 from grosmc_mj.environments.registration import IDS
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import find_case, run_case
 
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
@@ -23,7 +23,7 @@ from grosmc_mj.experiments.metrics import (
     settling_time,
 )
 from grosmc_mj.experiments.requirements import Limit, judge
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant

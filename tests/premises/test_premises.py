@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import ARM_G, cases, find_case, task_of
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -22,8 +23,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
-from grosmc_mj.experiments.case import cases, find_case
-from grosmc_mj.experiments.designs import ARM_G, DESIGNS, chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, physics_derivative, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
@@ -278,7 +278,7 @@ def premise(found: Audit, name: str) -> Premise:
 
 def arm_with(epsilon: float) -> Laboratory:
     """A laboratory whose arm has another switching gain."""
-    task = DESIGNS["arm"].task(nominal("arm"))
+    task = task_of("arm", nominal("arm"))
     law = tracking_grosmc(task, 18.0, epsilon, ARM_G)
     return Laboratory(Settings(), Fault("ε", "another gain", controller=lambda *_: law))
 
@@ -405,7 +405,7 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
 
 def test_projection_that_does_not_see_the_input_is_refused() -> None:
     """G = [1, 0] on z1'' = v: G B = 0 and no input steers s."""
-    task = DESIGNS["arm"].task(nominal("arm"))
+    task = task_of("arm", nominal("arm"))
     with pytest.raises(GainError, match=r"G B = \[\[0\.0\]\] is singular"):
         tracking_grosmc(task, 18.0, 6.0, np.array([[1.0, 0.0]]))
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -21,14 +22,9 @@ from grosmc_mj.control.design import AS_PRINTED, linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, constant, fourier_series
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.designs import (
-    TWO_LINK_G,
-    TWO_LINK_TARGET,
-    TWO_LINK_WEIGHTS,
-    chapter_controller,
-)
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case, run_on
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises

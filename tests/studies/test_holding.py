@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -29,9 +30,8 @@ from grosmc_mj.control.design import Realization
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
-from grosmc_mj.experiments.runs import Settings, nominal_controller, run_case
+from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
 from grosmc_mj.simulation.edits import BodyEdit

@@ -16,11 +16,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import hear_interrupts
+from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
 from grosmc_mj.simulation.mujoco_plant import undrawn
 from grosmc_mj.simulation.trajectory import Status, Trajectory

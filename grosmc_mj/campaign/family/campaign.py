@@ -18,7 +18,7 @@ from grosmc_mj.campaign.runs.requirements import Requirement, afters, required
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
 from grosmc_mj.simulation.prepare import prepare
@@ -59,7 +59,7 @@ class Campaign:
     @classmethod
     def _checked(cls, specification: Specification, experiment: Experiment) -> Campaign:
         """The campaign of an experiment."""
-        plants = experiment.subject.plants
+        plants = experiment.plants
         name: PlantName = "physics" if "physics" in plants else "corrected"
         designed = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
         wanted = specification.controllers or tuple(designed)
@@ -100,7 +100,7 @@ class Campaign:
     @cached_property
     def plant(self) -> Plant:
         """The plant with the file's edits."""
-        plants = self.experiment.subject.plants
+        plants = self.experiment.plants
         return plants.get("physics") or plants["corrected"]
 
     @cached_property

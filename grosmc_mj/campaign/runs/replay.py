@@ -17,7 +17,8 @@ from grosmc_mj.campaign.runs.requirements import METRICS
 from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
-from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
@@ -108,8 +109,9 @@ def _run(
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, plant_sample.case.onset)
     case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
+    experiment = replace(campaign.experiment, case=case)
     physics: PlantName = "physics" if isinstance(plant, MujocoPlant) else "corrected"
-    result = RunResult(case, physics, law, run, comparison, metrics, ended, plant)
+    result = RunResult(experiment, physics, law, run, comparison, metrics, ended, plant)
     ends = (run.memory[-1:], [run.status], [run.valid_until])
     return result, outcomes(campaign, controller, values[None], [plant_sample], *ends)
 

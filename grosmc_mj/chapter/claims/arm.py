@@ -27,10 +27,10 @@ from grosmc_mj.chapter.claims.measures import (
     signals,
     within,
 )
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.audit import audit
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -73,7 +73,7 @@ def _quickly(lab: Laboratory, plant: PlantName) -> Measured:
 
 def _family(lab: Laboratory, plant: PlantName) -> Measured:
     """Worst max |e1 - e1*| over the declared payloads and links, in percent of the start."""
-    start = find_case(_SYSTEM, "nominal").x0
+    start = find_experiment(_SYSTEM, "nominal").case.x0
     cases = [
         trial(_SYSTEM, f"m x{mass:g}, l x{length:g}", start, 6.0, (BodyEdit("link", mass, length),))
         for mass, length in itertools.product(*((low, 1.0, high) for low, high in PAYLOADS))
@@ -93,7 +93,7 @@ def _family(lab: Laboratory, plant: PlantName) -> Measured:
 
 def _energy(lab: Laboratory, plant: PlantName) -> Measured:
     """Power that the equation invents: C q' against M'(q) q'^2 / 2, relative to its largest."""
-    case = find_case(_SYSTEM, "nominal")
+    case = find_experiment(_SYSTEM, "nominal")
     derivative = lab.derivative(lab.plant(case, plant))
     p = MujocoPlant.load(_SYSTEM).analytic().parameters
     random, worst = np.random.default_rng(0), 0.0
@@ -110,14 +110,14 @@ def _energy(lab: Laboratory, plant: PlantName) -> Measured:
 
 def _printed_law(lab: Laboratory, plant: PlantName) -> Measured:
     """max |e1 - e1*| of the law with the printed C, in percent of the start."""
-    case = find_case(_SYSTEM, "nominal")
+    case = find_experiment(_SYSTEM, "nominal")
     result = lab.run_misdesigned(case, plant, "grosmc", "printed")
     return of(result, from_optimum(result.comparison))
 
 
 def _epsilon(lab: Laboratory, _: PlantName) -> Measured:
     """The printed epsilon over what d(t) needs along the run."""
-    found = audit(lab, find_case(_SYSTEM, "case1"))
+    found = audit(lab, find_experiment(_SYSTEM, "case1"))
     required, configured = found.signals["required"], found.signals["configured"]
     premise = next(each for each in found.premises if each.name == "epsilon")
     if not required.any():

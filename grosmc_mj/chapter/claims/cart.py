@@ -28,10 +28,10 @@ from grosmc_mj.chapter.claims.measures import (
 )
 from grosmc_mj.control.cart import LEAN
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import SETTLING_BAND
-from grosmc_mj.experiments.runs import PlantName, run_on
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -87,9 +87,9 @@ def _holds(controller: str) -> Measure:
     return measure
 
 
-def _trial(edit: BodyEdit) -> Case:
+def _trial(edit: BodyEdit) -> Experiment:
     """The chapter's start with one edit of the pole."""
-    return trial(SYSTEM, "pole", find_case(SYSTEM, "nominal").x0, _SHORT, (edit,))
+    return trial(SYSTEM, "pole", find_experiment(SYSTEM, "nominal").case.x0, _SHORT, (edit,))
 
 
 def _astray(what: str) -> Measure:
@@ -148,14 +148,14 @@ def _worse(optimum: LqrDesign, model: tuple[np.ndarray, np.ndarray]) -> Measured
 
 def _least_deviation(lab: Laboratory, plant: PlantName) -> Measured:
     """Deviation with G = B+ over the least of the others', in case 1."""
-    case = replace(holding_case("case1"), duration=_SHORT)
+    case = holding_case("case1").varied(duration=_SHORT)
     away, worst = {}, None
     for name, G in projections_of(_optimum(lab, plant)).items():
         if name == "B+":
             result = lab.run(case, plant, "cart-ism")
         else:
-            law = projected_law(G, lab.settings.realization("cart_pendulum"))
-            result = run_on(case, plant, law, lab.plant(case, plant), lab.settings)
+            law = projected_law(G, case.with_settings(**lab.settings.changes()).realization)
+            result = lab.run_with(case, plant, law)
         if result.status is not Status.COMPLETED:
             worst = result
         away[name] = from_optimum(result.comparison)

@@ -8,7 +8,7 @@ from grosmc_mj.chapter.claims import arm, cart, cart_pendulum, servo, theory, tw
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import SYSTEMS, find_system
 
 CLAIMS: tuple[Claim, ...] = tuple(

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import Comparison
-from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
 from grosmc_mj.premises.audit import Premise, audit, per_second
 from grosmc_mj.premises.balance import balance
@@ -117,7 +118,7 @@ def leaving_the_surface(system: str, case: str) -> Measure:
         result = lab.case(system, case, plant, "grosmc")
         run, law = result.trajectory, result.controller
         assert run.sliding is not None
-        true = lab.equations(result.case, plant)
+        true = lab.equations(result.experiment, plant)
         nothing = np.zeros(6 * len(run.system.bodies))
         worst, note = 0.0, ""
         for row in range(0, len(run.time) - 1, _EVERY):
@@ -141,7 +142,7 @@ def failed_premise(system: str, case: str) -> Callable[[Laboratory], str]:
     """The premises of the case that fail, in words; empty if none does."""
 
     def say(lab: Laboratory) -> str:
-        failed = audit(lab, find_case(system, case)).failed()
+        failed = audit(lab, find_experiment(system, case)).failed()
         return "; ".join(
             f"{premise.name} ({premise.source}): {premise.requirement}; margin {_margins(premise)}"
             + (f", restored by {premise.restores}" if premise.restores else "")
@@ -195,7 +196,7 @@ def gains(system: str, case: str) -> Callable[[Laboratory], Drawing]:
     """Required and configured ρ along the run."""
 
     def draw(lab: Laboratory) -> Drawing:
-        found = audit(lab, find_case(system, case)).signals
+        found = audit(lab, find_experiment(system, case)).signals
         unit = lab.case(system, case, "physics", "grosmc").controller.sliding_unit
         return Drawing(
             "time t [s]",

@@ -29,12 +29,12 @@ from grosmc_mj.chapter.claims.measures import (
 from grosmc_mj.chapter.two_link_figures import true_tip
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.gains import authority
+from grosmc_mj.control.gains import Uncertainty, authority
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.designs import TWO_LINK_CIRCLE, TWO_LINK_G, TWO_LINK_UNCERTAINTY
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
-from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
@@ -43,7 +43,8 @@ _SYSTEM = "two_link_arm"
 _TRACKING, _ROBUST = ("case1", "case2"), ("case1", "case2", "regulation1")
 _EVERY_CASE = ("nominal", "case1", "case2", "regulation", "regulation1")
 _OTHERS = ("lqr", "pd")
-_DECLARED = TWO_LINK_UNCERTAINTY
+# The rates that G picks out of z, each alone.
+_RATES = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 # Samples of a run that are looked at: odd, so that both sides of the chatter are met.
 _EVERY = 7
 _PLANTS, _STATES, _POSES = 8, 20, 25
@@ -143,13 +144,14 @@ def _limit(cases: tuple[str, ...]) -> Measure:
     return measure
 
 
-def _all_at_once() -> Case:
+def _all_at_once() -> Experiment:
     """1 kg at the tip, links 5 % longer and every disturbance of case 1."""
-    pushed, heavier = (find_case(_SYSTEM, name) for name in _TRACKING)
-    return trial(_SYSTEM, "both", heavier.x0, 6.0, heavier.edits, pushed.disturbances)
+    pushed, heavier = (find_experiment(_SYSTEM, name) for name in _TRACKING)
+    start, edits = heavier.case.x0, heavier.case.edits
+    return trial(_SYSTEM, "both", start, 6.0, edits, pushed.case.disturbances)
 
 
-def _margin(make: Callable[[], tuple[Case, ...]]) -> Measure:
+def _margin(make: Callable[[], tuple[Experiment, ...]]) -> Measure:
     """Least rho of the law over what is required of it along runs, by the true equations."""
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
@@ -165,25 +167,36 @@ def _margin(make: Callable[[], tuple[Case, ...]]) -> Measure:
                     worst = min(worst, found.configured / found.required)
             results.append(result)
             values.append(float(worst))
-            notes.append(f"{case.name}: {worst:.3g}, least r {least:.3g}")
+            notes.append(f"{case.case.name}: {worst:.3g}, least r {least:.3g}")
         return _extreme(results, values, min)._replace(note="; ".join(notes))
 
     return measure
 
 
-def _projection(G: Array, payload: float) -> Measure:
-    """Least authority over the declared poses and payloads up to ``payload`` times the nominal."""
+def _declared() -> Uncertainty:
+    """What the gain of the regulation is declared for."""
+    declared = find_experiment(_SYSTEM, "regulation").uncertainty
+    assert declared is not None
+    return declared
+
+
+def _projection(G: Array, payload: float | None = None) -> Measure:
+    """Least authority over the declared poses and payloads up to ``payload`` times the nominal.
+
+    Without a ``payload`` it is the largest that is declared.
+    """
 
     def measure(lab: Laboratory, plant: PlantName) -> Measured:
-        case = find_case(_SYSTEM, "regulation")
+        case = find_experiment(_SYSTEM, "regulation")
         law = lab.controller(case, plant, "grosmc")
         error, p = law.coordinates, law.parameters
         rows = list(error.linearization.last_rows)
         found = {"it": (np.inf, ""), "the law's own G": (np.inf, "")}
         projections = {"it": G[:, rows], "the law's own G": p.G[:, rows]}
-        bound, nothing = _DECLARED.region[2], np.zeros(18)
-        for mass in np.linspace(1.0, payload, 5).tolist():
-            heavier = trial(_SYSTEM, "payload", case.x0, 1.0, (BodyEdit("payload", mass),))
+        bound, nothing = _declared().region[2], np.zeros(18)
+        most = payload or _declared().scales["mp"][1]
+        for mass in np.linspace(1.0, most, 5).tolist():
+            heavier = trial(_SYSTEM, "payload", case.case.x0, 1.0, (BodyEdit("payload", mass),))
             derivative = lab.derivative(lab.plant(heavier, plant))
             for turn in np.linspace(-bound, bound, _POSES).tolist():
                 x = error.place(0.0, [0.0, 0.0, turn, 0.0], p)
@@ -207,22 +220,23 @@ def _reaching(lab: Laboratory, plant: PlantName) -> Measured:
     and s' follows from x' there and then, without a time step.
     """
     random, worst = np.random.default_rng(1), -np.inf
-    low, high = _DECLARED.scales["mp"]
-    start = find_case(_SYSTEM, "nominal").x0
-    wrench = np.array(_DECLARED.wrench)
-    law = lab.controller(find_case(_SYSTEM, "regulation"), plant, "grosmc")
+    declared = _declared()
+    low, high = declared.scales["mp"]
+    start = find_experiment(_SYSTEM, "nominal").case.x0
+    wrench = np.array(declared.wrench)
+    law = lab.controller(find_experiment(_SYSTEM, "regulation"), plant, "grosmc")
     masses = [low, high, *random.uniform(low, high, _PLANTS - 2).tolist()]
     for mass in masses:
         heavier = trial(_SYSTEM, "reaching", start, 1.0, (BodyEdit("payload", mass),))
         derivative = lab.derivative(lab.plant(heavier, plant))
         for _ in range(_STATES):
-            z = random.uniform(-1, 1, 4) * _DECLARED.region
+            z = random.uniform(-1, 1, 4) * declared.region
             for *sides, push in itertools.product((-1.0, 1.0), repeat=3):
                 rates = _approach(law, derivative, z, np.array(sides), push * wrench)
                 worst = max(worst, float(rates.max()))
     own = float(getattr(law.parameters, "eta", 0.0))
     said = f"{len(masses)} payloads x {_STATES} states; the law's own η is {own:.3g}"
-    return Measured(worst + _DECLARED.reaching_rate, said)
+    return Measured(worst + declared.reaching_rate, said)
 
 
 def _approach(
@@ -278,17 +292,10 @@ def _tip_path(case: str, controllers: tuple[str, ...]) -> Callable[[Laboratory],
     def draw(lab: Laboratory) -> Drawing:
         curves = []
         for name in controllers:
-            result = lab.case(_SYSTEM, case, "physics", name)
-            path = true_tip(result)
+            path = true_tip(lab.case(_SYSTEM, case, "physics", name))
             curves.append(Curve(LABELS.get(name, name), path[:, 0], path[:, 1], name))
-        angle, circle = np.linspace(0, 2 * np.pi, 200), TWO_LINK_CIRCLE
-        curves.append(
-            Curve(
-                "reference",
-                circle.centre1 + circle.radius * np.cos(angle),
-                circle.centre2 + circle.radius * np.sin(angle),
-            )
-        )
+        reference = lab.case(_SYSTEM, case, "physics", "grosmc").comparison.reference
+        curves.append(Curve("reference", reference[:, 0], reference[:, 1]))
         return Drawing("tip x [m]", "tip z [m]", curves)
 
     return draw
@@ -465,7 +472,7 @@ CLAIMS = (
         source="Theorem 3: ε >= (a_m + d_m) ‖GB‖, Assumption 6; with R's dominance counted",
         criterion="ρ over the required push / r along cases 1, 2 and regulation1, at least 1",
         why="below 1 the theorems do not apply",
-        measure=_margin(lambda: tuple(find_case(_SYSTEM, name) for name in _ROBUST)),
+        measure=_margin(lambda: tuple(find_experiment(_SYSTEM, name) for name in _ROBUST)),
         sense="at least",
         threshold=1.0,
         unit="1",
@@ -495,7 +502,7 @@ CLAIMS = (
         source="eq. (31): any G with G B nonsingular",
         criterion="least r over the declared poses and payloads with G = B+, at least 0",
         why="where r <= 0 no common switching gain drives back both s_i, whatever its size",
-        measure=_projection(np.abs(np.sign(TWO_LINK_G)), _DECLARED.scales["mp"][1]),
+        measure=_projection(_RATES),
         sense="at least",
         threshold=0.0,
         unit="1",
@@ -510,7 +517,7 @@ CLAIMS = (
         source="eq. (31): any G with G B nonsingular",
         criterion="least r over the declared poses and up to 1 kg with G = B+, at least 0",
         why="where r <= 0 no common switching gain drives back both s_i, whatever its size",
-        measure=_projection(np.abs(np.sign(TWO_LINK_G)), 5.0),
+        measure=_projection(_RATES, 5.0),
         sense="at least",
         threshold=0.0,
         unit="1",

@@ -48,6 +48,7 @@ def file_name(name: str) -> str:
 
 
 Weight = Annotated[Any, BeforeValidator(_weight)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class PlantTable(Table):
@@ -185,30 +186,56 @@ class DisturbanceTable(Table):
     label: str = ""
 
 
-class TaskTable(Table):
-    """``[task]``: what the laws are designed for; for the package's systems it has defaults.
+class OutputsTable(Table):
+    """``outputs`` of ``[task]``: what of the plant is regulated.
 
     Attributes:
-        design: A further design of the package, such as ``two_link_arm regulation``.
-        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
-            ``module:name`` of a reference with its parameters.
-        Q: Weight of the error state, a matrix or its diagonal.
-        R: Weight of the input, a number, a matrix or its diagonal.
+        of: ``plant`` for the plant's own outputs, a name such as ``tip`` where the package has
+            further ones, or ``module:name`` of a function that returns expressions in the states.
+        guess: A state near which the outputs determine the states, by name; it matters where
+            several states have the same outputs.
+        unit: Unit of outputs that are no states.
     """
 
-    design: str | None = None
+    of: str = "plant"
+    guess: dict[str, Any] = {}
+    unit: str = ""
+
+
+class TaskTable(Table):
+    """``[task]``: what the laws are designed for; the package's systems have theirs.
+
+    Attributes:
+        name: What results call the laws of this task together; the system's name by default.
+        outputs: What is regulated.
+        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
+            ``module:name`` of a reference with its parameters.
+        sign: 1 for the error y - y_r, -1 for y_r - y.
+        Q: Weight of the error state, a matrix or its diagonal.
+        R: Weight of the input, a number, a matrix or its diagonal.
+        region: Where the premises are looked at: bounds of |z1|, |z2| ..., each in its unit; what
+            the gains are declared for, or what the run spans, by default.
+        slope: L of the super-twisting law, in the unit of s per second squared.
+    """
+
+    name: str = ""
+    outputs: OutputsTable = OutputsTable()
     reference: list[str] | None = None
+    sign: Literal[1, -1] = 1
     Q: Weight = None
     R: Weight = None
+    region: list[Positive] | None = None
+    slope: Positive | None = None
 
 
-class ControllerTable(Table):
-    """``[[controller]]``: a law and its numbers, which stand beside these keys.
+class LawTable(Table):
+    """``[laws.NAME]``: a law with numbers, which a ``[[controller]]`` may name.
+
+    Its numbers stand beside these keys.
 
     Attributes:
         law: A law by its name, or ``module:name`` of a law, of a function that makes a controller
             of the nominal plant, or of a controller.
-        name: What it is called; its law by default.
         switching: Switching law of a sliding mode law.
         surface: ``printed`` or ``discrete``.
     """
@@ -216,7 +243,6 @@ class ControllerTable(Table):
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
 
     law: str
-    name: str | None = None
     switching: str = "sign"
     surface: Literal["printed", "discrete"] = "printed"
 
@@ -224,6 +250,21 @@ class ControllerTable(Table):
     def numbers(self) -> dict[str, Any]:
         """The law's numbers."""
         return dict(self.model_extra or {})
+
+
+class ControllerTable(LawTable):
+    """``[[controller]]``: a law that is run, with what it has other than its ``[laws.NAME]``.
+
+    Attributes:
+        name: What it is called; its law by default.
+    """
+
+    name: str | None = None
+
+    @property
+    def called(self) -> str:
+        """Its name."""
+        return self.name or self.law.split(":")[-1]
 
 
 class RequirementTable(Table):
@@ -278,7 +319,8 @@ class CaseFile(Table):
         edit: What the true plant has that the laws do not know.
         disturbance: What acts on it.
         task: What the laws are designed for.
-        controller: The laws.
+        laws: Laws with their numbers, by name.
+        controller: Those that are run.
         requirement: What they must keep.
         uncertain: Numbers that a campaign varies; a single run has the others' values.
         correlation: Which of them vary together.
@@ -292,7 +334,20 @@ class CaseFile(Table):
     edit: list[EditTable] = []
     disturbance: list[DisturbanceTable] = []
     task: TaskTable = TaskTable()
+    laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]
     requirement: list[RequirementTable] = []
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
+
+    def law(self, name: str) -> ControllerTable:
+        """A controller of the file by its name, or else a law by its name.
+
+        What it does not say itself is that of the ``[laws.NAME]`` that it names.
+        """
+        table = next((each for each in self.controller if each.called == name), None)
+        table = table or ControllerTable(law=name)
+        if (base := self.laws.get(table.law)) is None:
+            return table
+        own = {**table.model_dump(exclude_unset=True), "law": base.law, "name": table.called}
+        return ControllerTable.model_validate({**base.model_dump(exclude_unset=True), **own})
