@@ -33,7 +33,7 @@ from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, 
 from grosmc_mj.chapter.expected_verdicts import load_expectations, verdict_differences
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
@@ -364,12 +364,14 @@ def sound(system: str, name: str) -> Controller:
 
 
 def faulty(name: str, system: str, controller: str = "grosmc", case: str = "nominal") -> Controller:
-    return fault(name).controller(sound(system, controller), find_case(system, case), "physics")
+    return fault(name).controller(
+        sound(system, controller), find_experiment(system, case), "physics"
+    )
 
 
 def faulty_plant(name: str, system: str, case: str) -> Any:
-    chosen = find_case(system, case)
-    return fault(name).plant(case_plant(chosen, "physics", Settings()), chosen, "physics")
+    chosen = find_experiment(system, case)
+    return fault(name).plant(chosen.plant("physics"), chosen, "physics")
 
 
 LAWS = [(system, name) for system in SYSTEMS for name in controller_names(system)]
@@ -500,9 +502,9 @@ def test_printed_physics_are_the_printed_equations(system: str) -> None:
 
 @pytest.mark.parametrize("name", ["gravity upside down", "edit dropped", "printed physics"])
 def test_faults_of_physics_leave_the_equations_alone(name: str) -> None:
-    case = find_case("cart_pendulum", "case1")
-    plant = case_plant(case, "corrected", Settings())
-    assert fault(name).plant(plant, case, "corrected") is plant
+    experiment = find_experiment("cart_pendulum", "case1")
+    plant = experiment.plant("corrected")
+    assert fault(name).plant(plant, experiment, "corrected") is plant
 
 
 def test_slow_sampling_is_ten_times_slower_at_both_levels() -> None:
@@ -517,8 +519,9 @@ def test_slow_sampling_is_ten_times_slower_at_both_levels() -> None:
 
 
 def test_dropped_disturbance_leaves_the_case_otherwise() -> None:
-    case = find_case("arm", "case1")
-    assert fault("disturbance dropped").case(case) == replace(case, disturbances=())
+    experiment = find_experiment("arm", "case1")
+    found = fault("disturbance dropped").experiment(experiment)
+    assert found.case == replace(experiment.case, disturbances=())
 
 
 @pytest.mark.parametrize(("system", "case"), [("servo", "case2"), ("arm", "case2")])

@@ -135,7 +135,7 @@ WRONG = [
     ("k = 18", '[task]\nreference = ["sin(w*t)"]', "'sin(w*t)' has w, may have t, pi, sin"),
     ("k = 18", '[task]\nreference = ["sin(t"]', "'sin(t' is no formula in t"),
     ("k = 18", '[task]\nreference = ["0", "0"]', "2 formulas, there are 1 outputs"),
-    ("k = 18", '[task]\ndesign = "leg"', "unknown design 'leg': valid: arm"),
+    ("k = 18", '[task]\noutputs = {of = "leg"}', "unknown outputs 'leg': valid: plant"),
     ("k = 18", "Q = {a = 1}", "Q = {'a': 1} must be a number, 2 numbers"),
     ("k = 18", "QR = 1", "controller grosmc: unknown key 'QR'"),
     ("k = 18", "k = [1, 2]", "k = [1, 2] must be a number"),

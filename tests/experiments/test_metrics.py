@@ -13,7 +13,7 @@ from shipped import find_case, run_case
 
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
@@ -68,8 +68,9 @@ def result_of(run: Trajectory, controller: Controller, **metrics: Metric) -> Run
     """The run as the servo's nominal case, with some metrics changed."""
     comparison = compare_with_optimum(run, controller)
     found = {**measure(run, controller, comparison), **metrics}
-    case = find_case("servo", "nominal")
-    return RunResult(case, "physics", controller, run, comparison, found)
+    return RunResult(
+        find_experiment("servo", "nominal"), "physics", controller, run, comparison, found
+    )
 
 
 def limit(kind: str, value: float, after: float = 0.0) -> Limit:

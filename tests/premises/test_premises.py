@@ -23,7 +23,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, physics_derivative, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
@@ -269,7 +269,7 @@ def laboratory() -> Laboratory:
 
 @cache
 def chapter_audit(system: str, case: str) -> Audit:
-    return audit(laboratory(), find_case(system, case))
+    return audit(laboratory(), find_experiment(system, case))
 
 
 def premise(found: Audit, name: str) -> Premise:
@@ -343,7 +343,7 @@ def named_epsilons(found: Premise) -> tuple[float, float]:
 @pytest.mark.slow
 def test_epsilon_that_the_premise_names_restores_it() -> None:
     """With it s stays within what one sample makes of it, and with less it does not."""
-    case, T = find_case("arm", "case1"), Settings().control_period
+    case, T = find_experiment("arm", "case1"), Settings().control_period
     along, region = named_epsilons(premise(chapter_audit("arm", "case1"), "epsilon"))
     largest = {}
     for epsilon in (1.01 * region, along, 0.9 * along):
@@ -378,7 +378,7 @@ def test_every_premise_holds_on_the_nominal_plant(system: str) -> None:
 def test_surface_is_exactly_zero_at_the_start(system: str) -> None:
     """z(0) - z(0) is zero in floating point too."""
     for case in cases(system):
-        s = laboratory().run(case, "physics", "grosmc").trajectory.sliding
+        s = laboratory().case(system, case.name, "physics", "grosmc").trajectory.sliding
         assert s is not None
         assert s[0] == 0.0
         assert premise(chapter_audit(system, case.name), "s(0) = 0").holds
@@ -419,7 +419,7 @@ def test_law_without_gain_fails_with_advice_that_can_be_followed(
     system: str, case: str, name: str
 ) -> None:
     fault = next(each for each in FAULTS if each.name == "zero switching gain")
-    found = audit(Laboratory(Settings(), fault), find_case(system, case))
+    found = audit(Laboratory(Settings(), fault), find_experiment(system, case))
     failed = premise(found, name)
     assert not failed.holds
     assert failed.along is not None
@@ -448,7 +448,7 @@ def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) ->
 
 @pytest.mark.slow
 def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
-    found = audit(laboratory(), find_case("cart_pendulum", "case1"), "fl-lqr")
+    found = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
     names = {each.name for each in found.premises}
     assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
     assert found.signals["configured"].max() == 0

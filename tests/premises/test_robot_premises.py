@@ -110,8 +110,7 @@ def required(result: RunResult) -> Array:
 def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
     robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")
-    regulation = "two_link_arm regulation"
-    theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, regulation)
+    theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, "regulation")
     task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     ours = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
     heavier = BodyEdit("payload", mass_scale=3.0)

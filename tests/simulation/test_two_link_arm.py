@@ -67,7 +67,7 @@ def nominal() -> AnalyticPlant:
 
 @cache
 def law(name: str, design: str = SYSTEM) -> Controller:
-    return chapter_controller(name, nominal(), design=design)
+    return chapter_controller(name, nominal(), case=design.partition(" ")[2] or "nominal")
 
 
 def own(plant: AnalyticPlant) -> oracle.TwoLinkParameters:

@@ -20,8 +20,9 @@ from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
+from grosmc_mj.plants import CART_PENDULUM, SERVO
 from grosmc_mj.simulation.mujoco_plant import undrawn
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.studies.region import measure as region
@@ -35,7 +36,8 @@ CONVERGED = Outcome.CONVERGED.value
 
 
 def loop(system: str, case: str, controller: str) -> Loop:
-    return Loop.of(find_system(system), find_case(system, case), controller, SETTINGS)
+    experiment = find_experiment(system, case).with_settings(integrator="implicitfast")
+    return Loop.of(experiment, controller)
 
 
 def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:

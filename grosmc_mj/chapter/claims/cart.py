@@ -167,7 +167,7 @@ def _least_deviation(lab: Laboratory, plant: PlantName) -> Measured:
 def _beyond_lean(lab: Laboratory, plant: PlantName) -> Measured:
     """How far |θ| under cart-pfl goes beyond its start or the lean asked for, in percent."""
     cases = [
-        replace(_trial(UNCERTAINTIES["4m, 4L"]), x0=(0.0, -math.radians(angle), 0.0, 0.0))
+        _trial(UNCERTAINTIES["4m, 4L"]).varied(x0=(0.0, -math.radians(angle), 0.0, 0.0))
         for angle in _STARTS
     ]
     _, runs = lab.batch(cases, plant, "cart-pfl")
