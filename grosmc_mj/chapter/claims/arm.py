@@ -82,7 +82,7 @@ def _family(lab: Laboratory, plant: PlantName) -> Measured:
     worst, where = 0.0, ""
     for index, case in enumerate(cases):
         run = runs[index]
-        where_now = case.title
+        where_now = case.case.title
         if run.status is not Status.COMPLETED:
             return Measured(None, f"{where_now}: the run ended early", broken=True)
         found = from_optimum(compare_with_optimum(run, law))

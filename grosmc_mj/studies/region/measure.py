@@ -254,8 +254,9 @@ def _perturbed(question: RegionQuestion) -> Experiment:
         raise ArgumentError(f"{question.system}: it does not run in MuJoCo, where maps are made")
     if not case.edits and case.onset >= question.duration:
         why = f"disturbed from {case.onset:g} s on" if case.disturbances else "not changed"
-        edited = [e for e in find_experiments(case.system) if e.case.edits and _regulates_states(e)]
-        names = ", ".join(each.case.name for each in edited)
+        others = find_experiments(case.system) if found.nominal.shipped else []
+        edited = [e for e in others if e.case.edits and _regulates_states(e)]
+        names = ", ".join(each.case.name for each in edited) or "one with an edit"
         raise ArgumentError(
             f"{case.name} of {case.system} is the nominal plant, {why}, and a run takes "
             f"{question.duration:g} s: take {names}"
