@@ -338,6 +338,7 @@ def chapter_controller(
     require_analytic("nominal", nominal)
     require("name", name, str, "the name of a controller")
     require("realization", realization, Realization, "a Realization")
+    require("case", case, str, "the name of a case")
     return realized(find_experiment(nominal.system.name, case).law_for(nominal, name), realization)
 
 
