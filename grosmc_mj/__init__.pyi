@@ -6,7 +6,7 @@ from .control.gains import Uncertainty
 from .control.lqr import lqr
 from .control.task import Realization, Task
 from .errors import GrosmcError
-from .experiments.designs import chapter_controller
+from .experiments.experiment import Experiment, chapter_controller
 from .plants import AnalyticPlant, affine_plant
 from .simulation.disturbances import Disturbance, Pulse
 from .simulation.edits import AddedMass, BodyEdit, JointEdit
@@ -23,6 +23,7 @@ __all__ = [
     "BodyEdit",
     "Controller",
     "Disturbance",
+    "Experiment",
     "GrosmcError",
     "JointEdit",
     "MujocoPlant",

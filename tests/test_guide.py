@@ -69,13 +69,13 @@ def test_the_page_on_your_own_runs_and_says_what_comes_out() -> None:
 
 
 def test_the_case_file_on_the_page_on_your_own_is_kept(tmp_path: Path) -> None:
-    from grosmc_mj.experiments.experiment import prepare
+    from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.requirements import judge_all
 
     text = (DOCS / "your_own.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     (tmp_path / "mine.toml").write_text(block, encoding="utf-8")
-    experiment = prepare(tmp_path / "mine.toml")
-    judgements = judge_all(experiment.limits, list(experiment.run()))
+    experiment = Experiment.load(tmp_path / "mine.toml")
+    judgements = judge_all(experiment.limits, list(experiment.runs()))
     assert len(judgements) == 3
     assert all(each.kept for each in judgements), judgements

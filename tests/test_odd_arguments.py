@@ -115,7 +115,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "chapter_controller": (
             gm.chapter_controller,
             {"name": "lqr", "nominal": analytic(), "realization": gm.Realization()}
-            | {"design": None, "model": None},
+            | {"case": "nominal"},
         ),
         "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
         "linearize": (gm.simulation.linearize, {"plant": servo(), "x": None, "u": 0.0}),

@@ -14,9 +14,8 @@ import mujoco
 from loky.process_executor import ProcessPoolExecutor
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.films import CONTROLLERS, film_of
-from grosmc_mj.experiments.runs import Settings, run_case
 from grosmc_mj.films.board import OVERSAMPLING
 from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.storyboard import film_model
@@ -60,8 +59,8 @@ def benchmark_films(
         advance: Called after each measurement.
     """
     form = form or Format(stop=_SECONDS)
-    case = find_case("cart_pendulum", "nominal")
-    film = film_of([run_case(case, "physics", name, Settings()) for name in CONTROLLERS], form)
+    experiment = find_experiment("cart_pendulum", "nominal")
+    film = film_of([experiment.run("physics", name) for name in CONTROLLERS], form)
     assert film.takes[0].run.physics is not None
     states = film.takes[0].run.physics[film.rows(film.takes[0])][:_BARE_FRAMES]
     size = f"{form.width}x{form.height}"

@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
@@ -102,8 +101,8 @@ def measured(loops: Sequence[TimedLoop], rounds: int) -> list[Throughput]:
 
 def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     """The loops, each baseline before what is compared with it."""
-    case = find_case("cart_pendulum", "nominal")
-    controller = chapter_controller("grosmc", plant.analytic())
+    experiment = find_experiment("cart_pendulum", "nominal")
+    case, controller = experiment.case, experiment.law("physics", "grosmc")
     h = float(plant.model.opt.timestep)
 
     def native(simulations: int, *, record: bool) -> NativeBatch:

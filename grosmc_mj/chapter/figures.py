@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.designs import TWO_LINK_TIP
 from grosmc_mj.experiments.figure import shade_disturbances
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.report.figure import TITLE_SIZE, figure_written, labelled_below
@@ -239,8 +239,10 @@ _TWO_LINK_LAWS = ("lqr", "pd", "grosmc")
 
 def true_tip(result: RunResult) -> Array:
     """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
-    z = TWO_LINK_TIP.outputs_along(result.trajectory.state, result.plant_parameters)
-    return z[:, TWO_LINK_TIP.output_rows]
+    error = result.controller.designed.error
+    assert isinstance(error, ErrorCoordinates)
+    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
+    return z[:, error.output_rows]
 
 
 def _tracking(case: str) -> Callable[[Figure, Runs], None]:

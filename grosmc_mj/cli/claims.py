@@ -170,14 +170,15 @@ def premises(command: Premises) -> int:
     """The premises of each case."""
     from grosmc_mj.chapter.claims_document import audit_document
     from grosmc_mj.chapter.claims_tables import audit_table, worst_points
+    from grosmc_mj.experiments.experiment import select_experiments
     from grosmc_mj.experiments.laboratory import Laboratory
-    from grosmc_mj.experiments.runs import Settings, select_cases
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.premises.audit import audit
     from grosmc_mj.report.document import origin, write_json
 
     lab = Laboratory(Settings())
-    cases = select_cases((command.system,), command.case)
-    audits = [audit(lab, case, command.controller) for case in cases]
+    selected = select_experiments((command.system,), command.case)
+    audits = [audit(lab, experiment, command.controller) for experiment in selected]
     target = command.out / f"premises_{command.system}.json"
     write_json(target, {**origin(None), "premises": [audit_document(each) for each in audits]})
     console = Console(highlight=False, width=max(100, Console().width))

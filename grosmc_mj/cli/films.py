@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,9 +26,9 @@ _LONGEST = 120.0
 
 def film(command: Film) -> int:
     """Run, render, write."""
-    from grosmc_mj.experiments.case import find_case
+    from grosmc_mj.experiments.experiment import find_experiment
     from grosmc_mj.experiments.films import check_request, film_of, write_case_film
-    from grosmc_mj.experiments.runs import Settings, run_case
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.films.film import Format
     from grosmc_mj.films.offscreen.backends import find_backend
     from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
@@ -40,32 +39,33 @@ def film(command: Film) -> int:
     )
     if command.workers is not None and not 1 <= command.workers <= _MOST_WORKERS:
         raise ArgumentError(f"--workers {command.workers} must be from 1 to {_MOST_WORKERS}")
-    case = find_case(command.system, command.case)
+    experiment = find_experiment(command.system, command.case)
     if command.duration is not None:
         if not 0 < command.duration <= _LONGEST:
             raise ArgumentError(
                 f"--duration {command.duration:g} s must be positive and at most {_LONGEST:g} s"
             )
-        case = replace(case, duration=command.duration)
+        experiment = experiment.varied(duration=command.duration)
     settings = Settings(
         switching=command.switching,
         surface=command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
     )
     names = tuple(dict.fromkeys(command.controllers))
-    check_request(case, names, form)
+    experiment, case = experiment.with_settings(**settings.changes()), experiment.case
+    check_request(experiment, names, form)
     path = command.output or Path("renders") / FOLDER / f"{case.system}_{case.name}.mp4"
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"-o {path} must end in .mp4")
     find_ffmpeg()
     backend = find_backend(os.environ.get("MUJOCO_GL"), fresh=command.probe).backend
-    results = [run_case(case, "physics", name, settings) for name in names]
+    results = [experiment.run("physics", name) for name in names]
     shown = film_of(results, form, names)
     with screen.progress(len(shown.times), "frames") as advance:
         written = write_case_film(
             case,
             shown,
             path,
-            settings=settings,
+            settings=experiment.settings,
             backend=backend,
             workers=command.workers,
             gif=command.gif,

@@ -28,14 +28,14 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 def run(command: Run) -> int:
     """Run a case file, print, write, judge."""
     from grosmc_mj.chapter.claims_document import audit_document
-    from grosmc_mj.experiments.case import shipped_files
     from grosmc_mj.experiments.document import experiment_document
-    from grosmc_mj.experiments.experiment import find_file, prepare
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.file.shipped import shipped_files
     from grosmc_mj.experiments.requirements import failed, judge_all
     from grosmc_mj.premises.robot import audits
     from grosmc_mj.report.document import write_json
 
-    experiment = prepare(find_file(command.file))
+    experiment = Experiment.load(command.file)
     _check_uncertain(experiment)
     # A case of the package is called system/case, a file by its own name.
     shipped = command.file in shipped_files()
@@ -47,7 +47,7 @@ def run(command: Run) -> int:
     complete, found = False, []
     try:
         with screen.progress(len(experiment.laws)) as advance:
-            for result in experiment.run():
+            for result in experiment.runs():
                 results.append(result)
                 advance(result.key)
         complete = True
@@ -84,7 +84,7 @@ def _check_uncertain(experiment: Experiment) -> None:
 
     if experiment.file.uncertain:
         try:
-            family_of(experiment.file, experiment.case, experiment.subject.nominal)
+            family_of(experiment.file, experiment.case, experiment.nominal.plant)
         except GrosmcError as error:
             raise ArgumentError(f"{experiment.path}: {error}") from error
 
@@ -104,7 +104,7 @@ def _show(console: Console, results: list[RunResult]) -> None:
 
 def _converted(console: Console, experiment: Experiment) -> None:
     """Say what of a robot's model was changed for torque control, and what its laws leave out."""
-    robot = experiment.subject.robot
+    robot = experiment.nominal.robot
     for sentence in robot.converted if robot is not None else ():
         console.print(f"{robot.plant.system.name}: {sentence}", style="dim", soft_wrap=True)  # pyright: ignore
 
@@ -149,16 +149,17 @@ def _premises(console: Console, found: Sequence[Audit]) -> None:
 
 def _like(name: str) -> str:
     """The text of a case of the package."""
-    from grosmc_mj.experiments.case import shipped_files
+    from grosmc_mj.experiments.file.reading import resolved_text
+    from grosmc_mj.experiments.file.shipped import shipped_files
 
     if name not in shipped_files():
         raise ArgumentError(unknown_name("case", name, shipped_files()))
-    return shipped_files()[name].read_text(encoding="utf-8")
+    return resolved_text(shipped_files()[name])
 
 
 def new(command: New) -> int:
     """Write a case file to begin with."""
-    from grosmc_mj.experiments.file.starters import own_plant, starter
+    from grosmc_mj.experiments.file.shipped import own_plant, starter
     from grosmc_mj.files import written_aside
 
     name = command.name.removesuffix(".toml")

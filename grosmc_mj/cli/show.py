@@ -8,23 +8,22 @@ from grosmc_mj.cli.commands import List, Readme
 
 def list_systems(_: List) -> int:
     """Systems, cases, plants, controllers."""
-    from grosmc_mj.experiments.case import cases, shipped_files
-    from grosmc_mj.experiments.designs import DESIGNS, controller_names
+    from grosmc_mj.experiments.experiment import find_experiments
     from grosmc_mj.experiments.file.reading import read_case_file
-    from grosmc_mj.experiments.runs import plant_names
+    from grosmc_mj.experiments.file.shipped import shipped_files
+    from grosmc_mj.experiments.laws import FURTHER
     from grosmc_mj.plants import SYSTEMS
 
     console = screen.console()
     for name, system in SYSTEMS.items():
         console.print(f"[bold]{name}[/]  {system.title}")
-        for case in cases(name):
+        first, *others = find_experiments(name)
+        for case in (each.case for each in (first, *others)):
             console.print(f"  {case.name:<12} {case.title}  [dim]({case.source})[/]")
-        console.print(f"  plants       {', '.join(plant_names(name))}")
-        console.print(f"  controllers  {', '.join(controller_names(name))}")
-        if further := list(DESIGNS[name].further):
+        console.print(f"  plants       {', '.join(first.plant_names)}")
+        console.print(f"  controllers  {', '.join(first.controllers)}")
+        if further := list(FURTHER.get(name, ())):
             console.print(f"  further      {', '.join(further)}  [dim](not run by validate)[/]")
-        for alias, (same, why) in DESIGNS[name].aliases.items():
-            console.print(f"  {alias} is {same}: {why}", style="dim")
         console.print()
     console.print("[bold]Case files of the package[/]  for grosmc-mj run, view and new --like")
     for name, path in shipped_files().items():

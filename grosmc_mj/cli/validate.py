@@ -27,8 +27,9 @@ def validate(command: Validate) -> int:
     from grosmc_mj.chapter.claims.ledger import CLAIMS, judge, verdict_differences
     from grosmc_mj.chapter.document import document
     from grosmc_mj.chapter.figures import drawable, write_figures
+    from grosmc_mj.experiments.experiment import select_experiments
     from grosmc_mj.experiments.laboratory import Laboratory
-    from grosmc_mj.experiments.runs import Settings, plan, run_all, select_cases
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.report.document import write_json
     from grosmc_mj.studies.agreement.measure import agreements, disagreements
 
@@ -41,7 +42,11 @@ def validate(command: Validate) -> int:
         command.switching,
         command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
     )
-    selected = select_cases(command.systems, command.case)
+    experiments = [
+        each.with_settings(**settings.changes())
+        for each in select_experiments(command.systems, command.case)
+    ]
+    selected = [each.case for each in experiments]
     if command.record and settings != Settings():
         raise ArgumentError(
             "--record needs the default settings: leave out --engine, --control-period, "
@@ -59,11 +64,12 @@ def validate(command: Validate) -> int:
     console, target = screen.console(), command.out / "validation.json"
     complete = False
     try:
-        steps = len(plan(selected)) + len(systems) + len(claims)
+        steps = sum(len(each.laws) for each in experiments) + len(systems) + len(claims)
         with screen.progress(steps) as advance:
-            for result in run_all(selected, settings):
-                results.append(result)
-                advance(result.key)
+            for experiment in experiments:
+                for result in experiment.runs():
+                    results.append(result)
+                    advance(result.key)
             for system in systems:
                 found += agreements(system, seed=seed)
                 advance(f"{system}: analytic against physics")

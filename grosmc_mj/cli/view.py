@@ -28,20 +28,19 @@ def view(command: View) -> int:
 
 def _of_system(command: View) -> tuple[LiveRun, str]:
     """A case of a system of the package, and the command that films it."""
-    from grosmc_mj.experiments.case import find_case
-    from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+    from grosmc_mj.experiments.experiment import find_experiment
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.viewer.live import LiveRun
 
     settings = Settings(
         switching=command.switching,
         surface=command.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
     )
-    case, name = find_case(command.system, command.case or "case1"), command.controller or "grosmc"
-    realization = settings.realization(case.controllers)
-    law = nominal_controller(case.system, name, "corrected", realization, case.controllers)
-    plant = case_plant(case, "physics", settings)
+    found = find_experiment(command.system, command.case or "case1")
+    found, name = found.with_settings(**settings.changes()), command.controller or "grosmc"
+    case, law, plant = found.case, found.law("physics", name), found.plant("physics")
     experiment = LiveRun(
-        plant, law, case.x0, case.duration, case.disturbances, settings.control_period
+        plant, law, case.x0, case.duration, case.disturbances, found.settings.control_period
     )
     film = (
         f"grosmc-mj film {case.system} --case {case.name} --controllers {name}"
@@ -53,15 +52,15 @@ def _of_system(command: View) -> tuple[LiveRun, str]:
 
 def _of_file(command: View) -> tuple[LiveRun, str]:
     """A case file, and the command that films it."""
-    from grosmc_mj.experiments.experiment import find_file, prepare
+    from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.viewer.live import LiveRun
 
     if command.case is not None or command.switching != "sign" or command.surface != "printed":
         raise ArgumentError(
             f"--case, --switching and --surface are for a system: {command.system} says its own"
         )
-    found = prepare(find_file(command.system))
-    plant = found.subject.plants.get("physics")
+    found = Experiment.load(command.system)
+    plant = found.plants.get("physics")
     if plant is None:
         raise ArgumentError(f"{command.system}: it does not run in MuJoCo: there is nothing to see")
     laws = {name: law for (on, name), law in found.laws.items() if on == "physics"}

@@ -16,8 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.environments.index import Index
 from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
 from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.prepare import prepare
@@ -44,7 +43,7 @@ class EpisodeSetup:
 
     Args:
         system: Name of the system.
-        task: Name of one of its cases, or a case.
+        task: Name of one of its cases, or an experiment.
         control_period: Time between two actions [s], a multiple of the timestep.
         timestep: Physics timestep [s].
         spread: Half widths of the starts about the case's own, (n,), in the states' units, or
@@ -68,20 +67,19 @@ class EpisodeSetup:
     def __init__(
         self,
         system: str,
-        task: str | Case = "nominal",
+        task: str | Experiment = "nominal",
         *,
         control_period: float = 1e-3,
         timestep: float = 1e-3,
         spread: ArrayLike = 0.0,
     ) -> None:
-        self.case = _case(find_system(system).name, task)
-        settings = Settings(control_period=control_period, timestep=timestep)
-        self.plant = plant = case_plant(self.case, "physics", settings)
-        design = self.case.controllers
-        self.law = nominal_controller(system, INDEX_LAW, "corrected", design=design)
+        experiment = _experiment(find_system(system).name, task)
+        experiment = experiment.with_settings(control_period=control_period, timestep=timestep)
+        self.case, self.plant = experiment.case, experiment.plant("physics")
+        self.law = experiment.law("physics", INDEX_LAW)
         self.signals, self.index = Signals(self.law), Index(self.law)
         self.problem, _ = prepare(
-            plant,
+            self.plant,
             self.law,
             self.case.x0,
             duration=self.case.duration,
@@ -89,7 +87,7 @@ class EpisodeSetup:
             timestep=timestep,
             disturbances=self.case.disturbances,
         )
-        self.low, self.high = plant.input_limits
+        self.low, self.high = self.plant.input_limits
         self._spread = _half_widths(self.plant, spread)
         self._require_start()
 
@@ -259,12 +257,12 @@ class Episode:
         return f"t = {self.time:g} s: {why}"
 
 
-def _case(system: str, task: str | Case) -> Case:
-    """The case of a system."""
-    if not isinstance(task, Case):
-        return find_case(system, task)
-    if task.system != system:
-        raise ArgumentError(f"case {task.name!r} is one of {task.system}, not of {system}")
+def _experiment(system: str, task: str | Experiment) -> Experiment:
+    """The experiment of a system."""
+    if not isinstance(task, Experiment):
+        return find_experiment(system, task)
+    if (case := task.case).system != system:
+        raise ArgumentError(f"case {case.name!r} is one of {case.system}, not of {system}")
     return task
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 
 # Named arrays; Gymnasium's own types say no more than Any.
 Named = dict[str, Any]
@@ -27,7 +27,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
 
     Args:
         system: Name of the system.
-        task: Name of one of its cases, or a case.
+        task: Name of one of its cases, or an experiment.
         control_period: Time between two actions [s].
         timestep: Physics timestep [s].
         spread: Half widths of the starts about the case's own, (n,) or one number.
@@ -45,7 +45,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
     def __init__(
         self,
         system: str,
-        task: str | Case = "nominal",
+        task: str | Experiment = "nominal",
         control_period: float = 1e-3,
         timestep: float = 1e-3,
         spread: ArrayLike = 0.0,

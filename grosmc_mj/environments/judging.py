@@ -20,8 +20,10 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.environments.policy_controllers import Takes, policy_controller
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
-from grosmc_mj.experiments.runs import PlantName, RunResult, Settings
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import find_system
 
 # The law whose place the policy takes.
@@ -115,10 +117,10 @@ class _PolicyLaboratory(Laboratory):
         self._entered: set[Any] = set()
         super().__init__(settings, Fault("policy", "a policy is the law", controller=self._put_in))
 
-    def _put_in(self, law: Controller, case: Case, _plant: PlantName) -> Controller:
+    def _put_in(self, law: Controller, experiment: Experiment, _plant: PlantName) -> Controller:
         if law.name != REPLACED:
             return law
-        made = policy_controller(self._policy_for(case), law, takes=self._takes)
+        made = policy_controller(self._policy_for(experiment.case), law, takes=self._takes)
         return replace(made, law=_Noted(made.law, self), parameters=_Guarded(law.parameters))
 
     def _policy_for(self, case: Case) -> Any:
@@ -129,10 +131,10 @@ class _PolicyLaboratory(Laboratory):
             raise ArgumentError(unknown_name("policy", case.controllers, map(str, self._policy)))
         return self._policy[case.controllers]
 
-    def run(self, case: Case, plant: PlantName, controller: str) -> RunResult:
+    def run(self, experiment: Experiment, plant: PlantName, controller: str) -> RunResult:
         """A run that is there already counts as well."""
         self.asked |= controller == REPLACED
-        return super().run(case, plant, controller)
+        return super().run(experiment, plant, controller)
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
         """The same for what else is made once."""

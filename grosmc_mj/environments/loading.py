@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.environments.episode import EpisodeSetup
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 
 if TYPE_CHECKING:
     from dm_control.rl.control import Environment
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def load(
     system: str,
-    task: str | Case = "nominal",
+    task: str | Experiment = "nominal",
     *,
     control_period: float = 1e-3,
     timestep: float = 1e-3,
@@ -30,7 +30,7 @@ def load(
 
     Args:
         system: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``.
-        task: Name of one of its cases, or a case.
+        task: Name of one of its cases, or an experiment.
         control_period: Time between two actions [s], a multiple of the timestep.
         timestep: Physics timestep [s].
         spread: Half widths of the starts about the case's own, (n,), in the states' units, or

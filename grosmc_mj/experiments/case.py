@@ -5,26 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
-from grosmc_mj.plants import System, find_system
+from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
-
-# Where the package's own case files are, a folder for each system.
-CASES = Path(__file__).resolve().parents[1] / "cases"
 
 
 @dataclass(frozen=True)
 class Case:
-    """One experiment: what is changed against the nominal plant, from where, for how long.
+    """What an experiment changes against the nominal plant, from where it starts, for how long.
 
     Attributes:
         system: Name of the system.
@@ -35,7 +30,7 @@ class Case:
         duration: [s]; the chapter prints none.
         edits: Edits of the plant; the controller keeps the nominal numbers.
         disturbances: Wrenches on the plant.
-        design: The controllers' design; empty for the system's first one.
+        design: What its laws are called together; empty for the system's name.
     """
 
     system: str
@@ -50,50 +45,13 @@ class Case:
 
     @property
     def controllers(self) -> str:
-        """The name of the controllers' design."""
+        """What its laws are called together."""
         return self.design or self.system
 
     @property
     def onset(self) -> float:
         """When the first disturbance begins [s]; infinite if there is none."""
         return min((d.window[0] for d in self.disturbances), default=math.inf)
-
-
-def cases(system: str) -> list[Case]:
-    """The cases of a system, the nominal one first.
-
-    Raises:
-        ModelError: If there is no such system.
-    """
-    return list(_shipped(find_system(system).name))
-
-
-@cache
-def _shipped(system: str) -> tuple[Case, ...]:
-    """The cases in the package's own files."""
-    files = [read_case_file(path) for path in shipped_files().values()]
-    found = [case_of(file, find_system(system)) for file in files if file.plant.system == system]
-    return tuple(sorted(found, key=lambda case: (case.name != "nominal", case.name)))
-
-
-def find_case(system: str, name: str) -> Case:
-    """One case by its name.
-
-    Raises:
-        ArgumentError: If the system has no such case.
-    """
-    found = {case.name: case for case in cases(system)}
-    if name not in found:
-        raise ArgumentError(unknown_name(f"case of {system}", name, found))
-    return found[name]
-
-
-def shipped_files() -> dict[str, Path]:
-    """The case files of the package by their names, ``system/case``."""
-    return {
-        "/".join(path.relative_to(CASES).with_suffix("").parts): path
-        for path in sorted(CASES.glob("*/*.toml"))
-    }
 
 
 def case_of(file: CaseFile, system: System, folder: Path | None = None) -> Case:
@@ -112,32 +70,36 @@ def case_of(file: CaseFile, system: System, folder: Path | None = None) -> Case:
         name=file.name,
         title=file.title or file.name,
         source=file.source,
-        x0=_start(file.run.start, system),
+        x0=state_of(file.run.start, system, "run: start"),
         duration=file.run.duration,
-        edits=case_edits(file),
+        edits=_case_edits(file),
         disturbances=tuple(
             _disturbance(table, f"disturbance {i + 1}", folder)
             for i, table in enumerate(file.disturbance)
         ),
-        design=file.task.design or "",
+        design=file.task.name,
     )
 
 
-def _start(given: Mapping[str, Any], system: System) -> tuple[float, ...]:
-    """x(0) from values by the states' names."""
+def state_of(given: Mapping[str, Any], system: System, where: str) -> tuple[float, ...]:
+    """A state from values by the states' names; the others are zero.
+
+    Raises:
+        ArgumentError: If a state is unknown, or a unit does not fit; it begins with ``where``.
+    """
     names = [state.name for state in system.states]
-    x0 = [0.0] * len(names)
+    x = [0.0] * len(names)
     for name, value in given.items():
         if name not in names:
-            raise ArgumentError(f"run: start: {unknown_name('state', name, names)}")
+            raise ArgumentError(f"{where}: {unknown_name('state', name, names)}")
         try:
-            x0[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
+            x[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
         except ValueError as error:
-            raise ArgumentError(f"run: start: {name}: {error}") from None
-    return tuple(x0)
+            raise ArgumentError(f"{where}: {name}: {error}") from None
+    return tuple(x)
 
 
-def case_edits(file: CaseFile) -> tuple[Edit, ...]:
+def _case_edits(file: CaseFile) -> tuple[Edit, ...]:
     """The edits of the model that a case file makes."""
     return tuple(_edit(table) for table in file.edit if table.parameter is None)
 

@@ -3,106 +3,348 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arguments import require
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import realized
+from grosmc_mj.control.gains import Uncertainty
+from grosmc_mj.control.switching import SuperTwisting, find_switching
+from grosmc_mj.control.task import AS_PRINTED, Realization, require_analytic
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
-from grosmc_mj.experiments.case import Case, case_of, shipped_files
+from grosmc_mj.experiments.case import Case, case_of
+from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.experiments.file.user_code import blamed
-from grosmc_mj.experiments.laws import control_period_of, controller_of
-from grosmc_mj.experiments.plants import Subject, subject_of
+from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
+from grosmc_mj.experiments.file.shipped import find_file, shipped_files
+from grosmc_mj.experiments.file.user_code import blamed, named_in
+from grosmc_mj.experiments.laws import design
+from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.requirements import Limit, limits
-from grosmc_mj.experiments.runs import PlantName, RunResult, Settings, design_variant, run_on
+from grosmc_mj.experiments.runs import RunResult, Settings, run_on
+from grosmc_mj.plants import SYSTEMS, AnalyticPlant, find_system
 from grosmc_mj.simulation.engines.inputs import require_answer
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
+from grosmc_mj.simulation.problem import Plant
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A case file, ready to run.
+    """A case file, ready to run; its plants and laws are made when they are asked for.
 
     Attributes:
         file: What the file says.
         path: The file.
-        subject: The plant.
+        nominal: The plant that its laws believe in.
         case: Start, duration, edits, disturbances.
         settings: How it is run.
-        laws: The controllers, by the plant that they run on and by their names.
-        limits: What they must keep.
+        asked: The settings that count instead of what the file says of a controller.
     """
 
     file: CaseFile
     path: Path
-    subject: Subject
+    nominal: NominalPlant
     case: Case
     settings: Settings
-    laws: Mapping[tuple[PlantName, str], Controller]
-    limits: Sequence[Limit]
+    asked: frozenset[str] = frozenset()
+    _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def load(cls, target: str | Path) -> Experiment:
+        """The experiment of a case file, with all its laws designed.
+
+        Args:
+            target: ``system/case`` of the package, or the path of a case file.
+
+        Raises:
+            ArgumentError: If the file or what it names is wrong, in one line that begins with its
+                path.
+        """
+        path = find_file(str(target))
+        return experiment_of(read_case_file(path), path)
 
     @property
     def folder(self) -> Path:
         """Where the file lies, and the user's own Python."""
         return self.path.parent
 
-    def run(self) -> Iterator[RunResult]:
-        """Run every controller on every plant, one by one.
+    @property
+    def key(self) -> tuple[Path, Case]:
+        """What tells it from others: where its laws are from, and the case."""
+        return self.path, self.case
+
+    @property
+    def controllers(self) -> list[str]:
+        """Names of the laws that are run."""
+        return [table.called for table in self.file.controller]
+
+    @property
+    def plant_names(self) -> list[PlantName]:
+        """The plants that they are run on."""
+        wanted = self.file.plant.compare or self.nominal.names
+        return [name for name in self.nominal.names if name in wanted]
+
+    @cached_property
+    def plants(self) -> Mapping[PlantName, Plant]:
+        """The plants that the laws meet, with the case's edits."""
+        return {name: self.plant(name) for name in self.plant_names}
+
+    @cached_property
+    def laws(self) -> Mapping[tuple[PlantName, str], Controller]:
+        """The controllers, by the plant that they run on and by their names."""
+        return {
+            (plant, name): self.law(plant, name)
+            for plant in self.plant_names
+            for name in self.controllers
+        }
+
+    @cached_property
+    def limits(self) -> Sequence[Limit]:
+        """What the laws must keep."""
+        plants, found = self.plant_names, []
+        designed = [self.law(plants[0], name) for name in self.controllers]
+        for index, table in enumerate(self.file.requirement):
+            where = f"requirement {index + 1}"
+            for kind, named, valid in (
+                ("controller", table.of or (), self.controllers),
+                ("plant", table.on or (), plants),
+            ):
+                for name in named:
+                    if name not in valid:
+                        raise ArgumentError(f"{where}: {unknown_name(kind, name, valid)}")
+            if 0 < self.file.run.duration <= table.after:
+                raise ArgumentError(f"{where}: after {table.after:g} s the run has ended")
+            try:
+                found += limits(table, designed, plants)
+            except ArgumentError as error:
+                raise ArgumentError(f"{where}: {error}") from None
+        return found
+
+    def plant(self, name: PlantName) -> Plant:
+        """One of the plants that there are, whether the file compares it or not.
 
         Raises:
-            GrosmcError: If a law or a profile of the user's own fails, with its file and line.
+            ArgumentError: If there is none of that name.
         """
-        for (plant, _), law in self.laws.items():
-            try:
-                with blamed(self.folder):
-                    yield self._run(plant, law)
-            except GrosmcError as error:
-                raise ArgumentError(f"{self.path}: {error}") from error
+        if name not in self.nominal.names:
+            raise ArgumentError(unknown_name("plant", name, self.nominal.names))
+        settings = self.settings
+        return self.nominal.true(name, self.case.edits, settings.timestep, settings.integrator)
 
-    def _run(self, plant: PlantName, law: Controller) -> RunResult:
-        """One controller on one plant."""
-        # Compiled code does not say where a law fails, or that it does.
-        require_answer(law, np.array(self.case.x0), len(self.subject.system.inputs))
-        return run_on(self.case, plant, law, self.subject.plants[plant], self.settings)
+    def law(self, plant: PlantName, name: str) -> Controller:
+        """A controller of the file, or a law by its name, designed for a plant to run on.
+
+        Physics and the corrected equations get one and the same controller.
+
+        Raises:
+            GrosmcError: If there is no such law, a number does not fit, or the design fails.
+        """
+        table = self.file.law(name)
+        key = design_variant(plant), repr(table)
+        try:
+            if key not in self._designs:
+                made = design(table, self.file, self.nominal, plant, self.folder)
+                self._designs[key] = made
+            made = self._designs[key]
+            return _realized(made, self._realization_of(table, made))
+        except GrosmcError as error:
+            raise ArgumentError(f"controller {name}: {error}") from error
+
+    def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:
+        """The same, designed for a nominal plant that is not the file's.
+
+        Raises:
+            GrosmcError: As for ``law``.
+        """
+        table = self.file.law(name)
+        made = design(table, self.file, NominalPlant(nominal), "corrected", self.folder)
+        return _realized(made, self._realization_of(table, made))
+
+    @property
+    def region(self) -> tuple[float, ...] | None:
+        """Bounds of |z1|, |z2| ... that the file declares, itself or for the gains of a law."""
+        if self.file.task.region is not None:
+            return tuple(self.file.task.region)
+        return None if self.uncertainty is None else self.uncertainty.region
+
+    @property
+    def uncertainty(self) -> Uncertainty | None:
+        """The first uncertainty that the gains of a law are computed from, if one is declared."""
+        laws = [self.file.law(name) for name in (*self.controllers, *self.file.laws)]
+        declared = (law.numbers["uncertainty"] for law in laws if "uncertainty" in law.numbers)
+        return next(map(uncertainty, declared), None)
+
+    @property
+    def slope(self) -> float:
+        """L of the super-twisting law, in the unit of s per second squared."""
+        return self.file.task.slope or SuperTwisting.slope
+
+    @property
+    def realization(self) -> Realization:
+        """How a sliding mode law is sampled of which the file says nothing."""
+        return self._realization(self.settings.switching, self.settings.surface)
+
+    def _realization_of(self, table: ControllerTable, made: Controller) -> Realization:
+        """How a law is sampled."""
+        given = {"switching", "surface"} & table.model_fields_set
+        if made.design is None or made.design.with_reach is None:
+            if given:
+                raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
+            return AS_PRINTED
+        own = {name: getattr(table, name) for name in given - self.asked}
+        settings = {"switching": self.settings.switching, "surface": self.settings.surface, **own}
+        return self._realization(**settings)
+
+    def _realization(self, switching: str, surface: str) -> Realization:
+        law = find_switching(switching)
+        if isinstance(law, SuperTwisting):
+            law = replace(law, slope=self.slope)
+        return Realization(law, self.settings.control_period if surface == "discrete" else None)
+
+    def with_settings(self, **changes: Any) -> Experiment:
+        """The same experiment, run in another way.
+
+        Args:
+            changes: Fields of ``Settings``; those that are None stay as the file has them.
+
+        Raises:
+            ArgumentError: If there is no such setting, or it has no such value.
+        """
+        given = {name: value for name, value in changes.items() if value is not None}
+        for name in given:
+            if name not in vars(self.settings):
+                raise ArgumentError(unknown_name("setting", name, vars(self.settings)))
+        asked = self.asked | given.keys()
+        return replace(self, settings=replace(self.settings, **given), asked=asked)
+
+    def varied(self, **changes: Any) -> Experiment:
+        """The same laws in another case.
+
+        Args:
+            changes: Fields of ``Case``, such as ``x0``, ``duration``, ``edits``, ``disturbances``.
+        """
+        return replace(self, case=replace(self.case, **changes))
+
+    def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:
+        """One controller on one plant.
+
+        Args:
+            plant: Its name; by default physics or, where there is none, the equations.
+            law: Name of a controller of the file or of a law; the file's last one by default.
+
+        Raises:
+            GrosmcError: If there is no such plant or law, or one of the user's own fails, with its
+                file and line.
+        """
+        where = self.nominal.names[-1] if plant is None else plant
+        true, made = self.plant(where), self.law(where, law or self.controllers[-1])
+        try:
+            with blamed(self.folder):
+                # Compiled code does not say where a law fails, or that it does.
+                require_answer(made, np.array(self.case.x0), len(self.nominal.system.inputs))
+                return run_on(self, where, made, true)
+        except GrosmcError as error:
+            raise ArgumentError(f"{self.path}: {error}") from error
+
+    def runs(self) -> Iterator[RunResult]:
+        """Run every controller on every plant, one by one; raises as ``run`` does."""
+        for plant in self.plant_names:
+            for name in self.controllers:
+                yield self.run(plant, name)
 
     def document(self) -> dict[str, Any]:
         """The resolved file as plain values."""
         return self.file.model_dump(exclude_none=True)
 
 
-def find_file(name: str) -> Path:
-    """A case file by its path or, for the package's own, by ``system/case``.
+_realized = lru_cache(maxsize=512)(realized)
+
+
+def find_experiments(target: str) -> list[Experiment]:
+    """The experiments that a name means: ``SYSTEM``, ``SYSTEM/CASE`` or the path of a case file.
+
+    Args:
+        target: ``servo`` for all its cases, the nominal one first; ``servo/case1`` for one; or a
+            path.
 
     Raises:
-        ArgumentError: If there is none.
+        ArgumentError: If there is none, or a file is wrong, in one line.
     """
-    shipped = shipped_files()
-    if name in shipped:
-        return shipped[name]
-    path = Path(name)
-    if path.is_file():
-        return path
-    if path.is_dir():
-        raise ArgumentError(f"{name} is a folder, must be a case file")
-    if path.suffix == ".toml":
-        raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
-    raise ArgumentError(unknown_name("case", name, [*shipped, "or a path that ends in .toml"]))
+    files = shipped_files()
+    found = [name for name in files if name.split("/")[0] == target]
+    if not found:
+        return [_shipped(files[target]) if target in files else Experiment.load(target)]
+    return [_shipped(files[name]) for name in sorted(found, key=_nominal_first)]
 
 
-def prepare(path: Path) -> Experiment:
-    """Read a case file and design what it asks for.
+def _nominal_first(name: str) -> tuple[bool, str]:
+    return not name.endswith("/nominal"), name
+
+
+def find_experiment(system: str, case: str) -> Experiment:
+    """One experiment of a system of the package.
 
     Raises:
-        ArgumentError: If the file or what it names is wrong, in one line that begins with its path.
+        ModelError: If there is no such system.
+        ArgumentError: If it has no such case.
     """
-    return experiment_of(read_case_file(path), path)
+    names = {each.case.name: each for each in find_experiments(find_system(system).name)}
+    if case not in names:
+        raise ArgumentError(unknown_name(f"case of {system}", case, names))
+    return names[case]
+
+
+def select_experiments(systems: Sequence[str], case: str | None) -> list[Experiment]:
+    """The experiments of the named systems (all, if none is named), or the one case of each.
+
+    Raises:
+        ModelError: If a system is unknown.
+        ArgumentError: If a system has no such case.
+    """
+    names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
+    if case is not None:
+        return [find_experiment(name, case) for name in names]
+    return [each for name in names for each in find_experiments(name)]
+
+
+@cache
+def _shipped(path: Path) -> Experiment:
+    """An experiment of the package, read once."""
+    return _read(read_case_file(path), path)
+
+
+def chapter_controller(
+    name: str,
+    nominal: AnalyticPlant,
+    realization: Realization = AS_PRINTED,
+    case: str = "nominal",
+) -> Controller:
+    """The law of that name that a case of the package has, designed for a nominal plant.
+
+    Args:
+        name: ``lqr``, ``fl-lqr``, ``grosmc``, or another law of the system.
+        nominal: The plant that it believes in, such as ``MujocoPlant.load("arm").analytic()``.
+        realization: How a sliding mode law is sampled; as printed by default.
+        case: The case, since a system may have laws for several tasks.
+
+    Raises:
+        GrosmcError: If there is no such case or law, or the design fails for these numbers.
+    """
+    require_analytic("nominal", nominal)
+    require("name", name, str, "the name of a controller")
+    require("realization", realization, Realization, "a Realization")
+    require("case", case, str, "the name of a case")
+    return realized(find_experiment(nominal.system.name, case).law_for(nominal, name), realization)
 
 
 def experiment_of(file: CaseFile, path: Path) -> Experiment:
-    """Design what a case file asks for.
+    """The experiment of a case file, with all its laws designed.
 
     Args:
         file: Its content.
@@ -112,52 +354,46 @@ def experiment_of(file: CaseFile, path: Path) -> Experiment:
         ArgumentError: If it names what is not there, in one line that begins with its path.
     """
     try:
-        return _prepared(file, path)
+        made = _read(file, path)
+        _ = made.plants, made.laws, made.limits
     except GrosmcError as error:
         raise ArgumentError(f"{path}: {error}") from error
+    return made
 
 
-def _prepared(file: CaseFile, path: Path) -> Experiment:
-    """The experiment of a file."""
-    folder = path.parent
-    subject = subject_of(file, folder)
-    case = case_of(file, subject.system, folder)
+def _read(file: CaseFile, path: Path) -> Experiment:
+    """The experiment of a file, with nothing designed yet."""
+    nominal, run = nominal_plant(file, path.parent), file.run
+    timestep = run.timestep or ANALYTIC_TIMESTEP
+    if (
+        run.timestep is None
+        and file.plant.system is None
+        and isinstance(nominal.plant, MujocoPlant)
+    ):
+        timestep = nominal.plant.step_length
     settings = Settings(
-        engine=file.run.engine,
-        control_period=control_period_of(file, subject),
-        timestep=subject.timestep,
-        integrator=subject.integrator,
+        engine=run.engine,
+        control_period=run.control_period or max(ANALYTIC_TIMESTEP, timestep),
+        timestep=timestep,
+        integrator=run.integrator or nominal.integrator,
     )
-    laws, made = {}, {}
-    for plant in subject.plants:
-        for index, table in enumerate(file.controller):
-            # Physics and the corrected equations get one and the same controller.
-            key = (design_variant(plant), index)
-            if key not in made:
-                made[key] = controller_of(table, file, subject, plant, folder)
-            law = made[key]
-            if (plant, law.name) in laws:
-                raise ArgumentError(
-                    f"two controllers are called {law.name!r}: give one of them another name"
-                )
-            laws[plant, law.name] = law
-    plants = list(subject.plants)
-    designed = [law for (plant, _), law in laws.items() if plant == plants[0]]
-    found: list[Limit] = []
-    for index, table in enumerate(file.requirement):
-        where = f"requirement {index + 1}"
-        names = [law.name for law in designed]
-        for kind, named, valid in (
-            ("controller", table.of or (), names),
-            ("plant", table.on or (), plants),
-        ):
-            for name in named:
-                if name not in valid:
-                    raise ArgumentError(f"{where}: {unknown_name(kind, name, valid)}")
-        if 0 < file.run.duration <= table.after:
-            raise ArgumentError(f"{where}: after {table.after:g} s the run has ended")
-        try:
-            found += limits(table, designed, plants)
-        except ArgumentError as error:
-            raise ArgumentError(f"{where}: {error}") from None
-    return Experiment(file, path, subject, case, settings, laws, found)
+    case = case_of(file, nominal.system, path.parent)
+    # The package's own laws are designed once for all experiments on one task.
+    shared = file.plant.system is not None and not named_in(file)
+    designs = _shared_designs(repr((file.plant.system, file.task))) if shared else {}
+    made = Experiment(file, path, nominal, case, settings, _designs=designs)
+    for name in file.plant.compare or ():
+        if name not in nominal.names:
+            raise ArgumentError(f"plant: compare: {unknown_name('plant', name, nominal.names)}")
+    for name in made.controllers:
+        if made.controllers.count(name) > 1:
+            raise ArgumentError(
+                f"two controllers are called {name!r}: give one of them another name"
+            )
+    return made
+
+
+@cache
+def _shared_designs(_task: str) -> dict[Any, Controller]:
+    """Where the controllers of a task are kept."""
+    return {}

@@ -18,9 +18,9 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.designs import controller_names
 from grosmc_mj.experiments.document import case_document
-from grosmc_mj.experiments.runs import RunResult, Settings, nominal_controller
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
 from grosmc_mj.films.marks import trace_site
@@ -48,7 +48,7 @@ _ENDED = {
 }
 
 
-def check_request(case: Case, controllers: Sequence[str], form: Format) -> None:
+def check_request(experiment: Experiment, controllers: Sequence[str], form: Format) -> None:
     """Refuse a film that cannot be made, before anything is run for it.
 
     Raises:
@@ -58,11 +58,14 @@ def check_request(case: Case, controllers: Sequence[str], form: Format) -> None:
     if not 1 <= len(controllers) <= MOST_TAKES:
         raise ArgumentError(
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
-            f"{', '.join(controller_names(case.controllers))}"
+            f"{', '.join(experiment.controllers)}"
         )
     for name in controllers:
-        nominal_controller(case.system, name, "corrected", design=case.controllers)
-    form.check(camera_names(MujocoPlant.load(case.system).model), case.duration)
+        experiment.law("physics", name)
+    physics = experiment.nominal.plant
+    if not isinstance(physics, MujocoPlant):
+        raise ArgumentError(f"{experiment.path}: it does not run in MuJoCo: there is no film of it")
+    form.check(camera_names(physics.model), experiment.case.duration)
 
 
 def film_of(

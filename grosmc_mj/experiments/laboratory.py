@@ -11,17 +11,10 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.runs import (
-    PlantName,
-    RunResult,
-    Settings,
-    case_plant,
-    design_variant,
-    nominal_controller,
-    run_on,
-)
-from grosmc_mj.plants import AnalyticPlant, Plant, Variant
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult, Settings, run_on
+from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import Edit
 from grosmc_mj.simulation.simulate import simulate
@@ -35,17 +28,19 @@ class Fault:
     Attributes:
         name: Short name.
         what: In words.
-        controller: What it makes of a controller, of a case and a plant.
-        case: What it makes of a case.
-        plant: What it makes of a plant of that name for that case.
+        controller: What it makes of a controller, of an experiment and a plant.
+        experiment: What it makes of an experiment.
+        plant: What it makes of a plant of that name for that experiment.
         settings: What it makes of the settings.
     """
 
     name: str
     what: str
-    controller: Callable[[Controller, Case, PlantName], Controller] = lambda law, _case, _name: law
-    case: Callable[[Case], Case] = lambda case: case
-    plant: Callable[[Plant, Case, PlantName], Plant] = lambda plant, _case, _name: plant
+    controller: Callable[[Controller, Experiment, PlantName], Controller] = (
+        lambda law, _experiment, _name: law
+    )
+    experiment: Callable[[Experiment], Experiment] = lambda experiment: experiment
+    plant: Callable[[Plant, Experiment, PlantName], Plant] = lambda plant, _experiment, _name: plant
     settings: Callable[[Settings], Settings] = lambda settings: settings
 
 
@@ -56,7 +51,7 @@ class Laboratory:
     """Makes the runs that claims ask for, each once.
 
     Args:
-        settings: How cases are run.
+        settings: How experiments are run: what is not the default counts instead of their own.
         fault: What is wrong, to try the claims themselves.
         known: Results that are there already; of a sound laboratory with these settings only.
     """
@@ -66,8 +61,9 @@ class Laboratory:
     ) -> None:
         self.settings = fault.settings(settings)
         self._fault = fault
-        self._runs: dict[tuple[Case, PlantName, str], RunResult] = {
-            (result.case, result.plant, result.controller.name): result for result in known
+        self._runs: dict[Any, RunResult] = {
+            (*result.experiment.key, result.plant, result.controller.name): result
+            for result in known
         }
         self._kept: dict[Any, Any] = {}
 
@@ -87,68 +83,71 @@ class Laboratory:
             self._kept[key] = make()
         return self._kept[key]
 
-    def run(self, case: Case, plant: PlantName, controller: str) -> RunResult:
-        """A case on a plant under a controller designed for it."""
-        key = (case, plant, controller)
+    def run(self, experiment: Experiment, plant: PlantName, controller: str) -> RunResult:
+        """An experiment on a plant under a controller designed for it."""
+        key = (*experiment.key, plant, controller)
         if key not in self._runs:
-            law = self.controller(case, plant, controller)
-            self._runs[key] = self._run(case, plant, law)
+            law = self.controller(experiment, plant, controller)
+            self._runs[key] = self.run_with(experiment, plant, law)
         return self._runs[key]
 
     def run_misdesigned(
-        self, case: Case, plant: PlantName, controller: str, variant: Variant
+        self, experiment: Experiment, plant: PlantName, controller: str, believed: PlantName
     ) -> RunResult:
-        """A case under a controller designed from the equations of another variant."""
-        law = self.controller(case, plant, controller, variant)
-        key = ("misdesigned", case, plant, controller, variant)
-        return self.once(key, lambda: self._run(case, plant, law))
+        """An experiment under a controller designed for another plant."""
+        law = self.controller(experiment, plant, controller, believed)
+        key = ("misdesigned", experiment.key, plant, controller, believed)
+        return self.once(key, lambda: self.run_with(experiment, plant, law))
 
-    def _run(self, case: Case, plant: PlantName, law: Controller) -> RunResult:
-        """A run, with what is wrong."""
-        return run_on(self._fault.case(case), plant, law, self.plant(case, plant), self.settings)
+    def run_with(self, experiment: Experiment, plant: PlantName, law: Controller) -> RunResult:
+        """A run under this very law, with what is wrong."""
+        return run_on(self._used(experiment), plant, law, self.plant(experiment, plant))
 
     def case(self, system: str, name: str, plant: PlantName, controller: str) -> RunResult:
         """One of the chapter's cases, by name."""
-        return self.run(find_case(system, name), plant, controller)
+        return self.run(find_experiment(system, name), plant, controller)
 
     def controller(
-        self, case: Case, plant: PlantName, name: str, variant: Variant | None = None
+        self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
     ) -> Controller:
-        """A controller as it is used: designed from the nominal plant, of a variant if named."""
-        law = nominal_controller(
-            case.system,
-            name,
-            variant or design_variant(plant),
-            self.settings.realization(case.controllers),
-            case.controllers,
-        )
-        return self._fault.controller(law, case, plant)
+        """A controller as it is used: designed for a plant, or for another one if named."""
+        law = self._set(experiment).law(believed or plant, name)
+        return self._fault.controller(law, experiment, plant)
 
-    def plant(self, case: Case, name: PlantName) -> Plant:
+    def plant(self, experiment: Experiment, name: PlantName) -> Plant:
         """A plant as it is used."""
-        return self._fault.plant(case_plant(case, name, self.settings), case, name)
+        return self._fault.plant(self._set(experiment).plant(name), experiment, name)
 
-    def equations(self, case: Case, name: PlantName) -> AnalyticPlant:
+    def equations(self, experiment: Experiment, name: PlantName) -> AnalyticPlant:
         """The corrected equations of a plant as it is used, or the equations that it is."""
-        return self.plant(case, name).analytic()
+        return self.plant(experiment, name).analytic()
 
     def batch(
-        self, cases: Sequence[Case], plant: PlantName, controller: str
+        self, experiments: Sequence[Experiment], plant: PlantName, controller: str
     ) -> tuple[Controller, Trajectory]:
-        """Cases of one system and one duration at once, and the law that they ran under."""
-        law = self.controller(cases[0], plant, controller)
-        used = [self._fault.case(case) for case in cases]
+        """Experiments of one system and duration at once, and the law that they ran under."""
+        law = self.controller(experiments[0], plant, controller)
+        used = [self._used(experiment) for experiment in experiments]
+        settings = used[0].settings
         run = simulate(
-            [self.plant(case, plant) for case in cases],
+            [self.plant(experiment, plant) for experiment in experiments],
             law,
-            [case.x0 for case in used],
-            duration=cases[0].duration,
-            control_period=self.settings.control_period,
-            timestep=self.settings.timestep,
-            disturbances=[case.disturbances for case in used],
-            engine=self.settings.engine_for(law),
+            [experiment.case.x0 for experiment in used],
+            duration=experiments[0].case.duration,
+            control_period=settings.control_period,
+            timestep=settings.timestep,
+            disturbances=[experiment.case.disturbances for experiment in used],
+            engine=settings.engine_for(law),
         )
         return law, run
+
+    def _set(self, experiment: Experiment) -> Experiment:
+        """An experiment with the laboratory's settings."""
+        return experiment.with_settings(**self.settings.changes())
+
+    def _used(self, experiment: Experiment) -> Experiment:
+        """An experiment as it is run, with what is wrong."""
+        return self._fault.experiment(self._set(experiment))
 
     def derivative(self, plant: Plant) -> Callable[[Array, ArrayLike, Array], Array]:
         """x' as a function of x, u and the wrenches, of the equations or of MuJoCo."""
@@ -162,6 +161,14 @@ def trial(
     duration: float,
     edits: tuple[Edit, ...] = (),
     disturbances: tuple[Disturbance, ...] = (),
-) -> Case:
-    """An experiment of this project's own, beside the chapter's cases."""
-    return Case(system, name, name, "this project", x0, duration, edits, disturbances)
+) -> Experiment:
+    """An experiment of this project's own, beside the chapter's, under the nominal case's laws."""
+    return find_experiment(system, "nominal").varied(
+        name=name,
+        title=name,
+        source="this project",
+        x0=x0,
+        duration=duration,
+        edits=edits,
+        disturbances=disturbances,
+    )

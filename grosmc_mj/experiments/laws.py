@@ -3,56 +3,67 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
+import sympy as sp
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.control.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
     computed_torque_pd,
+    linear_grosmc,
     linear_lqr,
     linearized_lqr,
-    realized,
+    regulating_grosmc,
     tracking_grosmc,
 )
-from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
-from grosmc_mj.control.switching import find_switching
-from grosmc_mj.control.task import Realization, Task
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
-from grosmc_mj.experiments.designs import DESIGNS, switching_for
+from grosmc_mj.control.task import Task
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
-from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, TaskTable
+from grosmc_mj.experiments.file.numbers import law_number, weight
+from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
-from grosmc_mj.experiments.plants import Subject
-from grosmc_mj.experiments.runs import PlantName
-from grosmc_mj.simulation.linearization import linearize
+from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
+from grosmc_mj.plants import AnalyticPlant, System
+from grosmc_mj.plants.two_link_arm import tip
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 
-Laws = Mapping[str, Callable[..., Controller]]
+Maker = Callable[..., Controller]
+Laws = Mapping[str, Maker]
 
-# Laws for any plant of one's own, and for a robot, whose equations are MuJoCo's.
+# Laws for any plant with equations, and for a robot, whose equations are MuJoCo's.
 GENERAL: Laws = {
     "lqr": linear_lqr,
     "fl-lqr": linearized_lqr,
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
+    "linear-grosmc": linear_grosmc,
+    "regulating-grosmc": regulating_grosmc,
 }
 COMPUTED_TORQUE: Laws = {
     "lqr": partial(linearized_lqr, name="lqr"),
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
 }
-
+# Laws of one system, with weights of their own: from its nominal plant and its linear model.
+FURTHER: Mapping[str, Mapping[str, Callable[[AnalyticPlant, Any], Controller]]] = {
+    "cart_pendulum": {
+        "cart-lqr": holding_lqr,
+        "cart-ism": holding_ism,
+        "cart-pfl": lambda plant, _: holding_pfl(plant),
+    }
+}
+# Outputs of a system beside its own.
+OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip": tip}}
 
 _WEIGHTS = ("Q", "R")
 
@@ -62,70 +73,39 @@ class Formulas:
     """Parameters of a reference that is written out: there are none."""
 
 
-def controller_of(
-    table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
+def design(
+    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Controller:
-    """The controller of a table, designed for the nominal plant.
+    """The controller of a table, designed for the nominal plant and sampled as printed.
 
     Args:
         table: Its law and numbers.
         file: The case file, with the task.
-        subject: The plant.
+        nominal: The plant that it believes in.
         plant: Which plant it shall run on.
         folder: Where the user's own Python is.
 
     Raises:
         GrosmcError: If there is no such law, a number does not fit, or the design fails.
     """
-    try:
-        if is_named(table.law):
-            made = _users(table, file, subject, plant, folder)
-        else:
-            made = _ours(table, file, subject, plant, folder)
-        made = realized(made, _realization(table, made, file, subject))
-    except GrosmcError as error:
-        raise ArgumentError(f"controller {_name(table)}: {error}") from error
-    return replace(made, name=_name(table))
-
-
-def _name(table: ControllerTable) -> str:
-    """What a controller is called."""
-    return table.name or table.law.split(":")[-1]
-
-
-def control_period_of(file: CaseFile, subject: Subject) -> float:
-    """Time between two samples of a file's laws [s]."""
-    return file.run.control_period or max(ANALYTIC_TIMESTEP, subject.timestep)
-
-
-def _realization(
-    table: ControllerTable, made: Controller, file: CaseFile, subject: Subject
-) -> Realization:
-    """How a law is sampled."""
-    given = {"switching", "surface"} & table.model_fields_set
-    if made.design is None or made.design.with_reach is None:
-        if given:
-            raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
-        return Realization()
-    design = file.task.design or made.design.error.system.name
-    law = (
-        switching_for(table.switching, design)
-        if design in DESIGNS
-        else find_switching(table.switching)
-    )
-    return Realization(
-        law, control_period_of(file, subject) if table.surface == "discrete" else None
-    )
+    made = (_users if is_named(table.law) else _ours)(table, file, nominal, plant, folder)
+    return replace(made, name=table.called)
 
 
 def _ours(
-    table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
+    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the package."""
-    task, build = _task(table, file.task, subject, plant, folder)
-    if table.law not in build:
-        raise ArgumentError(unknown_name("law", table.law, [*build, "module:name"]))
-    maker, numbers = build[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
+    if table.law in (own := FURTHER.get(nominal.system.name, {})) and nominal.shipped:
+        if table.numbers:
+            _refuse(f"{table.law} has weights and numbers of its own, not {list(table.numbers)}")
+        return own[table.law](nominal.equations(plant), _linear_model(nominal, plant))
+    laws = COMPUTED_TORQUE if nominal.robot is not None else GENERAL
+    if table.law not in laws:
+        valid = dict.fromkeys([*file.laws, *laws, *own, "module:name"])
+        raise ArgumentError(unknown_name("law", table.law, valid))
+    task = _task(table, file, nominal, plant, folder)
+    maker, numbers = laws[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
     valid = _numbers_of(maker)
     for name in numbers:
         if name not in valid:
@@ -136,25 +116,34 @@ def _ours(
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and np.ndim(value):
             _refuse(f"{name} = {shown(value)} must be a number")
-    return maker(task, **{name: _number(name, value) for name, value in numbers.items()})
+    return maker(task, **{name: law_number(name, value) for name, value in numbers.items()})
+
+
+def _linear_model(nominal: NominalPlant, plant: PlantName) -> Any:
+    """MuJoCo's linear model of the plant, if the law is designed from the corrected equations."""
+    corrected = design_variant(plant) == "corrected" and isinstance(nominal.plant, MujocoPlant)
+    return nominal.plant.linearization() if corrected else None
 
 
 def _users(
-    table: ControllerTable, file: CaseFile, subject: Subject, plant: PlantName, folder: Path
+    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the user's own: a controller, a function that makes one, or a law."""
     # One that numba has compiled stands for its source.
     found = load_named(table.law, folder)
     found = getattr(found, "py_func", found)
-    numbers = {name: _number(name, value) for name, value in table.numbers.items()}
+    numbers = {name: law_number(name, value) for name, value in table.numbers.items()}
     if isinstance(found, Controller):
         return found if not numbers else _refuse("a controller has its numbers already")
     if _is_law(found, table.law):
-        task, build = _task(table, file.task, subject, plant, folder)
-        like = build["fl-lqr" if "fl-lqr" in build else "lqr"](task)
+        like = file.law("lqr" if nominal.robot is not None else "fl-lqr").law
+        weights = {k: v for k, v in table.numbers.items() if k in _WEIGHTS}
+        followed = ControllerTable.model_validate({"law": like, **weights})
+        like = _ours(followed, file, nominal, plant, folder)
         own = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
-        return custom_controller(_name(table), found, like, own)
-    given = _wanted(found, subject, plant)
+        return custom_controller(table.called, found, like, own)
+    # The nominal plant for a function that wants it: a robot as such, others by equations.
+    given = (nominal.robot or nominal.equations(plant),) if _needed(found) else ()
     try:
         inspect.signature(found).bind(*given, **numbers)
     except TypeError as error:
@@ -192,133 +181,62 @@ def _needed(found: Any) -> list[inspect.Parameter]:
     ]
 
 
-def _wanted(found: Any, subject: Subject, plant: PlantName) -> tuple[Any, ...]:
-    """The nominal plant for a function that wants it: a robot as such, others by equations."""
-    if not _needed(found):
-        return ()
-    return (subject.robot or subject.believed(plant),)
-
-
-def _numbers_of(maker: Callable[..., Controller]) -> dict[str, bool]:
+def _numbers_of(maker: Maker) -> dict[str, bool]:
     """The numbers that a law may be given, and whether it needs them."""
     found = list(inspect.signature(maker).parameters.values())[1:]
-    ours = {"name", "maker", "physics"}
-    return {each.name: each.default is each.empty for each in found if each.name not in ours}
-
-
-def _number(name: str, value: Any) -> Any:
-    """A number, a matrix or an uncertainty of a file."""
-    if name == "uncertainty":
-        return _uncertainty(value)
-    entries = np.ravel(np.asarray(value, object)).tolist()
-    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
-        raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
-    if not all(map(math.isfinite, entries)):
-        raise ArgumentError(f"{name} = {shown(value)} must be finite")
-    return float(value) if np.ndim(value) == 0 else np.array(value, float)
-
-
-def _uncertainty(value: Any) -> Uncertainty:
-    """A declared uncertainty."""
-    keys = [each.name for each in fields(Uncertainty)]
-    if not isinstance(value, dict):
-        raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
-    for key in value:
-        if key not in keys:
-            raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
-    if missing := [key for key in keys if key not in value]:
-        raise ArgumentError(f"uncertainty: {', '.join(missing)} is missing")
-    kinds = {"scales": dict, "wrench": list, "region": list, "reaching_rate": (int, float)}
-    for key, kind in kinds.items():
-        if not isinstance(value[key], kind):
-            what = {dict: "a table", list: "a list of numbers"}.get(kind, "a number")
-            raise ArgumentError(f"uncertainty: {key} = {shown(value[key])} must be {what}")
-    for name, pair in value["scales"].items():
-        if not (isinstance(pair, list) and len(pair) == 2):
-            raise ArgumentError(f"uncertainty: {name} = {shown(pair)} must be [least, largest]")
-    try:
-        return Uncertainty(
-            {name: (float(low), float(high)) for name, (low, high) in value["scales"].items()},
-            tuple(map(float, value["wrench"])),
-            tuple(map(float, value["region"])),
-            float(value["reaching_rate"]),
-        )
-    except (TypeError, ValueError, AttributeError) as error:
-        raise ArgumentError(f"uncertainty: {error}") from None
+    return {each.name: each.default is each.empty for each in found if each.name != "name"}
 
 
 def _task(
-    table: ControllerTable, wanted: TaskTable, subject: Subject, plant: PlantName, folder: Path
-) -> tuple[Task, Laws]:
-    """What a law is designed for, and the laws that there are."""
+    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
+) -> Task:
+    """What a law is designed for."""
+    wanted = file.task
     Q, R = table.numbers.get("Q", wanted.Q), table.numbers.get("R", wanted.R)
-    if subject.shipped:
-        return _shipped_task(wanted, subject, plant, Q, R, folder)
-    if wanted.design is not None:
-        raise ArgumentError("task: design: only the package's systems have designs")
     if Q is None or R is None:
         raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
-    if subject.robot is not None:
-        n = subject.robot.joints
-        moving, parameters = _reference(wanted.reference, (2,) * n, subject.robot, folder)
-        weights = _weight("Q", Q, 2 * n), _weight("R", R, n)
-        return subject.robot.task(moving, parameters, *weights), COMPUTED_TORQUE
-    nominal = subject.believed(plant)
-    degrees = feedback_linearization(nominal.system.equations).relative_degree
-    moving, parameters = _reference(wanted.reference, degrees, nominal, folder)
-    error = ErrorCoordinates(nominal.system, moving)
-    weights = _weight("Q", Q, error.size), _weight("R", R, error.inputs)
-    return Task(nominal, error, parameters, *weights), GENERAL
+    if (robot := nominal.robot) is not None:
+        if wanted.outputs.of != "plant" or wanted.sign != 1:
+            raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
+        n = robot.joints
+        moving, parameters = _reference(wanted.reference, (2,) * n, robot, folder)
+        return robot.task(moving, parameters, weight("Q", Q, 2 * n), weight("R", R, n))
+    equations = nominal.equations(plant)
+    system, named = nominal.system, wanted.outputs
+    outputs = _outputs(named.of, nominal, folder)
+    degrees = feedback_linearization(system.equations, outputs).relative_degree
+    moving, parameters = _reference(wanted.reference, degrees, equations, folder)
+    guess = state_of(named.guess, system, "task: outputs: guess") if outputs else None
+    error = _coordinates(system, moving, wanted.sign, outputs, guess, named.unit if outputs else "")
+    weights = weight("Q", Q, error.size), weight("R", R, error.inputs)
+    return Task(equations, error, parameters, *weights)
 
 
-def _shipped_task(
-    wanted: TaskTable, subject: Subject, plant: PlantName, Q: Any, R: Any, folder: Path
-) -> tuple[Task, Laws]:
-    """The task of a system of the package, with what the file changes of it."""
-    nominal, design = subject.believed(plant), wanted.design or subject.system.name
-    valid = [name for name in DESIGNS if name.split()[0] == subject.system.name]
-    if design not in valid:
-        raise ArgumentError(f"task: {unknown_name('design', design, valid)}")
-    designs = DESIGNS[design]
-    task = designs.task(nominal)
-    if wanted.reference is not None:
-        degrees = task.error.linearization.relative_degree
-        moving, parameters = _reference(wanted.reference, degrees, nominal, folder)
-        task = replace(task, error=replace(task.error, reference=moving), reference=parameters)
-    task = replace(
-        task,
-        Q=task.Q if Q is None else _weight("Q", Q, task.error.size),
-        R=task.R if R is None else _weight("R", R, task.error.inputs),
-    )
-    aliases = {alias: designs.build[same] for alias, (same, _) in designs.aliases.items()}
-    # As the package designs them: from MuJoCo's own linear model, with weights of their own.
-    assert isinstance(subject.nominal, MujocoPlant)
-    further = {
-        name: partial(_of_plant, maker=maker, physics=subject.nominal)
-        for name, maker in designs.further.items()
-        if Q is None and R is None and wanted.reference is None
-    }
-    return task, {**designs.build, **aliases, **further}
+@lru_cache(maxsize=64)
+def _coordinates(
+    system: System,
+    moving: ReferenceFunction,
+    sign: Literal[1, -1],
+    outputs: tuple[sp.Expr, ...] | None,
+    guess: tuple[float, ...] | None,
+    unit: str,
+) -> ErrorCoordinates:
+    """Error coordinates, once for all laws on them: a law is compiled once for it."""
+    return ErrorCoordinates(system, moving, sign, outputs=outputs, guess=guess, unit=unit)
 
 
-def _of_plant(task: Task, maker: Callable[..., Controller], physics: MujocoPlant) -> Controller:
-    """A further law of a system, which is designed from the plant and MuJoCo's linear model."""
-    corrected = task.plant.variant == "corrected"
-    return maker(task.plant, linearize(physics) if corrected else None)
-
-
-def _weight(name: str, value: Any, size: int) -> Array:
-    """A weight as a matrix."""
-    try:
-        found = np.asarray(value, float)
-    except (ValueError, TypeError):
-        found = np.zeros((0, 0))
-    found = found * np.eye(size) if found.ndim == 0 else found
-    found = np.diag(found) if found.ndim == 1 else found
-    if found.shape != (size, size):
-        raise ArgumentError(
-            f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
-        )
+def _outputs(of: str, nominal: NominalPlant, folder: Path) -> tuple[sp.Expr, ...] | None:
+    """What is regulated, in symbols; None for the plant's own outputs."""
+    if of == "plant":
+        return None
+    known = OUTPUTS.get(nominal.system.name, {})
+    if not is_named(of) and of not in known:
+        raise ArgumentError(f"task: outputs: {unknown_name('outputs', of, ['plant', *known])}")
+    found = load_named(of, folder) if is_named(of) else known[of]
+    with blamed(folder):
+        found = found() if callable(found) else found
+    if not isinstance(found, tuple) or not all(isinstance(each, sp.Expr) for each in found):
+        _refuse(f"task: outputs: {of} must be, or return, a tuple of expressions in the states")
     return found
 
 
@@ -344,7 +262,12 @@ def _reference(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
     try:
-        outputs = [formula(each, TIME) for each in formulas]
+        return _written(tuple(formulas), degrees), Formulas()
     except ArgumentError as error:
         raise ArgumentError(f"task: reference: {error}") from None
-    return reference(outputs, degrees), Formulas()
+
+
+@lru_cache(maxsize=64)
+def _written(formulas: tuple[str, ...], degrees: tuple[int, ...]) -> ReferenceFunction:
+    """The reference of these formulas in t."""
+    return reference([formula(each, TIME) for each in formulas], degrees)

@@ -1,33 +1,27 @@
-"""Running the cases: every plant and every controller of a system."""
+"""One run of an experiment, and how experiments are run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from typing import Any, Literal, get_args
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SWITCHINGS
-from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
-from grosmc_mj.experiments.case import Case, cases, find_case
-from grosmc_mj.experiments.designs import (
-    DESIGNS,
-    chapter_controller,
-    controller_names,
-    switching_for,
-)
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.metrics import Comparison, Metric, compare_with_optimum, measure
-from grosmc_mj.plants import SYSTEMS, Plant, Variant, find_system
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.linearization import linearize
-from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.mujoco_plant import Integrator
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
-PlantName = Literal["printed", "corrected", "physics"]
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.requirements import Judgement
+
 Surface = Literal["printed", "discrete"]
 
 
@@ -61,22 +55,22 @@ class Settings:
             if value not in valid:
                 raise ArgumentError(unknown_name(kind, value, valid))
 
+    def changes(self) -> dict[str, Any]:
+        """The settings that are not the defaults."""
+        default = vars(Settings())
+        return {name: value for name, value in vars(self).items() if value != default[name]}
+
     def engine_for(self, law: Controller) -> Engine:
         """The engine, or ``python`` for a law that can't be compiled."""
         return "python" if getattr(law.law, "python_only", False) else self.engine
 
-    def realization(self, design: str) -> Realization:
-        """How the sliding mode laws of a design are sampled."""
-        period = self.control_period if self.surface == "discrete" else None
-        return Realization(switching_for(self.switching, design), period)
-
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """One case on one plant under one controller.
+    """An experiment on one plant under one controller.
 
     Attributes:
-        case: The case.
+        experiment: The experiment.
         plant: ``printed``, ``corrected`` or ``physics``.
         controller: With the numbers of its design.
         trajectory: Up to the end or to where the run stopped being valid.
@@ -86,7 +80,7 @@ class RunResult:
         true: The plant itself.
     """
 
-    case: Case
+    experiment: Experiment
     plant: PlantName
     controller: Controller
     trajectory: Trajectory
@@ -94,6 +88,30 @@ class RunResult:
     metrics: Mapping[str, Metric]
     ended: str = ""
     true: Plant | None = None
+
+    @property
+    def case(self) -> Case:
+        """Start, duration, edits, disturbances."""
+        return self.experiment.case
+
+    @property
+    def requirements(self) -> list[Judgement]:
+        """What the experiment requires of this run, and whether it is kept."""
+        from grosmc_mj.experiments.requirements import judge_all
+
+        return judge_all(self.experiment.limits, [self])
+
+    def film(self, path: str | Path) -> Path:
+        """Write a film of the run, and return where it is.
+
+        Raises:
+            ArgumentError: If the run is not on physics.
+            SetupError: If it cannot be rendered or written.
+        """
+        from grosmc_mj.experiments.films import film_of, write_case_film
+
+        film = film_of([self])
+        return write_case_film(self.case, film, Path(path), settings=self.experiment.settings).film
 
     @property
     def key(self) -> str:
@@ -111,61 +129,12 @@ class RunResult:
         return self.trajectory.status  # pyright: ignore[reportReturnType]
 
 
-def select_cases(systems: tuple[str, ...], case: str | None) -> list[Case]:
-    """The cases of the named systems (all, if none is named), or the one case of each.
+def run_on(experiment: Experiment, name: PlantName, law: Controller, plant: Plant) -> RunResult:
+    """Run an experiment with this very law on this very plant, whatever they are called.
 
-    Raises:
-        ModelError: If a system is unknown.
-        ArgumentError: If a system has no such case.
+    A run that ends early is a result like any other.
     """
-    names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
-    if case is None:
-        return [each for name in names for each in cases(name)]
-    return [find_case(name, case) for name in names]
-
-
-def plant_names(system: str) -> list[PlantName]:
-    """Plants that a system has: its analytic variants, then physics."""
-    return [*find_system(system).variants, "physics"]
-
-
-def plan(selected: list[Case]) -> list[tuple[Case, PlantName, str]]:
-    """Every run of the cases: the case, the plant and the controller's name."""
-    return [
-        (case, plant, controller)
-        for case in selected
-        for plant in plant_names(case.system)
-        for controller in controller_names(case.controllers)
-    ]
-
-
-def run_all(selected: list[Case], settings: Settings) -> Iterator[RunResult]:
-    """Run all of ``plan(selected)``, one by one."""
-    for case, plant, controller in plan(selected):
-        yield run_case(case, plant, controller, settings)
-
-
-def run_case(case: Case, plant: PlantName, controller: str, settings: Settings) -> RunResult:
-    """Run one case; a run that ends early is a result like any other.
-
-    The controller is designed from the nominal equations: the printed ones for the printed
-    plant, the corrected ones for the corrected plant and for physics.
-    """
-    law = nominal_controller(
-        case.system,
-        controller,
-        design_variant(plant),
-        settings.realization(case.controllers),
-        case.controllers,
-    )
-    return run_on(case, plant, law, case_plant(case, plant, settings), settings)
-
-
-def run_on(
-    case: Case, name: PlantName, law: Controller, plant: Plant, settings: Settings
-) -> RunResult:
-    """Run a case with this very law on this very plant, whatever they are called."""
-    ended = ""
+    case, settings, ended = experiment.case, experiment.settings, ""
     try:
         run = simulate(
             plant,
@@ -181,44 +150,4 @@ def run_on(
         run, ended = error.trajectory, str(error)
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, case.onset)
-    return RunResult(case, name, law, run, comparison, metrics, ended, plant)
-
-
-def case_plant(case: Case, plant: PlantName, settings: Settings) -> Plant:
-    """The plant of a case, with its edits."""
-    physics = _physics(case.system, case.edits, settings.timestep, settings.integrator)
-    return physics if plant == "physics" else physics.analytic(plant)
-
-
-@lru_cache(maxsize=256)
-def _physics(
-    system: str, edits: tuple[BodyEdit, ...], timestep: float, integrator: Integrator
-) -> MujocoPlant:
-    """An edited model, compiled once for all runs on it."""
-    return MujocoPlant.load(system, edits=edits, timestep=timestep, integrator=integrator)
-
-
-def design_variant(plant: PlantName) -> Variant:
-    """The equations that the law for a plant is designed from."""
-    return "printed" if plant == "printed" else "corrected"
-
-
-@cache
-def _as_printed(system: str, name: str, variant: Variant, design: str | None) -> Controller:
-    """A controller for the nominal plant of a variant, sampled as printed."""
-    physics = MujocoPlant.load(system)
-    further = DESIGNS[design or system].further
-    model = linearize(physics) if name in further and variant == "corrected" else None
-    return chapter_controller(name, physics.analytic(variant), AS_PRINTED, design, model)
-
-
-@cache
-def nominal_controller(
-    system: str,
-    name: str,
-    variant: Variant,
-    realization: Realization = AS_PRINTED,
-    design: str | None = None,
-) -> Controller:
-    """A controller for the nominal plant of a variant."""
-    return realized(_as_printed(system, name, variant, design), realization)
+    return RunResult(experiment, name, law, run, comparison, metrics, ended, plant)

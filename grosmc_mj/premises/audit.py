@@ -12,27 +12,17 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.references import Circle, Sine
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.designs import (
-    PENDULUM_REGION,
-    SERVO_UNCERTAINTY,
-    TWO_LINK_UNCERTAINTY,
-)
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.plants import design_variant
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import Balance, balance
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
-# Where the premises are computed, |z1|, |z2| ..., by design: what the gains were declared for and,
-# for the arm and the circle, whose gains are given, what start and reference span.
-REGIONS: Mapping[str, tuple[float, ...]] = {
-    "servo": SERVO_UNCERTAINTY.region,
-    "cart_pendulum": PENDULUM_REGION,
-    "arm": (0.5, 1.5),
-    "two_link_arm": (0.15, 0.5, 0.15, 0.5),
-    "two_link_arm regulation": TWO_LINK_UNCERTAINTY.region,
-}
 # The grid's points are for all axes together.
 _GRID, _EVERY = 169, 5
 # Phases of a moving reference, by the number of axes.
@@ -118,19 +108,34 @@ class Audit:
         return [premise for premise in self.premises if not premise.holds]
 
 
-def audit(lab: Laboratory, case: Case, controller: str = "grosmc") -> Audit:
-    """Compute the premises of a law for a case, on physics."""
-    return lab.once(("audit", case, controller), lambda: _audit(lab, case, controller))
+def audit(lab: Laboratory, experiment: Experiment, controller: str = "grosmc") -> Audit:
+    """Compute the premises of a law in an experiment on physics.
+
+    Raises:
+        ArgumentError: If the law has no equations in symbols.
+    """
+    key = ("audit", *experiment.key, controller)
+    return lab.once(key, lambda: run_audit(lab.run(experiment, "physics", controller)))
 
 
-def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
-    """The premises, one by one."""
-    law = lab.controller(case, "physics", name)
-    run = lab.run(case, "physics", name).trajectory
-    true = lab.equations(case, "physics")
-    amplitude = _largest_wrench(lab, case)
-    bound = REGIONS[case.controllers]
-    here = list(_region(law, true, bound, amplitude, _GRID, _PHASES[len(bound)]))
+def run_audit(result: RunResult) -> Audit:
+    """The premises of the law of a run, one by one.
+
+    Raises:
+        ArgumentError: If the law has no equations in symbols, or the true plant none at all.
+    """
+    law, run = result.controller, result.trajectory
+    if not isinstance(law.designed.error, ErrorCoordinates) or result.true is None:
+        raise ArgumentError(
+            f"{result.key}: its law has no equations in symbols, from which its premises follow"
+        )
+    true = result.true.analytic(design_variant(result.plant))
+    bound = _bound(result)
+    here = list(
+        _region(
+            law, true, bound, _largest_wrench(run), _GRID, _PHASES.get(len(bound), _COARSE_PHASES)
+        )
+    )
     rows = range(0, len(run.time) - 1, _EVERY)
     there = []
     for row in rows:
@@ -143,7 +148,7 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
         _matched(here, there),
         _sign(here, there),
     ]
-    if name == "grosmc":
+    if run.sliding is not None:
         premises += [_gain(law, here, there), initial_surface(run.sliding)]
     premises.append(_met(run, law))
     signals = {
@@ -151,7 +156,19 @@ def _audit(lab: Laboratory, case: Case, name: str) -> Audit:
         "required": np.array([found.required for _, _, found in there]),
         "configured": np.array([found.configured for _, _, found in there]),
     }
-    return Audit(case, name, tuple(premises), signals)
+    return Audit(result.case, law.name, tuple(premises), signals)
+
+
+def _bound(result: RunResult) -> tuple[float, ...]:
+    """The declared operating region, |z1|, |z2| ..., or what the run spans."""
+    law, run = result.controller, result.trajectory
+    spanned = np.abs(law.coordinates.along(run.time, run.state, law.parameters)).max(axis=0)
+    bound = result.experiment.region or tuple(spanned.tolist())
+    if len(bound) != len(spanned):
+        raise ArgumentError(
+            f"task: region = {list(bound)} must have {len(spanned)} bounds, one for each error"
+        )
+    return bound
 
 
 Points = list[tuple[float, Array, Balance]]
@@ -201,7 +218,7 @@ def _region(
 
 def _moves(law: Controller) -> bool:
     """Whether a law's reference moves."""
-    return isinstance(law.parameters.reference, (Sine, Circle))
+    return getattr(law.coordinates.reference, "moves", True)
 
 
 def _corners(amplitude: Array) -> Iterator[Array]:
@@ -213,9 +230,8 @@ def _corners(amplitude: Array) -> Iterator[Array]:
         yield w
 
 
-def _largest_wrench(lab: Laboratory, case: Case) -> Array:
-    """The largest value of each component of the case's wrenches, with its sign."""
-    run = lab.run(case, "physics", "grosmc").trajectory
+def _largest_wrench(run: Trajectory) -> Array:
+    """The largest value of each component of a run's wrenches, with its sign."""
     if run.wrench is None:
         return np.zeros(6 * len(run.system.bodies))
     rows = np.abs(run.wrench).argmax(axis=0)

@@ -19,6 +19,7 @@ import scipy.integrate
 import scipy.linalg
 from rich.cells import cell_len
 from rich.console import Console
+from shipped import case_plant, controller_names, find_case
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -38,15 +39,10 @@ from grosmc_mj.chapter.claims_document import claim_document
 from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import (
-    SERVO_UNCERTAINTY,
-    TWO_LINK_UNCERTAINTY,
-    chapter_controller,
-    controller_names,
-)
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
-from grosmc_mj.experiments.runs import PlantName, Settings, case_plant
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import switching_rate
 from grosmc_mj.report.document import json_text
@@ -98,6 +94,8 @@ def test_every_verdict_is_expected_with_a_reason(claim: Claim) -> None:
 
 
 def test_claim_of_a_variation_names_the_declared_range() -> None:
+    from shipped import SERVO_UNCERTAINTY, TWO_LINK_UNCERTAINTY
+
     low, high = SERVO_UNCERTAINTY.scales["J"]
     assert f"outside {low:g} to {high:g} times" in BY_ID["servo-inertia-grosmc"].untested
     (_, heaviest), measure = TWO_LINK_UNCERTAINTY.scales["mp"], BY_ID["two-link-projection"].measure
@@ -408,12 +406,14 @@ def sound(system: str, name: str) -> Controller:
 
 
 def faulty(name: str, system: str, controller: str = "grosmc", case: str = "nominal") -> Controller:
-    return fault(name).controller(sound(system, controller), find_case(system, case), "physics")
+    return fault(name).controller(
+        sound(system, controller), find_experiment(system, case), "physics"
+    )
 
 
 def faulty_plant(name: str, system: str, case: str) -> Any:
-    chosen = find_case(system, case)
-    return fault(name).plant(case_plant(chosen, "physics", Settings()), chosen, "physics")
+    chosen = find_experiment(system, case)
+    return fault(name).plant(chosen.plant("physics"), chosen, "physics")
 
 
 LAWS = [(system, name) for system in SYSTEMS for name in controller_names(system)]
@@ -541,9 +541,9 @@ def test_printed_physics_are_the_printed_equations(system: str) -> None:
 
 @pytest.mark.parametrize("name", ["gravity upside down", "edit dropped", "printed physics"])
 def test_faults_of_physics_leave_the_equations_alone(name: str) -> None:
-    case = find_case("cart_pendulum", "case1")
-    plant = case_plant(case, "corrected", Settings())
-    assert fault(name).plant(plant, case, "corrected") is plant
+    experiment = find_experiment("cart_pendulum", "case1")
+    plant = experiment.plant("corrected")
+    assert fault(name).plant(plant, experiment, "corrected") is plant
 
 
 def test_slow_sampling_is_ten_times_slower_at_both_levels() -> None:
@@ -558,8 +558,9 @@ def test_slow_sampling_is_ten_times_slower_at_both_levels() -> None:
 
 
 def test_dropped_disturbance_leaves_the_case_otherwise() -> None:
-    case = find_case("arm", "case1")
-    assert fault("disturbance dropped").case(case) == replace(case, disturbances=())
+    experiment = find_experiment("arm", "case1")
+    found = fault("disturbance dropped").experiment(experiment)
+    assert found.case == replace(experiment.case, disturbances=())
 
 
 @pytest.mark.parametrize(("system", "case"), [("servo", "case2"), ("arm", "case2")])

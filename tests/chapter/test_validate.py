@@ -13,7 +13,7 @@ from conftest import hear_interrupts
 
 from grosmc_mj import cli
 from grosmc_mj.chapter import expected_results as expected
-from grosmc_mj.experiments.runs import Settings, plan, run_case, select_cases
+from grosmc_mj.experiments.experiment import select_experiments
 
 pytestmark = pytest.mark.slow
 
@@ -118,9 +118,9 @@ def test_physics_agrees_with_the_corrected_equations_in_the_report(
 
 
 def test_the_python_engine_gives_the_same_results() -> None:
-    case = select_cases(("arm",), "nominal")[0]
+    (experiment,) = select_experiments(("arm",), "nominal")
     native, python = (
-        run_case(case, "physics", "grosmc", Settings(engine=engine))
+        experiment.with_settings(engine=engine).run("physics", "grosmc")
         for engine in ("native", "python")
     )
     assert native.metrics == python.metrics
@@ -160,16 +160,16 @@ def test_other_settings_are_not_compared_with_the_record(
 def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
     """Interrupted after the first runs: one line, exit code 2, a document that says so."""
     program = (
-        "import os, signal, threading, grosmc_mj.experiments.runs as runs, grosmc_mj.cli as cli\n"
-        "original = runs.run_case\n"
+        "import os, signal, grosmc_mj.experiments.runs as runs, grosmc_mj.cli as cli\n"
+        "original = runs.simulate\n"
         "count = 0\n"
-        "def counted(*args):\n"
+        "def counted(*args, **numbers):\n"
         "    global count\n"
         "    count += 1\n"
         "    if count == 4:\n"
         "        os.kill(os.getpid(), signal.SIGINT)\n"
-        "    return original(*args)\n"
-        "runs.run_case = counted\n"
+        "    return original(*args, **numbers)\n"
+        "runs.simulate = counted\n"
         f"cli.main(['validate', 'servo', '--no-figures', '--out', {str(tmp_path)!r}])\n"
     )
     done = subprocess.run(
@@ -190,5 +190,9 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
 
 
 def test_plan_names_each_run_once() -> None:
-    runs = plan(select_cases((), None))
+    runs = [
+        (*experiment.key, *what)
+        for experiment in select_experiments((), None)
+        for what in experiment.laws
+    ]
     assert len(runs) == len(set(runs)) == 87

@@ -12,6 +12,20 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from shipped import (
+    ARM_ERROR,
+    ARM_REFERENCE,
+    ARM_WEIGHTS,
+    PENDULUM_DISTURBANCE,
+    PENDULUM_ERROR,
+    PENDULUM_UNCERTAINTY,
+    PENDULUM_UPRIGHT,
+    PENDULUM_WEIGHTS,
+    SERVO_ERROR,
+    SERVO_STEP,
+    SERVO_UNCERTAINTY,
+    SERVO_WEIGHTS,
+)
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -28,21 +42,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.experiments.designs import (
-    ARM_ERROR,
-    ARM_REFERENCE,
-    ARM_WEIGHTS,
-    PENDULUM_DISTURBANCE,
-    PENDULUM_ERROR,
-    PENDULUM_UPRIGHT,
-    PENDULUM_WEIGHTS,
-    SERVO_ERROR,
-    SERVO_STEP,
-    SERVO_UNCERTAINTY,
-    SERVO_WEIGHTS,
-    chapter_controller,
-    pendulum_uncertainty,
-)
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, System
 from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.cart_pendulum import pole_torque
@@ -76,7 +76,7 @@ def robust(system: str) -> Controller:
 def family(system: str) -> Uncertainty:
     if system == "servo":
         return SERVO_UNCERTAINTY
-    return pendulum_uncertainty(nominal(system).parameters)
+    return PENDULUM_UNCERTAINTY
 
 
 def scaled(plant: AnalyticPlant, names: list[str], scales: Array) -> AnalyticPlant:
@@ -383,7 +383,10 @@ def test_linear_law_on_a_nonlinear_plant_holds_that_plant_at_least():
     """linear_grosmc takes any plant and promises gains for the family, here one plant."""
     plant = nominal("cart_pendulum")
     certain = Uncertainty({}, (0.0,) * 12, (np.pi / 6, 1.5), 0.2)
-    ctl = linear_grosmc(Task(plant, PENDULUM_ERROR, PENDULUM_UPRIGHT, *PENDULUM_WEIGHTS), certain)
+    ctl = linear_grosmc(
+        Task(plant, PENDULUM_ERROR, PENDULUM_UPRIGHT, *PENDULUM_WEIGHTS),
+        certain,
+    )
     for at in points(plant, certain, 50):
         assert shortfall(ctl, at, certain.reaching_rate) <= 1e-9
 

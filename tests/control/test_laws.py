@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shipped import ARM_ERROR, ARM_REFERENCE, PENDULUM_ERROR, SERVO_ERROR, SERVO_STEP, find_case
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -21,15 +22,7 @@ from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import sgn
 from grosmc_mj.control.task import FeedbackParameters
 from grosmc_mj.control.vectors import norm
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import (
-    ARM_ERROR,
-    ARM_REFERENCE,
-    PENDULUM_ERROR,
-    SERVO_ERROR,
-    SERVO_STEP,
-    chapter_controller,
-)
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate

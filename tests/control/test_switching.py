@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shipped import case_plant, find_case, nominal_controller, of_case, run_case, run_on
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -32,18 +33,10 @@ from grosmc_mj.control.switching import (
 )
 from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.experiments.metrics.recorded import crossings
-from grosmc_mj.experiments.runs import (
-    PlantName,
-    Settings,
-    Surface,
-    case_plant,
-    nominal_controller,
-    run_case,
-    run_on,
-)
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings, Surface
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -378,7 +371,9 @@ def test_boundary_layer_thinner_than_half_a_step_chatters():
 def free_sliding(plant: PlantName, surface: Surface, period: float) -> float:
     """Largest |s| on the nominal servo when nothing switches: what the surface itself errs by."""
     settings = Settings("python", period, period, surface=surface)
-    realization = Realization(Sign(gain=0.0), settings.realization("servo").control_period)
+    realization = Realization(
+        Sign(gain=0.0), of_case(find_case("servo", "nominal"), settings).realization.control_period
+    )
     law = nominal_controller("servo", "grosmc", "corrected", realization)
     case = replace(find_case("servo", "nominal"), duration=2.0)
     result = run_on(case, plant, law, case_plant(case, plant, settings), settings)

@@ -14,13 +14,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from shipped import case_plant, cases, find_case, nominal_controller, of_case
 
 import grosmc_mj
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization
-from grosmc_mj.environments import episode, law_policy
+from grosmc_mj.environments import law_policy
 from grosmc_mj.errors import (
     ArgumentError,
     DivergenceError,
@@ -29,9 +30,10 @@ from grosmc_mj.errors import (
     SetupError,
     UndefinedLawError,
 )
-from grosmc_mj.experiments.case import Case, cases, find_case
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
@@ -83,7 +85,7 @@ def stepped(environment: Any, policy: Callable[[Any], Any]) -> tuple[Array, Arra
 def assert_equal_to_simulate(
     case: Case, controller: Controller, T: float, engine: Any, h: float = 1e-3
 ) -> Trajectory:
-    environment = load(case.system, case, control_period=T, timestep=h)
+    environment = load(case.system, of_case(case), control_period=T, timestep=h)
     states, inputs, _, last = stepped(environment, law_policy(controller))
     run, stride = simulated(case, controller, T, engine, h), round(T / h)
     command = run.command.reshape(len(run.command), -1)
@@ -132,7 +134,7 @@ def test_the_return_is_minus_the_index(system: str, name: str) -> None:
     comparison = compare_with_optimum(run, controller)
     J = measure(run, controller, comparison)["cost_whole"].value
     assert J is not None
-    _, _, total, _ = stepped(load(system, case), law_policy(controller))
+    _, _, total, _ = stepped(load(system, of_case(case)), law_policy(controller))
     # The metric takes the trapezoidal rule for the state's part, the reward the left end.
     first, last = (float(z @ controller.designed.lqr.Q @ z) for z in comparison.z[[0, -1]])
     # v is computed back from u, which costs some last places.
@@ -142,7 +144,7 @@ def test_the_return_is_minus_the_index(system: str, name: str) -> None:
 def test_the_return_of_a_law_on_the_linear_model_has_the_index_s_v() -> None:
     """LQR on the pendulum's linear model designs for u, but is paid for v = alpha + E u."""
     case = cut("cart_pendulum", "nominal", 0.002)
-    environment = load("cart_pendulum", case)
+    environment = load("cart_pendulum", of_case(case))
     index_law = law("cart_pendulum")
     x, u = np.array(case.x0), np.array([3.0])
     alpha, E = index_law.coordinates.dynamics(0.0, x, index_law.parameters)
@@ -232,7 +234,7 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> MujocoPlant:
     spec.actuator("force").ctrlrange = (-2.0, 2.0)
     spec.actuator("force").ctrllimited = True
     weak = replace(plant, spec=spec)
-    monkeypatch.setattr(episode, "case_plant", lambda *_: weak)
+    monkeypatch.setattr(Experiment, "plant", lambda *_: weak)
     return weak
 
 
@@ -240,7 +242,7 @@ def test_actions_beyond_the_bounds_are_clamped_and_paid_for_as_applied(
     limited: MujocoPlant,
 ) -> None:
     case = cut("cart_pendulum", "nominal", 0.1)
-    environment = load("cart_pendulum", case)
+    environment = load("cart_pendulum", of_case(case))
     spec = environment.action_spec()
     assert (spec.minimum.tolist(), spec.maximum.tolist()) == ([-2.0], [2.0])
     controller = law("cart_pendulum", "lqr")
@@ -304,7 +306,7 @@ def test_starts_where_the_plant_is_undefined_are_not_drawn() -> None:
 def test_a_case_without_a_defined_start_is_refused() -> None:
     case = replace(find_case("arm", "nominal"), x0=(1.6, 0.0))
     with pytest.raises(ArgumentError, match="arm/nominal can't start: the plant is singular at q"):
-        load("arm", case)
+        load("arm", of_case(case))
 
 
 def test_divergence_ends_the_episode_with_discount_zero_and_finite_numbers() -> None:
@@ -330,7 +332,7 @@ def test_divergence_comes_when_simulate_says_so(
     open_loop: Callable[[Any], Controller],
 ) -> None:
     case, push = find_case("two_link_arm", "nominal"), (1e14, -1e14)
-    environment = load("two_link_arm", case, control_period=5e-3)
+    environment = load("two_link_arm", of_case(case), control_period=5e-3)
     states, _, _, last = stepped(environment, lambda _: push)
     with pytest.raises(DivergenceError) as found:
         simulated(case, open_loop(push), 5e-3)
@@ -343,7 +345,7 @@ def test_a_singular_plant_ends_the_episode_when_simulate_says_so(
     open_loop: Callable[[float], Controller],
 ) -> None:
     case = find_case("arm", "nominal")
-    environment = load("arm", case, control_period=5e-3)
+    environment = load("arm", of_case(case), control_period=5e-3)
     states, _, _, last = stepped(environment, lambda _: np.array([20.0]))
     assert last.discount == 0.0
     with pytest.raises(UndefinedLawError) as found:
@@ -382,8 +384,8 @@ def test_a_copy_of_the_physics_goes_on_alike_disturbances_and_all() -> None:
 
 def test_two_environments_of_one_case_do_not_disturb_each_other() -> None:
     case = cut("arm", "case1", 0.05)
-    alone, *_ = stepped(load("arm", case), law_policy(law("arm")))
-    one, other = load("arm", case), load("arm", case)
+    alone, *_ = stepped(load("arm", of_case(case)), law_policy(law("arm")))
+    one, other = load("arm", of_case(case)), load("arm", of_case(case))
     policies = [law_policy(law("arm")) for _ in range(2)]
     steps = [one.reset(), other.reset()]
     while not steps[0].last():
@@ -396,7 +398,7 @@ def test_two_environments_of_one_case_do_not_disturb_each_other() -> None:
 
 
 def test_a_law_starts_its_memory_anew_in_each_episode() -> None:
-    environment, policy = load("arm", cut("arm", "case1", 0.05)), law_policy(law("arm"))
+    environment, policy = load("arm", of_case(cut("arm", "case1", 0.05))), law_policy(law("arm"))
     runs = [stepped(environment, policy)[:2] for _ in range(2)]
     assert np.array_equal(runs[0][0], runs[1][0])
     assert np.array_equal(runs[0][1], runs[1][1])
@@ -406,7 +408,7 @@ class TestSpecification(test_utils.EnvironmentTestMixin, unittest.TestCase):
     """dm_env's own tests, through the end of an episode."""
 
     def make_object_under_test(self) -> Any:
-        return load("two_link_arm", cut("two_link_arm", "case1", 0.01), spread=0.1, seed=1)
+        return load("two_link_arm", of_case(cut("two_link_arm", "case1", 0.01)), spread=0.1, seed=1)
 
     def make_action(self) -> Array:
         # dm_env would take the lower bound, which is infinite.
@@ -418,7 +420,12 @@ class TestSpecification(test_utils.EnvironmentTestMixin, unittest.TestCase):
     [
         (("cart_pendulm",), {}, ModelError, "unknown system 'cart_pendulm': did you mean 'cart_p"),
         (("servo", "case3"), {}, ArgumentError, "unknown case of servo 'case3': did you mean"),
-        (("servo", find_case("arm", "case1")), {}, ArgumentError, "'case1' is one of arm, not of"),
+        (
+            ("servo", of_case(find_case("arm", "case1"))),
+            {},
+            ArgumentError,
+            "'case1' is one of arm, not of",
+        ),
         (("servo",), {"control_period": 1.5e-3}, ArgumentError, "0.0015 s is no multiple of the"),
         (("servo",), {"timestep": -1.0}, ArgumentError, "timestep -1 s must lie between"),
         (("servo",), {"spread": [0.1] * 3}, ArgumentError, "must be one number, or 2 of them"),
@@ -460,10 +467,10 @@ def test_a_law_made_for_a_sampling_time_refuses_another() -> None:
     discrete = Realization(find_switching("sign"), 1e-3)
     controller = nominal_controller("servo", "grosmc", "corrected", discrete)
     case = cut("servo", "nominal", 0.01)
-    states, *_ = stepped(load("servo", case), law_policy(controller))
+    states, *_ = stepped(load("servo", of_case(case)), law_policy(controller))
     assert np.array_equal(states, simulated(case, controller, 1e-3).state)
     with pytest.raises(ArgumentError, match=r"for a control period of 0\.001 s, not 0\.002 s"):
-        stepped(load("servo", case, control_period=2e-3), law_policy(controller))
+        stepped(load("servo", of_case(case), control_period=2e-3), law_policy(controller))
 
 
 def test_a_law_says_where_it_is_undefined() -> None:

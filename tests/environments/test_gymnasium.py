@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import case_plant, find_case, nominal_controller, of_case
 
-from grosmc_mj.environments import episode, law_policy, register
+from grosmc_mj.environments import law_policy, register
 from grosmc_mj.environments.gymnasium_ids import IDS
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -73,7 +74,7 @@ def test_a_law_gets_simulate_s_numbers_to_the_last_bit(name: str, T: float) -> N
     system = IDS[name]
     case = replace(find_case(system, "case1"), duration=0.08)
     controller = nominal_controller(system, "grosmc", "corrected")
-    environment = gymnasium.make(name, task=case, control_period=T)
+    environment = gymnasium.make(name, task=of_case(case), control_period=T)
     names = [signal.name for signal in SYSTEMS[system].states]
     policy, over = law_policy(controller), False
     observation, info = environment.reset()
@@ -123,7 +124,7 @@ def test_leaving_the_region_terminates_and_the_duration_truncates() -> None:
     with pytest.raises(ArgumentError, match=r"the episode is over at t = .*: reset it"):
         environment.unwrapped.step(np.zeros(1))
     short = replace(find_case("servo", "nominal"), duration=0.002)
-    environment = gymnasium.make("grosmc_mj/Servo-v0", task=short)
+    environment = gymnasium.make("grosmc_mj/Servo-v0", task=of_case(short))
     environment.reset()
     assert environment.step(np.zeros(1))[2:4] == (False, False)
     assert environment.step(np.zeros(1))[2:4] == (False, True)
@@ -157,7 +158,7 @@ def test_starts_are_drawn_to_both_sides_of_the_case_s_where_the_plant_is_defined
 def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length() -> None:
     """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
     case = replace(find_case("servo", "nominal"), duration=0.005)
-    environment = gymnasium.make("grosmc_mj/Servo-v0", task=case, control_period=2e-3)
+    environment = gymnasium.make("grosmc_mj/Servo-v0", task=of_case(case), control_period=2e-3)
     design = nominal_controller("servo", "grosmc", "corrected").designed.lqr
     assert design is not None
     observation, _ = environment.reset()
@@ -176,7 +177,7 @@ def test_what_an_actuator_does_not_apply_is_not_paid_for(monkeypatch: pytest.Mon
     (motor,) = spec.actuators
     motor.ctrlrange, motor.ctrllimited = (-2.0, 1.0), True
     limited = replace(plant, spec=spec)
-    monkeypatch.setattr(episode, "case_plant", lambda *_: limited)
+    monkeypatch.setattr(Experiment, "plant", lambda *_: limited)
     environment = gymnasium.make("grosmc_mj/Servo-v0").unwrapped
 
     def reward(action: float) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Measured, Verdict
@@ -19,10 +20,10 @@ from grosmc_mj.chapter.claims.ledger import find_claim, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, PolicyError, UndefinedLawError
-from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -6,13 +6,12 @@ import math
 from pathlib import Path
 
 import pytest
+from shipped import PENDULUM_DISTURBANCE, cases, find_case
 
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import cases, find_case, shipped_files
-from grosmc_mj.experiments.designs import PENDULUM_DISTURBANCE
-from grosmc_mj.experiments.experiment import prepare
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.experiments.file.starters import starter
+from grosmc_mj.experiments.file.shipped import shipped_files, starter
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
 from grosmc_mj.simulation.models import load_model
@@ -136,7 +135,7 @@ WRONG = [
     ("k = 18", '[task]\nreference = ["sin(w*t)"]', "'sin(w*t)' has w, may have t, pi, sin"),
     ("k = 18", '[task]\nreference = ["sin(t"]', "'sin(t' is no formula in t"),
     ("k = 18", '[task]\nreference = ["0", "0"]', "2 formulas, there are 1 outputs"),
-    ("k = 18", '[task]\ndesign = "leg"', "unknown design 'leg': valid: arm"),
+    ("k = 18", '[task]\noutputs = {of = "leg"}', "unknown outputs 'leg': valid: plant"),
     ("k = 18", "Q = {a = 1}", "Q = {'a': 1} must be a number, 2 numbers"),
     ("k = 18", "QR = 1", "controller grosmc: unknown key 'QR'"),
     ("k = 18", "k = [1, 2]", "k = [1, 2] must be a number"),
@@ -168,7 +167,7 @@ def test_wrong_file_is_told_in_one_line(tmp_path: Path, good: str, bad: str, sai
     assert good in SOUND
     path = written(tmp_path, SOUND.replace(good, bad, 1))
     with pytest.raises(ArgumentError) as refused:
-        list(prepare(path).run())
+        list(Experiment.load(path).runs())
     message = str(refused.value)
     assert said in message
     assert "\n" not in message
@@ -185,7 +184,7 @@ def test_missing_and_binary_files_are_told(tmp_path: Path):
 @pytest.mark.slow
 def test_every_shipped_case_can_be_prepared():
     for path in shipped_files().values():
-        experiment = prepare(path)
+        experiment = Experiment.load(path)
         assert experiment.limits, f"{path} requires nothing"
 
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import find_case, run_case
 
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
@@ -24,7 +24,7 @@ from grosmc_mj.experiments.metrics import (
 )
 from grosmc_mj.experiments.metrics.folds import MeterNumbers, Meters, note, note_all
 from grosmc_mj.experiments.requirements import Limit, judge
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.engines.records import pack
@@ -69,8 +69,9 @@ def result_of(run: Trajectory, controller: Controller, **metrics: Metric) -> Run
     """The run as the servo's nominal case, with some metrics changed."""
     comparison = compare_with_optimum(run, controller)
     found = {**measure(run, controller, comparison), **metrics}
-    case = find_case("servo", "nominal")
-    return RunResult(case, "physics", controller, run, comparison, found)
+    return RunResult(
+        find_experiment("servo", "nominal"), "physics", controller, run, comparison, found
+    )
 
 
 def limit(kind: str, value: float, after: float = 0.0) -> Limit:

@@ -11,13 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.experiment import Experiment, find_file, prepare
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.reading import read_case_file, resolved_text
+from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.requirements import judge_all
-from grosmc_mj.experiments.runs import RunResult, Settings, nominal_controller, run_case
+from grosmc_mj.experiments.runs import RunResult, Settings
+
+ARM = find_file("arm/case1")
 
 PYTHON = """
 import math
@@ -81,8 +85,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @cache
 def shipped(case: str) -> tuple[Experiment, list[RunResult]]:
     """A shipped case file and all its runs, made once."""
-    experiment = prepare(find_file(case))
-    return experiment, list(experiment.run())
+    experiment = Experiment.load(case)
+    return experiment, list(experiment.runs())
 
 
 def run(*arguments: str) -> int:
@@ -126,7 +130,12 @@ def test_new_with_python_writes_what_run_runs(folder: Path):
 
 def test_new_copies_a_shipped_case(folder: Path):
     assert run("new", "mine", "--like", "arm/case1") == 0
-    assert (folder / "mine.toml").read_text() == find_file("arm/case1").read_text()
+    text = (folder / "mine.toml").read_text()
+    assert "extends" not in text
+    # With its comments and, beside nothing, the experiment of the package.
+    assert "# d(t) acts against the torque, eq. (57)" in text
+    copied, theirs = (read_case_file(path) for path in (folder / "mine.toml", ARM))
+    assert copied.model_copy(update={"name": "case1"}) == theirs
 
 
 @pytest.mark.parametrize(
@@ -184,13 +193,13 @@ def test_a_file_runs_as_validate_does(case: str):
 
 
 def test_numbers_of_the_file_are_the_defaults_written_out(tmp_path: Path):
-    text = find_file("arm/case1").read_text()
+    text = resolved_text(ARM)
     explicit = text.replace(
         'law = "grosmc"\n',
         'law = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\nQ = [[10, 2], [2, 1]]\nR = 1\n',
     )
     (tmp_path / "mine.toml").write_text(explicit)
-    found = {r.key: r for r in prepare(tmp_path / "mine.toml").run()}
+    found = {r.key: r for r in Experiment.load(tmp_path / "mine.toml").runs()}
     for result in shipped("arm/case1")[1]:
         mine = found[result.key.replace("/case1/", "/mine/")]
         assert np.array_equal(mine.trajectory.state, result.trajectory.state)
@@ -198,9 +207,9 @@ def test_numbers_of_the_file_are_the_defaults_written_out(tmp_path: Path):
 
 def test_law_of_ones_own_in_both_engines_is_weighed_by_the_index(folder: Path):
     path = Path(own(folder))
-    python = next(iter(prepare(path).run()))
+    python = next(iter(Experiment.load(path).runs()))
     path.write_text(CASE.replace('"python"', '"native"'))
-    native = next(iter(prepare(path).run()))
+    native = next(iter(Experiment.load(path).runs()))
     assert np.allclose(python.trajectory.state, native.trajectory.state, rtol=0, atol=1e-12)
     # v = -m sin(q) + u = -a q - b q' of this law, by its own equations.
     run, steps = native.trajectory, slice(0, -1)
@@ -209,18 +218,18 @@ def test_law_of_ones_own_in_both_engines_is_weighed_by_the_index(folder: Path):
 
 
 def test_edit_reaches_the_plant_and_not_the_law(folder: Path):
-    experiment = prepare(Path(own(folder)))
+    experiment = Experiment.load(Path(own(folder)))
     law = experiment.laws["corrected", "law"]
     assert law.parameters.plant.m == 2.0
-    assert experiment.subject.plants["corrected"].parameters.m == 3.0
+    assert experiment.plants["corrected"].parameters.m == 3.0
 
 
 def test_factory_and_reference_of_ones_own(folder: Path):
     factory = CASE.replace('"own:law"\na = 4\nb = 4', '"own:made"\nepsilon = 7')
-    result = next(iter(prepare(Path(own(folder, factory))).run()))
+    result = next(iter(Experiment.load(Path(own(folder, factory))).runs()))
     assert result.controller.parameters.epsilon == 7.0
     moving = CASE.replace("[task]", '[task]\nreference = ["own:pair"]')
-    result = next(iter(prepare(Path(own(folder, moving))).run()))
+    result = next(iter(Experiment.load(Path(own(folder, moving))).runs()))
     assert np.allclose(
         result.comparison.reference[:, 0], np.sin(result.comparison.time), atol=1e-15
     )
@@ -456,7 +465,7 @@ def test_robot_of_ones_own(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert run("run", robot(folder)) == 0
     said = capsys.readouterr().out
     assert "actuator 'knee': the position servo" in said
-    results = {r.controller.name: r for r in prepare(folder / "leg.toml").run()}
+    results = {r.controller.name: r for r in Experiment.load(folder / "leg.toml").runs()}
     assert deviation(results["grosmc"]) < 0.1 * deviation(results["lqr"])
     # v of a law of one's own, against the nominal model's M and bias by MuJoCo itself.
     law, found = results["law"].controller, results["law"].trajectory
@@ -522,8 +531,8 @@ def test_broken_robot_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
 @pytest.mark.parametrize("case", ["jaco/eight", "cartpole/heavier"])
 def test_plants_that_we_did_not_write_keep_what_their_files_require(case: str):
     pytest.importorskip("dm_control")
-    experiment = prepare(find_file(case))
-    results = list(experiment.run())
+    experiment = Experiment.load(case)
+    results = list(experiment.runs())
     judgements = judge_all(experiment.limits, results)
     assert judgements
     assert all(each.kept for each in judgements), judgements
@@ -533,28 +542,27 @@ def test_plants_that_we_did_not_write_keep_what_their_files_require(case: str):
 
 
 def test_further_laws_are_the_package_s_own_and_take_no_weights(folder: Path):
-    text = (
-        find_file("cart_pendulum/case1").read_text().replace('law = "fl-lqr"', 'law = "cart-lqr"')
+    text = resolved_text(find_file("cart_pendulum/case1")).replace(
+        'law = "fl-lqr"\n\n[[controller]]', 'law = "cart-lqr"\n\n[[controller]]'
     )
     # Without the law that takes seconds to design, and what is required of it.
     text = text.replace('[[controller]]\nlaw = "grosmc"\n', "").partition("[[requirement]]")[0]
-    assert "grosmc" not in text
     (folder / "mine.toml").write_text(text)
     (law,) = (
         law
-        for (plant, name), law in prepare(folder / "mine.toml").laws.items()
+        for (plant, name), law in Experiment.load(folder / "mine.toml").laws.items()
         if (plant, name) == ("physics", "cart-lqr")
     )
     same = nominal_controller("cart_pendulum", "cart-lqr", "corrected")
     assert np.array_equal(law.parameters.K, same.parameters.K)
     (folder / "mine.toml").write_text(text.replace('"cart-lqr"', '"cart-lqr"\nR = 5'))
-    with pytest.raises(ArgumentError, match="unknown law 'cart-lqr'"):
-        prepare(folder / "mine.toml")
+    with pytest.raises(ArgumentError, match="cart-lqr has weights and numbers of its own"):
+        Experiment.load(folder / "mine.toml")
 
 
 def test_a_model_with_a_slow_timestep_is_sampled_with_it(folder: Path):
     slow = ROBOT.replace('timestep="0.001" integrator="RK4"', 'timestep="0.002"')
-    settings = prepare(Path(robot(folder, model=slow))).settings
+    settings = Experiment.load(Path(robot(folder, model=slow))).settings
     assert (settings.timestep, settings.control_period) == (0.002, 0.002)
     assert settings.integrator == "Euler"
 
@@ -565,4 +573,4 @@ def test_outputs_of_different_units_have_no_one_error(folder: Path):
     )
     case = ROBOT_CASE.replace('hip = "10 deg"', 'hip = "1 cm"')
     with pytest.raises(ArgumentError, match="different units"):
-        prepare(Path(robot(folder, case, mixed)))
+        Experiment.load(Path(robot(folder, case, mixed)))

@@ -13,13 +13,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from shipped import TWO_LINK_CIRCLE, TWO_LINK_TIP, find_case, run_case
 from two_link_oracle import TwoLinkParameters, tip
 
 from grosmc_mj.errors import ArgumentError, DivergenceError
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.designs import TWO_LINK_CIRCLE, TWO_LINK_TIP, chapter_controller
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.experiments.films import film_of, films_of
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.board import Chart, Storyboard
 from grosmc_mj.films.camera import place
 from grosmc_mj.films.chart import draw_chart

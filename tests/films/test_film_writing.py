@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import hear_interrupts
+from shipped import find_case, run_case
 
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.runs import Settings, run_case
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import Format
 from grosmc_mj.films.offscreen.backends import find_backend
@@ -502,9 +502,8 @@ from pathlib import Path
 
 from grosmc_mj.films.film import Format
 from grosmc_mj.films.write import write_film
-from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.runs import Settings, run_case
+from grosmc_mj.experiments.runs import Settings
 
 fps, path = int(sys.argv[1]), Path(sys.argv[2])
 

@@ -20,13 +20,14 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
+from shipped import find_case, run_case
 
 import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.layout import Box

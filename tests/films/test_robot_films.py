@@ -8,13 +8,14 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
+from shipped import find_case, run_case, run_on
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series
-from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.films import film_digest, film_of
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case, run_on
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.board import Trace
 from grosmc_mj.films.camera import place
 from grosmc_mj.films.chart import draw_chart

@@ -11,7 +11,7 @@ from mutation import mutant
 from trial import trial
 
 from grosmc_mj.campaign.family.specification import campaign_files
-from grosmc_mj.experiments.case import CASES, shipped_files
+from grosmc_mj.experiments.file.shipped import CASES, shipped_files
 
 pytestmark = pytest.mark.slow
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import ARM_G, cases, find_case, task_of
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -22,8 +23,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
-from grosmc_mj.experiments.case import cases, find_case
-from grosmc_mj.experiments.designs import ARM_G, DESIGNS, chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
@@ -270,7 +270,7 @@ def laboratory() -> Laboratory:
 
 @cache
 def chapter_audit(system: str, case: str) -> Audit:
-    return audit(laboratory(), find_case(system, case))
+    return audit(laboratory(), find_experiment(system, case))
 
 
 def premise(found: Audit, name: str) -> Premise:
@@ -279,7 +279,7 @@ def premise(found: Audit, name: str) -> Premise:
 
 def arm_with(epsilon: float) -> Laboratory:
     """A laboratory whose arm has another switching gain."""
-    task = DESIGNS["arm"].task(nominal("arm"))
+    task = task_of("arm", nominal("arm"))
     law = tracking_grosmc(task, 18.0, epsilon, ARM_G)
     return Laboratory(Settings(), Fault("ε", "another gain", controller=lambda *_: law))
 
@@ -344,7 +344,7 @@ def named_epsilons(found: Premise) -> tuple[float, float]:
 @pytest.mark.slow
 def test_epsilon_that_the_premise_names_restores_it() -> None:
     """With it s stays within what one sample makes of it, and with less it does not."""
-    case, T = find_case("arm", "case1"), Settings().control_period
+    case, T = find_experiment("arm", "case1"), Settings().control_period
     along, region = named_epsilons(premise(chapter_audit("arm", "case1"), "epsilon"))
     largest = {}
     for epsilon in (1.01 * region, along, 0.9 * along):
@@ -379,7 +379,7 @@ def test_every_premise_holds_on_the_nominal_plant(system: str) -> None:
 def test_surface_is_exactly_zero_at_the_start(system: str) -> None:
     """z(0) - z(0) is zero in floating point too."""
     for case in cases(system):
-        s = laboratory().run(case, "physics", "grosmc").trajectory.sliding
+        s = laboratory().case(system, case.name, "physics", "grosmc").trajectory.sliding
         assert s is not None
         assert s[0] == 0.0
         assert premise(chapter_audit(system, case.name), "s(0) = 0").holds
@@ -406,7 +406,7 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
 
 def test_projection_that_does_not_see_the_input_is_refused() -> None:
     """G = [1, 0] on z1'' = v: G B = 0 and no input steers s."""
-    task = DESIGNS["arm"].task(nominal("arm"))
+    task = task_of("arm", nominal("arm"))
     with pytest.raises(GainError, match=r"G B = \[\[0\.0\]\] is singular"):
         tracking_grosmc(task, 18.0, 6.0, np.array([[1.0, 0.0]]))
 
@@ -420,7 +420,7 @@ def test_law_without_gain_fails_with_advice_that_can_be_followed(
     system: str, case: str, name: str
 ) -> None:
     fault = next(each for each in FAULTS if each.name == "zero switching gain")
-    found = audit(Laboratory(Settings(), fault), find_case(system, case))
+    found = audit(Laboratory(Settings(), fault), find_experiment(system, case))
     failed = premise(found, name)
     assert not failed.holds
     assert failed.along is not None
@@ -449,7 +449,7 @@ def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) ->
 
 @pytest.mark.slow
 def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
-    found = audit(laboratory(), find_case("cart_pendulum", "case1"), "fl-lqr")
+    found = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
     names = {each.name for each in found.premises}
     assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
     assert found.signals["configured"].max() == 0

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -22,14 +23,9 @@ from grosmc_mj.control.references import FourierSeries, fourier_series, setpoint
 from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.designs import (
-    TWO_LINK_G,
-    TWO_LINK_TARGET,
-    TWO_LINK_WEIGHTS,
-    chapter_controller,
-)
-from grosmc_mj.experiments.runs import RunResult, Settings, run_case, run_on
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises
@@ -116,8 +112,7 @@ def required(result: RunResult) -> Array:
 def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
     robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")
-    regulation = "two_link_arm regulation"
-    theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, regulation)
+    theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, "regulation")
     task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     ours = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
     heavier = BodyEdit("payload", mass_scale=3.0)

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from shipped import cases, find_case
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.experiments.case import cases, find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory

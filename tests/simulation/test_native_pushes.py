@@ -12,12 +12,12 @@ import mujoco
 import numba
 import numpy as np
 import pytest
+from shipped import find_case
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.simulation.disturbances import (
     Constant,
     Disturbance,

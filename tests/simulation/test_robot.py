@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from shipped import TWO_LINK_JOINTS
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -33,7 +34,6 @@ from grosmc_mj.control.references import (
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
-from grosmc_mj.experiments.designs import TWO_LINK_JOINTS
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.disturbances import Disturbance

@@ -15,6 +15,15 @@ import pytest
 import sympy as sp
 import two_link_oracle as oracle
 from scipy.integrate import trapezoid
+from shipped import (
+    TWO_LINK_CIRCLE,
+    TWO_LINK_G,
+    TWO_LINK_JOINTS,
+    TWO_LINK_TIP,
+    TWO_LINK_UNCERTAINTY,
+    find_case,
+    task_of,
+)
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -26,16 +35,7 @@ from grosmc_mj.control.references import setpoints
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import (
-    DESIGNS,
-    TWO_LINK_CIRCLE,
-    TWO_LINK_G,
-    TWO_LINK_JOINTS,
-    TWO_LINK_TIP,
-    TWO_LINK_UNCERTAINTY,
-    chapter_controller,
-)
+from grosmc_mj.experiments.experiment import chapter_controller
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.plants import SERVO, TWO_LINK_ARM, AnalyticPlant
 from grosmc_mj.plants.two_link_arm import TwoLinkParameters, tip
@@ -68,7 +68,7 @@ def nominal() -> AnalyticPlant:
 
 @cache
 def law(name: str, design: str = SYSTEM) -> Controller:
-    return chapter_controller(name, nominal(), design=design)
+    return chapter_controller(name, nominal(), case=design.partition(" ")[2] or "nominal")
 
 
 def own(plant: AnalyticPlant) -> oracle.TwoLinkParameters:
@@ -529,7 +529,7 @@ def test_gains_are_not_vacuous() -> None:
 def test_without_uncertainty_each_s_falls_at_exactly_the_asked_rate() -> None:
     """R is the identity: nothing is lost, and rho is eta."""
     certain = replace(TWO_LINK_UNCERTAINTY, scales={}, wrench=(0.0,) * 18)
-    ctl = regulating_grosmc(DESIGNS[REGULATION].task(nominal()), certain, TWO_LINK_G)
+    ctl = regulating_grosmc(task_of(REGULATION, nominal()), certain, TWO_LINK_G)
     assert (ctl.parameters.gamma0, ctl.parameters.gamma1) == (0.0, 0.0)
     for z in np.random.default_rng(8).uniform(-0.5, 0.5, (5, 4)):
         for sides in itertools.product((-1.0, 1.0), repeat=2):
@@ -600,7 +600,7 @@ def test_gains_for_a_moving_reference_are_refused() -> None:
     ("frequency", "damping"), [(0.0, 1.0), (-5.0, 1.0), (5.0, 0.0), (5.0, -1.0), (math.nan, 1.0)]
 )
 def test_pd_with_numbers_that_are_not_positive_is_refused(frequency: float, damping: float) -> None:
-    task = DESIGNS[SYSTEM].task(nominal())
+    task = task_of(SYSTEM, nominal())
     with pytest.raises(GainError, match=r"both must be positive, and .* \(2, 2\) all 2"):
         computed_torque_pd(task, frequency, damping)
 
@@ -609,14 +609,14 @@ def test_pd_of_outputs_of_another_degree_is_refused() -> None:
     """The servo's rate is steered at once: relative degree 1."""
     plant = MujocoPlant.load("servo").analytic()
     rate = ErrorCoordinates(SERVO, setpoints(1), outputs=(SERVO.equations.x[1],))
-    task = Task(plant, rate, DESIGNS["servo"].task(plant).reference, np.eye(1), 1.0)
+    task = Task(plant, rate, task_of("servo", plant).reference, np.eye(1), 1.0)
     with pytest.raises(GainError, match=r"relative degrees \(1,\) all 2"):
         computed_torque_pd(task, 5.0, 1.0)
 
 
 @pytest.mark.parametrize("design", [SYSTEM, REGULATION])
 def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output(design: str) -> None:
-    task = DESIGNS[design].task(nominal())
+    task = task_of(design, nominal())
     optimum = computed_torque_pd(task, 4.0, 0.6).designed.lqr
     assert optimum is not None
     expected = -2.4 + 3.2j * np.array([-1, -1, 1, 1])
@@ -652,7 +652,7 @@ def test_pd_costs_more_than_the_optimum() -> None:
 
 def test_a_law_that_does_not_chatter_keeps_both_surfaces() -> None:
     """The implicit law on the nominal arm: |s_i| stays below one sample's worth of nothing."""
-    realization = replace(DESIGNS[SYSTEM].task(nominal()).realization, switching=Implicit())
+    realization = replace(task_of(SYSTEM, nominal()).realization, switching=Implicit())
     ctl = chapter_controller("grosmc", nominal(), realization)
     found = simulate(physics(), ctl, START, duration=0.5, engine="python")
     sign, _ = run("grosmc", duration=0.5)

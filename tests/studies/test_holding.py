@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -29,10 +30,9 @@ from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
 from grosmc_mj.experiments.metrics import settling_time
-from grosmc_mj.experiments.runs import Settings, nominal_controller, run_case
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
 from grosmc_mj.simulation.edits import BodyEdit
@@ -308,8 +308,9 @@ def test_the_rail_is_the_models() -> None:
 
 def test_what_a_disturbance_does_is_its_largest_over_the_second_half_of_its_time() -> None:
     """Of the chapter's second case: from 9 s to 30 s, so from 19.5 s on, wherever it is."""
-    case = holding_case("case2")
-    short = run_case(replace(case, duration=0.01), "corrected", "lqr", Settings(engine="python"))
+    held_case = holding_case("case2")
+    brief = held_case.varied(duration=0.01).with_settings(engine="python")
+    short = brief.run("corrected", "lqr")
     time = np.arange(3001) / 100
     for peak in (19.5, 22.0, 30.0):
         state = np.zeros((3001, 4))
@@ -317,7 +318,7 @@ def test_what_a_disturbance_does_is_its_largest_over_the_second_half_of_its_time
         state[time == 19.4, :2] = 0.9, 0.8
         state[time == peak, :2] = -0.3, -0.1
         run = replace(short.trajectory, time=time, state=state)
-        found = measures_of(replace(short, case=case, trajectory=run), rail=0.8)
+        found = measures_of(replace(short, experiment=held_case, trajectory=run), rail=0.8)
         assert found["cart_disturbed"] == (0.3, "m", "")
         assert found["angle_disturbed"] == (0.1, "rad", "")
         assert found["cart_end"].value == (0.3 if peak == 30.0 else 0.0)
@@ -327,7 +328,7 @@ def test_what_a_disturbance_does_is_its_largest_over_the_second_half_of_its_time
         deviation = short.metrics["deviation"].value
         assert deviation is not None
         assert found["deviation"] == (pytest.approx(200 * deviation), "%", "")
-    calm = replace(short, case=replace(case, disturbances=()), trajectory=run)
+    calm = replace(short, experiment=held_case.varied(disturbances=()), trajectory=run)
     assert measures_of(calm, rail=0.8)["cart_disturbed"] == (None, "m", "no disturbance")
 
 
@@ -336,7 +337,7 @@ def test_what_a_disturbance_does_is_its_largest_over_the_second_half_of_its_time
 
 @cache
 def held(case: str, law: str) -> Trajectory:
-    return run_case(holding_case(case), "physics", law, IMPLICIT).trajectory
+    return holding_case(case).with_settings(**IMPLICIT.changes()).run("physics", law).trajectory
 
 
 @pytest.mark.slow
@@ -394,7 +395,8 @@ def test_physics_follows_the_sliding_dynamics(G: str) -> None:
 
 @pytest.mark.slow
 def test_the_angle_stays_within_its_start_or_the_lean() -> None:
-    law = nominal_controller(SYSTEM, "cart-pfl", "corrected", IMPLICIT.realization(SYSTEM))
+    how = find_experiment(SYSTEM, "nominal").with_settings(**IMPLICIT.changes()).realization
+    law = nominal_controller(SYSTEM, "cart-pfl", "corrected", how)
     angles = [5.0, 15.0, 25.0, 45.0, 60.0]
     starts = [[p, math.radians(angle), 0.0, 0.0] for angle in angles for p in (0.0, 10.0)]
     for plant in (PHYSICS, PHYSICS.edited(LARGER)):
@@ -409,7 +411,7 @@ def test_the_angle_stays_within_its_start_or_the_lean() -> None:
 @pytest.mark.parametrize("law", ["cart-lqr", "cart-ism", "cart-pfl"])
 def test_engines_agree_bit_for_bit(law: str, switching: str) -> None:
     case = find_case(SYSTEM, "case1")
-    how = Settings(switching=switching).realization(SYSTEM)
+    how = find_experiment(SYSTEM, "case1").with_settings(switching=switching).realization
     controller = nominal_controller(SYSTEM, law, "corrected", how)
     plant = PHYSICS.edited(*case.edits)
     native, python = (

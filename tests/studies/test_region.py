@@ -16,12 +16,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import hear_interrupts
+from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
-from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
+from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.plants import CART_PENDULUM, SERVO
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.studies.region import measure as region
 from grosmc_mj.studies.region.axes import choose_axes, starts_on
@@ -34,7 +35,8 @@ CONVERGED = Outcome.CONVERGED.value
 
 
 def loop(system: str, case: str, controller: str) -> Loop:
-    return Loop.of(find_system(system), find_case(system, case), controller, SETTINGS)
+    experiment = find_experiment(system, case).with_settings(integrator="implicitfast")
+    return Loop.of(experiment, controller)
 
 
 def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:

@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from shipped import find_case, nominal_controller
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -21,8 +22,7 @@ from grosmc_mj.cli.commands import View
 from grosmc_mj.cli.program import _parse
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.runs import nominal_controller
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.films.camera import aim, visible_height
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant

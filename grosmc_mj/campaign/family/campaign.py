@@ -17,8 +17,8 @@ from grosmc_mj.campaign.runs.meter import metered
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, afters, required
-from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
@@ -58,7 +58,7 @@ class Campaign:
     @classmethod
     def _checked(cls, specification: Specification, experiment: Experiment) -> Campaign:
         """The campaign of an experiment."""
-        plants = experiment.subject.plants
+        plants = experiment.plants
         name: PlantName = "physics" if "physics" in plants else "corrected"
         designed = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
         wanted = specification.controllers or tuple(designed)
@@ -99,7 +99,7 @@ class Campaign:
     @cached_property
     def plant(self) -> Plant:
         """The plant with the file's edits."""
-        plants = self.experiment.subject.plants
+        plants = self.experiment.plants
         return plants.get("physics") or plants["corrected"]
 
     @cached_property

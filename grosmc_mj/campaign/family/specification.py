@@ -9,10 +9,9 @@ from typing import Any, get_args
 
 from grosmc_mj.campaign.family.sampling import SAMPLERS
 from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
-from grosmc_mj.experiments.case import shipped_files
-from grosmc_mj.experiments.experiment import find_file
-from grosmc_mj.experiments.file.reading import parse_case_file, read_text
+from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
+from grosmc_mj.experiments.file.shipped import find_file, shipped_files
 from grosmc_mj.simulation.mujoco_plant import Integrator
 
 # The package's own campaigns, one for each system.
@@ -51,7 +50,7 @@ class Specification:
 
     Attributes:
         name: Of the campaign.
-        text: The case file, as written.
+        text: The case file, with all that it extends.
         folder: Where it lies, and what it names.
         runs: Plants; each meets every controller.
         seed: Of the sampler.
@@ -188,7 +187,9 @@ def specification_of(target: str, **asked: Any) -> Specification:
     """
     path = _found(target)
     given = {name: value for name, value in asked.items() if value is not None}
-    specification = Specification(path.stem, read_text(path), str(path.parent.resolve()), **given)
+    specification = Specification(
+        path.stem, resolved_text(path), str(path.parent.resolve()), **given
+    )
     name = specification.file.name or path.stem
     try:
         return replace(specification, name=name)

@@ -18,7 +18,7 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.premises.audit import REGIONS, least_margin
+from grosmc_mj.premises.audit import least_margin
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 
 # Scales are known to this part of themselves, up to the largest.
@@ -58,18 +58,18 @@ class PromisedFamily:
     @classmethod
     def of(cls, campaign: Campaign, controller: str) -> PromisedFamily | str:
         """The premises of a controller, or in words why there are none."""
-        law, case = campaign.laws[controller], campaign.experiment.case
+        law, region = campaign.laws[controller], campaign.experiment.region
         if not law.designed.switching:
             return f"{controller} does not switch: it promises nothing about uncertainty"
         plant = campaign.plant
         if plant.kind != "physics" or plant.system.read_parameters is None:
             return "premises are computed for the package's own systems in MuJoCo only"
-        if case.controllers not in REGIONS:
+        if region is None:
             return "no operating region is declared for this design"
         for each in campaign.family.quantities:
             if each.quantity in _NOT_IN_EQUATIONS:
                 return f"the equations have no {each.quantity}, so {each.name} has no premise"
-        return cls(campaign, law, REGIONS[case.controllers])
+        return cls(campaign, law, region)
 
     def margin(self, values: Array, amplitude: Array) -> float:
         """Configured less required switching rate, the least of the operating region.

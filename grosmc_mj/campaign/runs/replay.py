@@ -158,7 +158,8 @@ def _run(
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, plant_sample.case.onset)
     case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
-    result = RunResult(case, plant.kind, law, run, comparison, metrics, ended, plant)
+    experiment = replace(campaign.experiment, case=case)
+    result = RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant)
     ends = (run.memory[-1:], run.state[-1:], [run.status], [run.valid_until])
     return result, outcomes(campaign, controller, values[None], [plant_sample], *ends)
 

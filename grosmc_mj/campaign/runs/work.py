@@ -25,7 +25,7 @@ from grosmc_mj.campaign.runs.manifest import (
 from grosmc_mj.campaign.runs.part import Counts, counts_of, part_table
 from grosmc_mj.campaign.runs.shard import evaluate_all
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.file.reading import read_text
+from grosmc_mj.experiments.file.reading import read_text, resolved_text
 from grosmc_mj.experiments.file.user_code import named_in
 
 # What this process has imported of the users' own Python for campaigns: of each module, which.
@@ -136,7 +136,7 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
     manifest = read_manifest(folder)
     specification = Specification.of_document(manifest["question"])
     if case_file is not None:
-        if read_text(case_file) != specification.text:
+        if specification.text not in (resolved_text(case_file), read_text(case_file)):
             raise ArgumentError(
                 f"{case_file} is not the case file of {folder}: its text is another"
             )

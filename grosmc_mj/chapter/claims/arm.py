@@ -9,10 +9,10 @@ import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, within
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.audit import audit
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -60,7 +60,7 @@ def settling_ratio(lab: Laboratory, plant: PlantName) -> Measured:
 
 def worst_of_family(lab: Laboratory, plant: PlantName) -> Measured:
     """Worst max |e1 - e1*| over the declared payloads and links, in percent of the start."""
-    start = find_case(_SYSTEM, "nominal").x0
+    start = find_experiment(_SYSTEM, "nominal").case.x0
     cases = [
         trial(_SYSTEM, f"m x{mass:g}, l x{length:g}", start, 6.0, (BodyEdit("link", mass, length),))
         for mass, length in itertools.product(*((low, 1.0, high) for low, high in PAYLOADS))
@@ -69,7 +69,7 @@ def worst_of_family(lab: Laboratory, plant: PlantName) -> Measured:
     worst, where = 0.0, ""
     for index, case in enumerate(cases):
         run = runs[index]
-        where_now = case.title
+        where_now = case.case.title
         if run.status is not Status.COMPLETED:
             return Measured(None, f"{where_now}: the run ended early", broken=True)
         away = from_optimum(compare_with_optimum(run, law))
@@ -80,7 +80,7 @@ def worst_of_family(lab: Laboratory, plant: PlantName) -> Measured:
 
 def unbalanced_torque(lab: Laboratory, plant: PlantName) -> Measured:
     """Power that the equation invents: C q' against M'(q) q'^2 / 2, relative to its largest."""
-    case = find_case(_SYSTEM, "nominal")
+    case = find_experiment(_SYSTEM, "nominal")
     derivative = lab.derivative(lab.plant(case, plant))
     p = MujocoPlant.load(_SYSTEM).analytic().parameters
     random, worst = np.random.default_rng(0), 0.0
@@ -97,14 +97,14 @@ def unbalanced_torque(lab: Laboratory, plant: PlantName) -> Measured:
 
 def deviation_of_printed_law(lab: Laboratory, plant: PlantName) -> Measured:
     """max |e1 - e1*| of the law with the printed C, in percent of the start."""
-    case = find_case(_SYSTEM, "nominal")
+    case = find_experiment(_SYSTEM, "nominal")
     result = lab.run_misdesigned(case, plant, "grosmc", "printed")
     return of(result, from_optimum(result.comparison))
 
 
 def epsilon_margin(lab: Laboratory, _: PlantName) -> Measured:
     """The printed epsilon over what d(t) needs along the run."""
-    audited = audit(lab, find_case(_SYSTEM, "case1"))
+    audited = audit(lab, find_experiment(_SYSTEM, "case1"))
     required, configured = audited.signals["required"], audited.signals["configured"]
     premise = next(one for one in audited.premises if one.name == "epsilon")
     if not required.any():

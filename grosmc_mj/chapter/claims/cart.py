@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +17,10 @@ from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, within
 from grosmc_mj.control.cart import LEAN
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import SETTLING_BAND
-from grosmc_mj.experiments.runs import PlantName, run_on
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -71,9 +70,9 @@ def distance_from_hold(lab: Laboratory, plant: PlantName, *, controller: str) ->
     return Measured(worst, "; ".join(notes))
 
 
-def _trial(edit: BodyEdit) -> Case:
+def _trial(edit: BodyEdit) -> Experiment:
     """The chapter's start with one edit of the pole."""
-    return trial(SYSTEM, "pole", find_case(SYSTEM, "nominal").x0, _SHORT, (edit,))
+    return trial(SYSTEM, "pole", find_experiment(SYSTEM, "nominal").case.x0, _SHORT, (edit,))
 
 
 def deviation(lab: Laboratory, plant: PlantName, *, what: str) -> Measured:
@@ -136,14 +135,14 @@ def _worse(optimum: LqrDesign, model: tuple[np.ndarray, np.ndarray]) -> Measured
 
 def deviation_over_least(lab: Laboratory, plant: PlantName) -> Measured:
     """Deviation with G = B+ over the least of the others', in case 1."""
-    case = replace(holding_case("case1"), duration=_SHORT)
+    case = holding_case("case1").varied(duration=_SHORT)
     away, worst = {}, None
     for name, G in projections_of(_optimum(lab, plant)).items():
         if name == "B+":
             result = lab.run(case, plant, "cart-ism")
         else:
-            law = projected_law(G, lab.settings.realization("cart_pendulum"))
-            result = run_on(case, plant, law, lab.plant(case, plant), lab.settings)
+            law = projected_law(G, case.with_settings(**lab.settings.changes()).realization)
+            result = lab.run_with(case, plant, law)
         if result.status is not Status.COMPLETED:
             worst = result
         away[name] = from_optimum(result.comparison)
@@ -155,7 +154,7 @@ def deviation_over_least(lab: Laboratory, plant: PlantName) -> Measured:
 def lean_excess(lab: Laboratory, plant: PlantName) -> Measured:
     """How far |θ| under cart-pfl goes beyond its start or the lean asked for, in percent."""
     cases = [
-        replace(_trial(UNCERTAINTIES["4m, 4L"]), x0=(0.0, -math.radians(angle), 0.0, 0.0))
+        _trial(UNCERTAINTIES["4m, 4L"]).varied(x0=(0.0, -math.radians(angle), 0.0, 0.0))
         for angle in _STARTS
     ]
     _, runs = lab.batch(cases, plant, "cart-pfl")

@@ -9,10 +9,10 @@ import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, within
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.edits import BodyEdit
@@ -93,7 +93,7 @@ def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:
 
 def acceleration_error(lab: Laboratory, plant: PlantName) -> Measured:
     """Largest difference of theta'' from Lagrange's equations, in percent of the largest term."""
-    case = find_case(_SYSTEM, "nominal")
+    case = find_experiment(_SYSTEM, "nominal")
     derivative = lab.derivative(lab.plant(case, plant))
     random, worst = np.random.default_rng(0), 0.0
     for _ in range(300):
@@ -128,7 +128,7 @@ def _nominal() -> CartPendulumParameters:
 
 def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     """A gain sized on u_c alone, over the required one, in case 1 along the run."""
-    case = find_case(_SYSTEM, "case1")
+    case = find_experiment(_SYSTEM, "case1")
     result = lab.run(case, plant, "grosmc")
     true = lab.equations(case, plant)
     law, run = result.controller, result.trajectory

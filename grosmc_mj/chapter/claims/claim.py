@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 
 
 class Verdict(Enum):

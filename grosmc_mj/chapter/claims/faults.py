@@ -14,10 +14,10 @@ from grosmc_mj.chapter.claims.ledger import CLAIMS, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.vectors import each
-from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
-from grosmc_mj.experiments.runs import PlantName, Settings
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
@@ -51,11 +51,11 @@ def _negated(law: Law, m: int) -> Law:
     return negated if m == 1 else all_negated
 
 
-def _wrong_sign(law: Controller, _case: Case, _plant: PlantName) -> Controller:
+def _wrong_sign(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
     return replace(law, law=_negated(law.law, law.designed.error.inputs))
 
 
-def _no_switching(law: Controller, _case: Case, _plant: PlantName) -> Controller:
+def _no_switching(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
     gains = dict.fromkeys(("eta", "gamma0", "gamma1", "k", "epsilon"), 0.0)
     own: dict[str, Any] = {
         name: value for name, value in gains.items() if hasattr(law.parameters, name)
@@ -65,13 +65,13 @@ def _no_switching(law: Controller, _case: Case, _plant: PlantName) -> Controller
     return replace(law, parameters=replace(law.parameters, **own))
 
 
-def _no_integral(law: Controller, _case: Case, _plant: PlantName) -> Controller:
+def _no_integral(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
     if not hasattr(law.parameters, "S"):
         return law
     return replace(law, parameters=replace(law.parameters, S=0 * law.parameters.S))
 
 
-def _small_g(law: Controller, _case: Case, _plant: PlantName) -> Controller:
+def _small_g(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
     p = law.parameters
     if not hasattr(p, "S"):
         return law
@@ -86,25 +86,25 @@ def _small_g(law: Controller, _case: Case, _plant: PlantName) -> Controller:
     return replace(law, parameters=small)
 
 
-def _printed_a(law: Controller, case: Case, _plant: PlantName) -> Controller:
-    if case.system != "cart_pendulum":
+def _printed_a(law: Controller, experiment: Experiment, _plant: PlantName) -> Controller:
+    if experiment.case.system != "cart_pendulum":
         return law
-    return chapter_controller(law.name, MujocoPlant.load(case.system).analytic("printed"))
+    printed = experiment.nominal.equations("printed")
+    return experiment.law_for(printed, law.name)
 
 
-def _knows_the_plant(law: Controller, case: Case, plant: PlantName) -> Controller:
+def _knows_the_plant(law: Controller, experiment: Experiment, plant: PlantName) -> Controller:
     if plant == "printed":
         # With its printed a, eq. (40) is singular for the heavier poles of such a design.
         return law
-    edited = MujocoPlant.load(case.system, edits=case.edits).analytic()
-    return chapter_controller(law.name, edited, design=case.controllers)
+    return experiment.law_for(experiment.plant("corrected").analytic(), law.name)
 
 
-def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant) or not case.edits:
+def _no_inertia(plant: Plant, experiment: Experiment, _name: PlantName) -> Plant:
+    if not isinstance(plant, MujocoPlant) or not experiment.case.edits:
         return plant
-    nominal, edited = compile_spec(plant.spec), apply_edits(plant.spec, case.edits)
-    for edit in case.edits:
+    nominal, edited = compile_spec(plant.spec), apply_edits(plant.spec, experiment.case.edits)
+    for edit in experiment.case.edits:
         if not isinstance(edit, BodyEdit):
             continue
         body = edited.body(edit.body)
@@ -113,11 +113,11 @@ def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:
     return replace(plant, spec=edited, edits=())
 
 
-def _no_edit(plant: Plant, _case: Case, _name: PlantName) -> Plant:
+def _no_edit(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
     return plant.changed()
 
 
-def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
+def _gravity_up(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
     if not isinstance(plant, MujocoPlant):
         return plant
     spec: mujoco.MjSpec = plant.spec.copy()
@@ -125,7 +125,7 @@ def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
     return replace(plant, spec=spec)
 
 
-def _printed_physics(plant: Plant, _case: Case, _name: PlantName) -> Plant:
+def _printed_physics(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
     return plant.analytic(plant.system.variants[0])
 
 
@@ -144,7 +144,7 @@ FAULTS = (
     Fault(
         "disturbance dropped",
         "no wrench reaches the plant",
-        case=lambda case: replace(case, disturbances=()),
+        experiment=lambda experiment: experiment.varied(disturbances=()),
     ),
     Fault("gravity upside down", "gravity points up in MuJoCo", plant=_gravity_up),
     Fault("slow sampling", "the law runs every 10 ms", settings=_slowly),

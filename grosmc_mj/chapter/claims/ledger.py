@@ -10,7 +10,7 @@ from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFindin
 from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import SYSTEMS, find_system
 
 CLAIMS = read_claims(Path(__file__).with_name(f"{system}.toml") for system in SYSTEMS)

@@ -16,10 +16,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured, NeedsSlidingModeError
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import Comparison
-from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
 from grosmc_mj.premises.audit import Premise, audit, per_second
 from grosmc_mj.premises.balance import balance
@@ -124,7 +125,7 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     result = lab.case(system, case, plant, "grosmc")
     run, law = result.trajectory, result.controller
     s = sliding(run)
-    true = lab.equations(result.case, plant)
+    true = lab.equations(result.experiment, plant)
     nothing = np.zeros(6 * len(run.system.bodies))
     worst, note = 0.0, ""
     for row in range(0, len(run.time) - 1, _EVERY):
@@ -144,7 +145,7 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
 
 def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
     """The premises of the case that fail, in words; empty if none does."""
-    failed = audit(lab, find_case(system, case)).failed()
+    failed = audit(lab, find_experiment(system, case)).failed()
     return "; ".join(
         f"{premise.name} ({premise.source}): {premise.requirement}; margin {_margins(premise)}"
         + (f", restored by {premise.restores}" if premise.restores else "")
@@ -186,7 +187,7 @@ def signals(lab: Laboratory, *, system: str, case: str, name: str) -> Drawing:
 
 def gains(lab: Laboratory, *, system: str, case: str) -> Drawing:
     """Required and configured ρ along the run."""
-    rates = audit(lab, find_case(system, case)).signals
+    rates = audit(lab, find_experiment(system, case)).signals
     unit = lab.case(system, case, "physics", "grosmc").controller.designed.sliding_unit
     return Drawing(
         "time t [s]",

@@ -7,9 +7,9 @@ import numpy as np
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measures import of, within
 from grosmc_mj.control.lqr import lqr
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.balance import switching_rate
 
 
@@ -36,11 +36,11 @@ def damping_loss(lab: Laboratory, plant: PlantName) -> Measured:
     """
     ratios, poles = [], []
     for name in ("nominal", "case2"):
-        case = find_case("servo", name)
+        case = find_experiment("servo", name)
         law = lab.controller(case, plant, "lqr")
         derivative = lab.derivative(lab.plant(case, plant))
         p, memory = law.parameters, law.memory()
-        rest, step = np.array([p.reference.value, 0.0]), 1e-5
+        rest, step = np.array([law.coordinates.reference(0.0, p.reference)[0], 0.0]), 1e-5
 
         def loop(x: np.ndarray) -> np.ndarray:
             u = law.law(1.0, x, memory, p)  # noqa: B023  used in this turn only
@@ -65,7 +65,7 @@ def undercut(lab: Laboratory, plant: PlantName) -> Measured:
     With u_c = -K x it is the integral of x'(Q + K'RK)x/2, to which u_d adds no cost: the least of
     it is that of an LQR whose further input costs next to nothing. A law without u_d has none.
     """
-    law = lab.controller(find_case("servo", "nominal"), plant, "grosmc")
+    law = lab.controller(find_experiment("servo", "nominal"), plant, "grosmc")
     design, x0 = law.designed.lqr, np.array([1.0, 0.0])
     if switching_rate(law, x0, design.B[1:]) == 0:
         return Measured(0.0, "the law has no input that (13) leaves out")
@@ -82,7 +82,7 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     the switching input in it. Left out of the bound, |u_d| = |(r - 1)/r u_c + ...| is required
     while |(r - 1) u_c + ...| is configured.
     """
-    case = find_case("servo", "case2")
+    case = find_experiment("servo", "case2")
     law = lab.controller(case, plant, "grosmc")
     derivative = lab.derivative(lab.plant(case, plant))
     naive, required = 0.0, 0.0

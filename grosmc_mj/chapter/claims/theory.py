@@ -13,17 +13,11 @@ from grosmc_mj.chapter.claims.arm import PAYLOADS
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, surface_memory
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import (
-    PENDULUM_REACHING_RATE,
-    SERVO_UNCERTAINTY,
-    pendulum_uncertainty,
-)
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import find_system
-from grosmc_mj.premises.audit import REGIONS
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.simulate import simulate
@@ -36,23 +30,16 @@ _ARM_RATE = 1.0
 
 def _start(system: str) -> tuple[float, ...]:
     """Where the nominal case begins."""
-    return find_case(system, "nominal").x0
+    return find_experiment(system, "nominal").case.x0
 
 
-def _declared(lab: Laboratory, system: str) -> tuple[float, tuple[tuple[float, float], ...], Array]:
+def _declared(system: str) -> tuple[float, tuple[tuple[float, float], ...], Array]:
     """Reaching rate, ranges of mass and length scale, and the largest wrench of a system."""
-    if system == "servo":
-        scales = (SERVO_UNCERTAINTY.scales["J"], (1.0, 1.0))
-        return SERVO_UNCERTAINTY.reaching_rate, scales, np.array(SERVO_UNCERTAINTY.wrench)
-    if system == "cart_pendulum":
-        plant = lab.controller(find_case(system, "nominal"), "corrected", "grosmc").parameters.plant
-        declared = pendulum_uncertainty(plant)
-        return (
-            PENDULUM_REACHING_RATE,
-            (declared.scales["m"], declared.scales["L"]),
-            np.array(declared.wrench),
-        )
-    return _ARM_RATE, PAYLOADS, np.zeros(12)
+    declared = find_experiment(system, "nominal").uncertainty
+    if declared is None:
+        return _ARM_RATE, PAYLOADS, np.zeros(12)
+    scales = (*declared.scales.values(), (1.0, 1.0))[:2]
+    return declared.reaching_rate, scales, np.array(declared.wrench)
 
 
 def slowest_approach(lab: Laboratory, plant: PlantName, *, system: str) -> Measured:
@@ -61,7 +48,7 @@ def slowest_approach(lab: Laboratory, plant: PlantName, *, system: str) -> Measu
     The continuous reading: at each state the law is asked on both sides of its surface, and s'
     follows from x' there and then, without a time step.
     """
-    rate, scales, wrench = _declared(lab, system)
+    rate, scales, wrench = _declared(system)
     random, worst, own = np.random.default_rng(1), -np.inf, None
     body = find_system(system).uncertain_body
     for index in range(_PLANTS):
@@ -73,7 +60,7 @@ def slowest_approach(lab: Laboratory, plant: PlantName, *, system: str) -> Measu
         own = getattr(law.parameters, "eta", None)
         derivative = lab.derivative(lab.plant(case, plant))
         for _ in range(_STATES):
-            z = random.uniform(-1, 1, 2) * REGIONS[system]
+            z = random.uniform(-1, 1, 2) * (case.region or ())
             t = random.uniform(0, 2)
             for side, push in itertools.product((-1.0, 1.0), repeat=2):
                 worst = max(worst, _approach(law, derivative, t, z, side, push * wrench))
@@ -131,7 +118,7 @@ def reaching_time(lab: Laboratory, plant: PlantName, *, system: str, torque: flo
 
 def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured:
     """Worst deviation over random plants and matched disturbances of the declared size."""
-    _, scales, wrench = _declared(lab, system)
+    _, scales, wrench = _declared(system)
     random, body = np.random.default_rng(2), find_system(system).uncertain_body
     cases = []
     for _ in range(16):
@@ -159,7 +146,7 @@ _DRIFT_OF_ERROR = 0.05
 
 def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
     """max |x1 - x1*| of the servo with a constant 0.05 rad/s added to theta', in percent."""
-    case = find_case("servo", "nominal")
+    case = find_experiment("servo", "nominal")
     law, servo = lab.controller(case, plant, "grosmc"), lab.equations(case, plant)
     equations = servo.system.equations
     rate, acceleration = equations.f
@@ -168,7 +155,7 @@ def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
     # The law goes on believing in the true kinematics: it is designed for another system.
     unaware = replace(law, design=None)
     run = simulate(
-        strange, unaware, case.x0, duration=5.0, control_period=lab.settings.control_period,
+        strange, unaware, case.case.x0, duration=5.0, control_period=lab.settings.control_period,
         timestep=lab.settings.timestep, engine="python",
     )  # fmt: skip
     return Measured(from_optimum(compare_with_optimum(run, law)))
@@ -176,6 +163,6 @@ def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
 
 def proof_three(lab: Laboratory, _: PlantName) -> Measured:
     """Largest difference between -k s's and -k |s|_1 as proof 3 writes it, for |s| below 1."""
-    law = lab.controller(find_case("arm", "nominal"), "corrected", "grosmc")
+    law = lab.controller(find_experiment("arm", "nominal"), "corrected", "grosmc")
     s = np.linspace(-1, 1, 201)
     return Measured(float(np.abs(-law.parameters.k * s * s + law.parameters.k * np.abs(s)).max()))

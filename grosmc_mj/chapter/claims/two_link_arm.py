@@ -22,20 +22,19 @@ from grosmc_mj.chapter.claims.measures import (
 from grosmc_mj.chapter.figures import true_tip
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.gains import authority
-from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.designs import TWO_LINK_CIRCLE, TWO_LINK_G, TWO_LINK_UNCERTAINTY
+from grosmc_mj.control.gains import Uncertainty, authority
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
-from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
 
 _SYSTEM = "two_link_arm"
 _OTHERS = ("lqr", "pd")
-_DECLARED = TWO_LINK_UNCERTAINTY
 # B+, with the elbow's s counted like the shoulder's.
-_PSEUDOINVERSE = np.abs(np.sign(TWO_LINK_G))
+_PSEUDOINVERSE = np.kron(np.eye(2), [[0.0, 1.0]])
 # Samples of a run that are looked at: odd, so that both sides of the chatter are met.
 _EVERY = 7
 _PLANTS, _STATES, _POSES = 8, 20, 25
@@ -122,17 +121,19 @@ def extrapolated_deviation(lab: Laboratory, plant: PlantName, *, cases: Sequence
 
 def gain_margin(lab: Laboratory, plant: PlantName, *, cases: Sequence[str]) -> Measured:
     """Least rho of the law over what is required of it along runs, by the true equations."""
-    return _least_margin(lab, plant, (find_case(_SYSTEM, name) for name in cases))
+    return _least_margin(lab, plant, (find_experiment(_SYSTEM, name) for name in cases))
 
 
 def gain_margin_together(lab: Laboratory, plant: PlantName) -> Measured:
     """The same under 1 kg at the tip, links 5 % longer and every disturbance of case 1."""
-    pushed, heavier = (find_case(_SYSTEM, name) for name in ("case1", "case2"))
-    both = trial(_SYSTEM, "both", heavier.x0, 6.0, heavier.edits, pushed.disturbances)
+    pushed, heavier = (find_experiment(_SYSTEM, name) for name in ("case1", "case2"))
+    both = trial(
+        _SYSTEM, "both", heavier.case.x0, 6.0, heavier.case.edits, pushed.case.disturbances
+    )
     return _least_margin(lab, plant, (both,))
 
 
-def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Case]) -> Measured:
+def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Experiment]) -> Measured:
     """Least margin of the gain over the runs of cases."""
     results, values, notes = [], [], []
     for case in cases:
@@ -146,21 +147,21 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Case]) -> M
                 worst = min(worst, balanced.configured / balanced.required)
         results.append(result)
         values.append(float(worst))
-        notes.append(f"{case.name}: {worst:.3g}, least r {least:.3g}")
+        notes.append(f"{case.case.name}: {worst:.3g}, least r {least:.3g}")
     return _extreme(results, values, min)._replace(note="; ".join(notes))
 
 
 def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured:
     """Least authority of G = B+ over the declared poses, up to so many times the payload."""
-    case = find_case(_SYSTEM, "regulation")
+    case = find_experiment(_SYSTEM, "regulation")
     law = lab.controller(case, plant, "grosmc")
     error, p = law.coordinates, law.parameters
     rows = list(error.linearization.last_rows)
     least = {"B+": (np.inf, ""), "own": (np.inf, "")}
     projections = {"B+": _PSEUDOINVERSE[:, rows], "own": p.G[:, rows]}
-    bound, nothing = _DECLARED.region[2], np.zeros(18)
+    bound, nothing = _declared().region[2], np.zeros(18)
     for mass in np.linspace(1.0, payload, 5).tolist():
-        heavier = trial(_SYSTEM, "payload", case.x0, 1.0, (BodyEdit("payload", mass),))
+        heavier = trial(_SYSTEM, "payload", case.case.x0, 1.0, (BodyEdit("payload", mass),))
         derivative = lab.derivative(lab.plant(heavier, plant))
         for turn in np.linspace(-bound, bound, _POSES).tolist():
             x = error.place(0.0, [0.0, 0.0, turn, 0.0], p)
@@ -174,6 +175,13 @@ def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured
     return Measured(float(r), f"at {where}; the law's own G keeps {own:.3g}")
 
 
+def _declared() -> Uncertainty:
+    """What the gain of the regulation is declared for."""
+    declared = find_experiment(_SYSTEM, "regulation").uncertainty
+    assert declared is not None
+    return declared
+
+
 def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
     """The largest s_i' sgn(s_i) + eta over the declared family, by the plant's own accelerations.
 
@@ -181,22 +189,23 @@ def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
     and s' follows from x' there and then, without a time step.
     """
     random, worst = np.random.default_rng(1), -np.inf
-    low, high = _DECLARED.scales["mp"]
-    start = find_case(_SYSTEM, "nominal").x0
-    wrench = np.array(_DECLARED.wrench)
-    law = lab.controller(find_case(_SYSTEM, "regulation"), plant, "grosmc")
+    declared = _declared()
+    low, high = declared.scales["mp"]
+    start = find_experiment(_SYSTEM, "nominal").case.x0
+    wrench = np.array(declared.wrench)
+    law = lab.controller(find_experiment(_SYSTEM, "regulation"), plant, "grosmc")
     masses = [low, high, *random.uniform(low, high, _PLANTS - 2).tolist()]
     for mass in masses:
         heavier = trial(_SYSTEM, "reaching", start, 1.0, (BodyEdit("payload", mass),))
         derivative = lab.derivative(lab.plant(heavier, plant))
         for _ in range(_STATES):
-            z = random.uniform(-1, 1, 4) * _DECLARED.region
+            z = random.uniform(-1, 1, 4) * declared.region
             for *sides, push in itertools.product((-1.0, 1.0), repeat=3):
                 rates = _approach(law, derivative, z, np.array(sides), push * wrench)
                 worst = max(worst, float(rates.max()))
     own = float(getattr(law.parameters, "eta", 0.0))
     said = f"{len(masses)} payloads x {_STATES} states; the law's own η is {own:.3g}"
-    return Measured(worst + _DECLARED.reaching_rate, said)
+    return Measured(worst + declared.reaching_rate, said)
 
 
 def _approach(
@@ -244,14 +253,8 @@ def tip_path(lab: Laboratory, *, case: str, controllers: Sequence[str]) -> Drawi
         result = lab.case(_SYSTEM, case, "physics", name)
         path = true_tip(result)
         curves.append(Curve(LABELS.get(name, name), path[:, 0], path[:, 1], name))
-    angle, circle = np.linspace(0, 2 * np.pi, 200), TWO_LINK_CIRCLE
-    curves.append(
-        Curve(
-            "reference",
-            circle.centre1 + circle.radius * np.cos(angle),
-            circle.centre2 + circle.radius * np.sin(angle),
-        )
-    )
+    reference = lab.case(_SYSTEM, case, "physics", "grosmc").comparison.reference
+    curves.append(Curve("reference", reference[:, 0], reference[:, 1]))
     return Drawing("tip x [m]", "tip z [m]", curves)
 
 

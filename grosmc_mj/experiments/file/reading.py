@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.experiments.file.base import resolved, with_system_base
 from grosmc_mj.experiments.file.schema import CaseFile
 
 # Characters of a file, and how deep its tables and lists are nested.
@@ -32,7 +33,23 @@ def read_case_file(path: Path) -> CaseFile:
     Raises:
         ArgumentError: If it cannot be read, is no TOML, or says what a case file may not say.
     """
-    return parse_case_file(read_text(path), path)
+    return parse_case_file(resolved_text(path), path)
+
+
+def resolved_text(path: Path) -> str:
+    """The text of a case file with all that it takes from the files that it extends.
+
+    Raises:
+        ArgumentError: If one of them cannot be read or is no TOML.
+    """
+    return resolved(_checked_text(path), path, _checked_text, ())
+
+
+def _checked_text(path: Path) -> str:
+    """The text of a file that is TOML."""
+    text = read_text(path)
+    _content(text, path)
+    return text
 
 
 def read_text(path: Path) -> str:
@@ -53,11 +70,22 @@ def read_text(path: Path) -> str:
 
 
 def parse_case_file(text: str, path: Path) -> CaseFile:
-    """The content of a text that is, or was, a case file's.
+    """The content of a text that is, or was, a case file's with all that it extends.
 
     Raises:
         ArgumentError: If it is no TOML, or says what a case file may not say.
     """
+    content = _content(text, path)
+    content = _content(with_system_base(text, content), path)
+    try:
+        found = CaseFile.model_validate(content)
+    except ValidationError as error:
+        raise ArgumentError(f"{path}: {_in_words(error)}") from None
+    return found if found.name else found.model_copy(update={"name": path.stem})
+
+
+def _content(text: str, path: Path) -> dict[str, Any]:
+    """What a text of TOML says."""
     try:
         content = tomllib.loads(text)
         _refuse_odd(content, 0)
@@ -66,11 +94,7 @@ def parse_case_file(text: str, path: Path) -> CaseFile:
     # TOML's own errors, and one about integers of thousands of digits.
     except ValueError as error:
         raise ArgumentError(f"{path}: no valid TOML: {error}") from error
-    try:
-        found = CaseFile.model_validate(content)
-    except ValidationError as error:
-        raise ArgumentError(f"{path}: {_in_words(error)}") from None
-    return found if found.name else found.model_copy(update={"name": path.stem})
+    return content
 
 
 def _refuse_odd(content: Any, depth: int) -> None:

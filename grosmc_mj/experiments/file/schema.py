@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from grosmc_mj.errors import shown
+from grosmc_mj.experiments.file.laws_tables import ControllerTable, LawTable, TaskTable
 from grosmc_mj.experiments.file.table import (
     Kilograms,
     Metres,
@@ -23,15 +24,6 @@ from grosmc_mj.experiments.file.uncertain import CorrelationTable, UncertainTabl
 _LONGEST_NAME = 100
 
 
-def _weight(value: Any) -> Any:
-    """A number, a diagonal or the rows of a matrix, of numbers."""
-    rows = value if isinstance(value, list) else [value]
-    entries = [each for row in rows for each in (row if isinstance(row, list) else [row])]
-    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
-        raise ValueError(f"{shown(value)} must be a number, a list of numbers or a list of rows")
-    return value
-
-
 def file_name(name: str) -> str:
     """A name that folders and files may have: results are kept under it.
 
@@ -45,9 +37,6 @@ def file_name(name: str) -> str:
             f"{_LONGEST_NAME} characters at most"
         )
     return name
-
-
-Weight = Annotated[Any, BeforeValidator(_weight)]
 
 
 class PlantTable(Table):
@@ -185,47 +174,6 @@ class DisturbanceTable(Table):
     label: str = ""
 
 
-class TaskTable(Table):
-    """``[task]``: what the laws are designed for; for the package's systems it has defaults.
-
-    Attributes:
-        design: A further design of the package, such as ``two_link_arm regulation``.
-        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
-            ``module:name`` of a reference with its parameters.
-        Q: Weight of the error state, a matrix or its diagonal.
-        R: Weight of the input, a number, a matrix or its diagonal.
-    """
-
-    design: str | None = None
-    reference: list[str] | None = None
-    Q: Weight = None
-    R: Weight = None
-
-
-class ControllerTable(Table):
-    """``[[controller]]``: a law and its numbers, which stand beside these keys.
-
-    Attributes:
-        law: A law by its name, or ``module:name`` of a law, of a function that makes a controller
-            of the nominal plant, or of a controller.
-        name: What it is called; its law by default.
-        switching: Switching law of a sliding mode law.
-        surface: ``printed`` or ``discrete``.
-    """
-
-    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
-
-    law: str
-    name: str | None = None
-    switching: str = "sign"
-    surface: Literal["printed", "discrete"] = "printed"
-
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """The law's numbers."""
-        return dict(self.model_extra or {})
-
-
 class RequirementTable(Table):
     """``[[requirement]]``: what runs must keep. Limits have the unit of what they limit.
 
@@ -278,7 +226,8 @@ class CaseFile(Table):
         edit: What the true plant has that the laws do not know.
         disturbance: What acts on it.
         task: What the laws are designed for.
-        controller: The laws.
+        laws: Laws with their numbers, by name.
+        controller: Those that are run.
         requirement: What they must keep.
         uncertain: Numbers that a campaign varies; a single run has the others' values.
         correlation: Which of them vary together.
@@ -292,7 +241,20 @@ class CaseFile(Table):
     edit: list[EditTable] = []
     disturbance: list[DisturbanceTable] = []
     task: TaskTable = TaskTable()
+    laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]
     requirement: list[RequirementTable] = []
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
+
+    def law(self, name: str) -> ControllerTable:
+        """A controller of the file by its name, or else a law by its name.
+
+        What it does not say itself is that of the ``[laws.NAME]`` that it names.
+        """
+        table = next((each for each in self.controller if each.called == name), None)
+        table = table or ControllerTable(law=name)
+        if (base := self.laws.get(table.law)) is None:
+            return table
+        own = {**table.model_dump(exclude_unset=True), "law": base.law, "name": table.called}
+        return ControllerTable.model_validate({**base.model_dump(exclude_unset=True), **own})

@@ -33,7 +33,8 @@ def named_in(file: CaseFile) -> list[str]:
         file.plant.plant or "",
         *(table.profile for table in file.disturbance),
         *(reference if len(reference) == 1 else ()),
-        *(table.law for table in file.controller),
+        file.task.outputs.of,
+        *(file.law(table.called).law for table in file.controller),
     ]
     return list(dict.fromkeys(filter(is_named, texts)))
 

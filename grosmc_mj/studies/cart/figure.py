@@ -62,7 +62,7 @@ def write_holding_figure(found: Study, folder: Path) -> Path:
 
 def _draw_case(axes: list[Axes], found: Study, name: str) -> None:
     """Angle, cart and force of one case, from top to bottom."""
-    case = holding_case(name)
+    case = holding_case(name).case
     for law in LAWS:
         run = run_of(found, name, law)
         forces = run.time[:-1], run.input
@@ -104,7 +104,7 @@ def _draw_case(axes: list[Axes], found: Study, name: str) -> None:
 
 def _close_up(axes: Axes, found: Study, name: str, row: int, label: str) -> None:
     """What the disturbance does to a coordinate, in thousandths, where there is room for it."""
-    case = holding_case(name)
+    case = holding_case(name).case
     inset = axes.inset_axes((0.36, 0.13, 0.62, 0.27) if row else (0.36, 0.3, 0.62, 0.28))
     for law in LAWS:
         if row == 0 and law == "grosmc":

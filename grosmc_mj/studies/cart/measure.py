@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +15,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.task import Realization
-from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.experiment import Experiment, find_experiment
 from grosmc_mj.experiments.metrics import Metric, settling_time
-from grosmc_mj.experiments.runs import RunResult, Settings, case_plant, run_case, run_on
+from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -106,9 +106,9 @@ class Study:
     parts: Sequence[Parts]
 
 
-def holding_case(name: str) -> Case:
+def holding_case(name: str) -> Experiment:
     """A case of the chapter over the time that the cart needs."""
-    return replace(find_case(SYSTEM, name), duration=HORIZONS[name])
+    return find_experiment(SYSTEM, name).varied(duration=HORIZONS[name])
 
 
 def steps() -> int:
@@ -127,7 +127,7 @@ def study(settings: Settings, advance: Callable[[str], object] = lambda _: None)
     held = []
     for name in HORIZONS:
         for law in LAWS:
-            result = run_case(holding_case(name), "physics", law, settings)
+            result = holding_case(name).with_settings(**settings.changes()).run("physics", law)
             held.append(Held(result, measures_of(result, rail)))
             advance(result.key)
     return Study(settings, rail, held, projections(settings, advance), parts())
@@ -207,13 +207,13 @@ def projections(
     settings: Settings, advance: Callable[[str], object] = lambda _: None
 ) -> list[Projection]:
     """Each G under case 1 on physics: what the linear model says, and what is measured."""
-    case = holding_case("case1")
-    plant = case_plant(case, "physics", settings)
+    experiment = holding_case("case1").with_settings(**settings.changes())
+    plant = experiment.plant("physics")
     model, optimum = plant.linearization(), _nominal_lqr()
     rows = []
     for name, G in projections_of(optimum).items():
-        law = projected_law(G, settings.realization(SYSTEM))
-        result = run_on(case, "physics", law, plant, settings)
+        law = projected_law(G, experiment.realization)
+        result = run_on(experiment, "physics", law, plant)
         measured = measures_of(result, math.inf)
         deviation, most = measured["deviation"], measured["max_input"]
         if result.status is not Status.COMPLETED:

@@ -32,7 +32,7 @@ def cart_document(found: Study) -> dict[str, Any]:
         **origin(None),
         "configuration": {
             **asdict(found.settings),
-            "cases": [case_document(holding_case(name)) for name in HORIZONS],
+            "cases": [case_document(holding_case(name).case) for name in HORIZONS],
             "rail_half_length": {"value": found.rail, "unit": "m"},
             "cart_band": {"value": CART_BAND, "unit": "m"},
         },

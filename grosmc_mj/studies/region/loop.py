@@ -15,8 +15,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
@@ -25,36 +24,31 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A law on one plant of its system, stopped where it leaves the region of the laws.
+    """A law on the physics of an experiment, stopped where it leaves the region of the laws.
 
     Attributes:
-        system: The plant's system.
-        case: What is changed against the nominal plant.
+        experiment: What is changed against the nominal plant, and how it is run.
         controller: The law, guarded; designed for the nominal plant.
-        settings: Control period, timestep and integrator.
     """
 
-    system: System
-    case: Case
+    experiment: Experiment
     controller: Controller
-    settings: Settings
 
     @classmethod
-    def of(cls, system: System, case: Case, controller: str, settings: Settings) -> Loop:
-        """The loop of a named controller on the physics plant of a case."""
-        law = nominal_controller(
-            system.name,
-            controller,
-            "corrected",
-            settings.realization(case.controllers),
-            case.controllers,
-        )
-        return cls(system, case, guarded(law, system), settings)
+    def of(cls, experiment: Experiment, controller: str) -> Loop:
+        """The loop of a named controller."""
+        law = experiment.law("physics", controller)
+        return cls(experiment, guarded(law, experiment.nominal.system))
+
+    @property
+    def system(self) -> System:
+        """The plant's system."""
+        return self.experiment.nominal.system
 
     @cached_property
     def plant(self) -> Plant:
-        """The case's plant without what is only drawn."""
-        return case_plant(self.case, "physics", self.settings).undrawn()
+        """The experiment's plant without what is only drawn."""
+        return self.experiment.plant("physics").undrawn()
 
     def run(self, starts: Array, duration: float) -> Trajectory:
         """Start and end of the runs from the starts (nsim, n)."""
@@ -63,8 +57,8 @@ class Loop:
             self.controller,
             starts,
             duration=duration,
-            control_period=self.settings.control_period,
-            disturbances=self.case.disturbances,
+            control_period=self.experiment.settings.control_period,
+            disturbances=self.experiment.case.disturbances,
             record=False,
         )
 
@@ -100,8 +94,8 @@ class Loop:
         error = self.controller.designed.error
         if error.outputs is not None:
             raise ArgumentError(
-                f"{self.controller.name} in {self.case.name} of {self.system.name} regulates "
-                "outputs that are no states: take another --case"
+                f"{self.controller.name} in {self.experiment.case.name} of {self.system.name} "
+                "regulates outputs that are no states: take another --case"
             )
         times = np.full(len(states), time)
         return error.along(times, states, self.controller.parameters)

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case, cases, find_case
-from grosmc_mj.experiments.designs import controller_names
-from grosmc_mj.experiments.runs import Settings, nominal_controller
-from grosmc_mj.plants import System, find_system
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment, find_experiments
+from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.plants import System
 from grosmc_mj.studies.region.axes import Axis, choose_axes, starts_on
 from grosmc_mj.studies.region.loop import Loop
 from grosmc_mj.studies.region.outcome import Outcome, judge, tolerance_of
@@ -45,8 +46,8 @@ class RegionQuestion:
     """What maps are asked for.
 
     Attributes:
-        system: Name of the system.
-        case: The perturbed plant's case; None for the first that edits the plant.
+        system: Name of the system; or an experiment, ``SYSTEM/CASE`` or the path of a case file.
+        case: The perturbed plant's case of a system; None for the first that edits the plant.
         points: Starts along each axis.
         duration: Of each run [s].
         axes: Two states by symbol; None for the controlled position and its rate.
@@ -127,12 +128,15 @@ class Region:
                 f"duration {question.duration:g} s must be positive, up to {LONGEST:g} s"
             )
         self.question = question
-        self.system: System = find_system(question.system)
         perturbed = _perturbed(question)
-        self.cases = (_unperturbed(perturbed), perturbed)
-        names = question.controllers or controller_names(perturbed.controllers)
+        self.system: System = perturbed.nominal.system
+        self.experiments = [
+            each.with_settings(**question.settings.changes())
+            for each in (_unperturbed(perturbed), perturbed)
+        ]
+        names = question.controllers or perturbed.controllers
         self.controllers: list[str] = list(dict.fromkeys(names))
-        reference = self._loop(self.cases[0], self.controllers[0])
+        reference = Loop.of(self.experiments[0], self.controllers[0])
         self.axes: tuple[Axis, Axis] = choose_axes(reference, question.axes, question.limits)
         first, second = np.meshgrid(*(axis.cells(question.points) for axis in self.axes))
         self._line = self.axes[0].cells(_LINE * question.points)
@@ -143,27 +147,33 @@ class Region:
             np.concatenate([second.ravel(), np.zeros(len(self._line))]),
         )
 
+    @property
+    def cases(self) -> list[Case]:
+        """The nominal plant's case and the perturbed one's."""
+        return [each.case for each in self.experiments]
+
     @cached_property
     def batches(self) -> int:
         """Batches of all maps, for a progress bar."""
-        maps = len(self.cases) * len(self.controllers)
+        maps = len(self.experiments) * len(self.controllers)
         return maps * math.ceil(len(self._starts) / BATCH)
 
     def maps(self, advance: Callable[[str], None] = lambda _: None) -> Iterator[RegionMap]:
         """Compute the maps, one by one; ``advance`` is called after each batch."""
-        for case in self.cases:
+        for experiment in self.experiments:
             for name in self.controllers:
-                yield self._map(case, name, advance)
+                yield self._map(experiment, name, advance)
 
     def tolerances(self, controller: str) -> dict[str, tuple[float, str]]:
         """What each error of a law must be within to count as none: state to value and unit."""
-        loop = self._loop(self.cases[0], controller)
+        loop = Loop.of(self.experiments[0], controller)
         states = [self.system.states[state] for state in loop.regulated]
         return {state.symbol: (tolerance_of(state.unit), state.unit) for state in states}
 
-    def _map(self, case: Case, name: str, advance: Callable[[str], None]) -> RegionMap:
+    def _map(self, experiment: Experiment, name: str, advance: Callable[[str], None]) -> RegionMap:
         """One map."""
-        began, loop, parts = time.perf_counter(), self._loop(case, name), []
+        began, loop, parts = time.perf_counter(), Loop.of(experiment, name), []
+        case = experiment.case
         for first in range(0, len(self._starts), BATCH):
             batch = self._starts[first : first + BATCH]
             parts.append(outcomes(loop, batch, self.question.duration))
@@ -171,10 +181,6 @@ class Region:
         letters, size = np.concatenate(parts), self.question.points
         grid, line = letters[: size * size].reshape(size, size), letters[size * size :]
         return RegionMap(case, name, grid, line, self._line, time.perf_counter() - began)
-
-    def _loop(self, case: Case, name: str) -> Loop:
-        """A law on the plant of a case."""
-        return Loop.of(self.system, case, name, self.question.settings)
 
 
 def outcomes(
@@ -193,7 +199,7 @@ def outcomes(
         looks: Parts of it after which to look, ending with 1.
     """
     tolerance = np.array([tolerance_of(loop.system.states[i].unit) for i in loop.regulated])
-    disturbed = bool(loop.case.disturbances)
+    disturbed = bool(loop.experiment.case.disturbances)
     moved: NDArray[np.bool_] = np.any(np.abs(loop.errors(0.0, starts)) > tolerance, axis=1)
     letters = np.full(len(starts), Outcome.NOT_CONVERGED.value)
     for look in looks:
@@ -210,37 +216,49 @@ def outcomes(
     return letters
 
 
-def _regulates_states(case: Case) -> bool:
-    """Whether the outputs of a case's design are states, so that starts can be laid out on them."""
-    name = controller_names(case.controllers)[0]
-    law = nominal_controller(case.system, name, "corrected", design=case.controllers)
+def _regulates_states(experiment: Experiment) -> bool:
+    """Whether the outputs of the laws are states, so that starts can be laid out on them."""
+    law = experiment.law("physics", experiment.controllers[0])
     return law.coordinates.outputs is None
 
 
-def _unperturbed(perturbed: Case) -> Case:
-    """The case of the same design on the nominal plant."""
-    return next(
-        case
-        for case in cases(perturbed.system)
-        if case.controllers == perturbed.controllers and not case.edits and not case.disturbances
-    )
+def _unperturbed(perturbed: Experiment) -> Experiment:
+    """The same laws on the nominal plant: the case of the package for it, if there is one."""
+    case = perturbed.case
+    if perturbed.path in shipped_files().values():
+        for each in find_experiments(case.system):
+            calm = not each.case.edits and not each.case.disturbances
+            if calm and each.case.controllers == case.controllers:
+                return each
+    return perturbed.varied(name="nominal", title="nothing is changed", edits=(), disturbances=())
 
 
-def _perturbed(question: RegionQuestion) -> Case:
-    """The case of the perturbed plant.
+def _perturbed(question: RegionQuestion) -> Experiment:
+    """The experiment with the perturbed plant.
 
     Raises:
-        ArgumentError: If it is unknown, or nothing differs from the nominal plant.
+        ArgumentError: If it is unknown, does not run in MuJoCo, or nothing differs from the
+            nominal plant.
     """
-    edited = [case for case in cases(question.system) if case.edits and _regulates_states(case)]
-    if question.case is None:
-        return edited[0]
-    case = find_case(question.system, question.case)
+    known = find_experiments(question.system)
+    if question.case is not None:
+        names = {each.case.name: each for each in known}
+        if question.case not in names:
+            raise ArgumentError(unknown_name(f"case of {question.system}", question.case, names))
+        known = [names[question.case]]
+    elif len(known) > 1:
+        return next(each for each in known if each.case.edits and _regulates_states(each))
+    (found,) = known
+    case = found.case
+    if "physics" not in found.nominal.names:
+        raise ArgumentError(f"{question.system}: it does not run in MuJoCo, where maps are made")
     if not case.edits and case.onset >= question.duration:
         why = f"disturbed from {case.onset:g} s on" if case.disturbances else "not changed"
-        names = ", ".join(each.name for each in edited)
+        others = find_experiments(case.system) if found.nominal.shipped else []
+        edited = [e for e in others if e.case.edits and _regulates_states(e)]
+        names = ", ".join(each.case.name for each in edited) or "one with an edit"
         raise ArgumentError(
-            f"{case.name} of {question.system} is the nominal plant, {why}, and a run takes "
+            f"{case.name} of {case.system} is the nominal plant, {why}, and a run takes "
             f"{question.duration:g} s: take {names}"
         )
-    return case
+    return found

@@ -21,9 +21,9 @@ from grosmc_mj.control.switching import (
     find_switching,
 )
 from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.metrics.recorded import crossings, root_mean_square, variation_rate
-from grosmc_mj.experiments.runs import RunResult, Settings, Surface, run_case
+from grosmc_mj.experiments.runs import RunResult, Surface
 from grosmc_mj.plants import find_system
 
 # The laws for one input; those for several are the same ones then.
@@ -265,13 +265,13 @@ def experiments(
 
 def run_experiment(experiment: SwitchingRun, timestep: float = TIMESTEP) -> RunResult:
     """Run a case in MuJoCo under GROSMC with that switching law, surface and control period."""
-    settings = Settings(
+    found = find_experiment(experiment.system, experiment.case).with_settings(
         control_period=experiment.control_period,
         timestep=timestep,
         switching=experiment.law,
         surface=experiment.surface,
     )
-    return run_case(find_case(experiment.system, experiment.case), "physics", "grosmc", settings)
+    return found.run("physics", "grosmc")
 
 
 def measure_case(experiment: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from grosmc_mj.experiments.designs import DESIGNS
+from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.plants import find_system
 from grosmc_mj.report.document import origin
 from grosmc_mj.report.tables import number, numbers, table, words
@@ -35,7 +35,7 @@ def switching_document(
         **origin(None),
         "configuration": {
             "timestep": {"value": TIMESTEP, "unit": "s"},
-            "slopes": {name: DESIGNS[name].slope for name in CASES},
+            "slopes": {name: find_experiment(name, "nominal").slope for name in CASES},
         },
         "benchmark": {
             "equation": "s' = r phi + 0.5 sin(2 pi t), rho = 1, phi held",

@@ -1,0 +1,81 @@
+"""Numbers of a law, as a case file has them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.gains import Uncertainty
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
+
+
+def law_number(name: str, value: Any) -> Any:
+    """A number, a matrix or an uncertainty.
+
+    Raises:
+        ArgumentError: If it is none.
+    """
+    if name == "uncertainty":
+        return uncertainty(value)
+    entries = np.ravel(np.asarray(value, object)).tolist()
+    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
+        raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
+    if not all(map(math.isfinite, entries)):
+        raise ArgumentError(f"{name} = {shown(value)} must be finite")
+    return float(value) if np.ndim(value) == 0 else np.array(value, float)
+
+
+def uncertainty(value: Any) -> Uncertainty:
+    """A declared uncertainty.
+
+    Raises:
+        ArgumentError: If a key is missing, unknown or has a wrong value.
+    """
+    keys = [each.name for each in fields(Uncertainty)]
+    if not isinstance(value, dict):
+        raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
+    for key in value:
+        if key not in keys:
+            raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
+    if missing := [key for key in keys if key not in value]:
+        raise ArgumentError(f"uncertainty: {', '.join(missing)} is missing")
+    kinds = {"scales": dict, "wrench": list, "region": list, "reaching_rate": (int, float)}
+    for key, kind in kinds.items():
+        if not isinstance(value[key], kind):
+            what = {dict: "a table", list: "a list of numbers"}.get(kind, "a number")
+            raise ArgumentError(f"uncertainty: {key} = {shown(value[key])} must be {what}")
+    for name, pair in value["scales"].items():
+        if not (isinstance(pair, list) and len(pair) == 2):
+            raise ArgumentError(f"uncertainty: {name} = {shown(pair)} must be [least, largest]")
+    try:
+        return Uncertainty(
+            {name: (float(low), float(high)) for name, (low, high) in value["scales"].items()},
+            tuple(map(float, value["wrench"])),
+            tuple(map(float, value["region"])),
+            float(value["reaching_rate"]),
+        )
+    except (TypeError, ValueError, AttributeError) as error:
+        raise ArgumentError(f"uncertainty: {error}") from None
+
+
+def weight(name: str, value: Any, size: int) -> Array:
+    """A weight as a matrix, (size, size), from a number, a diagonal or rows.
+
+    Raises:
+        ArgumentError: If it does not fit.
+    """
+    try:
+        found = np.asarray(value, float)
+    except (ValueError, TypeError):
+        found = np.zeros((0, 0))
+    found = found * np.eye(size) if found.ndim == 0 else found
+    found = np.diag(found) if found.ndim == 1 else found
+    if found.shape != (size, size):
+        raise ArgumentError(
+            f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
+        )
+    return found

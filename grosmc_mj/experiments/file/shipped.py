@@ -1,0 +1,60 @@
+"""The package's own files: its cases, what they share, and what a user begins with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from grosmc_mj.errors import ArgumentError, unknown_name
+
+# A folder for each system.
+CASES = Path(__file__).resolve().parents[2] / "cases"
+_BASE, _OWN = "base.toml", "own_plant"
+
+
+def shipped_files() -> dict[str, Path]:
+    """The case files of the package by their names, ``system/case``; bases are none."""
+    return {
+        "/".join(path.relative_to(CASES).with_suffix("").parts): path
+        for path in sorted(CASES.glob("*/*.toml"))
+        if path.name != _BASE
+    }
+
+
+def find_file(name: str) -> Path:
+    """A case file by its path or, for the package's own, by ``system/case``.
+
+    Raises:
+        ArgumentError: If there is none.
+    """
+    shipped = shipped_files()
+    if name in shipped:
+        return shipped[name]
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise ArgumentError(f"{name} is a folder, must be a case file")
+    if path.suffix == ".toml":
+        raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
+    systems = dict.fromkeys(each.split("/")[0] for each in shipped)
+    valid = [*systems, *shipped, "or a path that ends in .toml"]
+    raise ArgumentError(unknown_name("case", name, valid))
+
+
+def base_file(system: str) -> Path | None:
+    """What the cases of a system of the package share: its laws with their numbers."""
+    return next((path for path in CASES.glob(f"*/{_BASE}") if path.parent.name == system), None)
+
+
+def starter() -> str:
+    """A case file with every key explained."""
+    return (CASES / "starter.toml").read_text(encoding="utf-8")
+
+
+def own_plant(name: str) -> dict[str, str]:
+    """A case file with a plant and laws in Python, and that Python, by their file names."""
+    sources = [Path(f"{_OWN}{suffix}") for suffix in (".toml", ".py")]
+    return {
+        f"{name}{source.suffix}": (CASES / source).read_text(encoding="utf-8").replace(_OWN, name)
+        for source in sources
+    }

@@ -1,0 +1,191 @@
+"""What a case file says is what everything runs, and what it takes from the file it extends."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import grosmc_mj as gm
+from grosmc_mj import cli
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment, find_experiment, find_experiments
+from grosmc_mj.experiments.file import shipped
+from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file, resolved_text
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.premises.audit import run_audit
+
+CASE = """
+extends = "common.toml"
+
+[run]
+duration = "0.1 s"
+
+[[controller]]
+law = "grosmc"
+"""
+COMMON = """
+title = "common"
+
+# What they share.
+[plant]
+system = "arm"
+
+[run]
+start = { "joint angle" = "0.5 rad" }
+duration = "2 s"
+
+[laws.grosmc]
+k = 7
+"""
+
+
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the package's cases, which the package takes for its own."""
+    cases = tmp_path / "cases"
+    shutil.copytree(shipped.CASES, cases)
+    monkeypatch.setattr(shipped, "CASES", cases)
+    monkeypatch.chdir(tmp_path)
+    return cases
+
+
+def extended(folder: Path, case: str = CASE, common: str = COMMON) -> Path:
+    (folder / "common.toml").write_text(common)
+    (folder / "mine.toml").write_text(case)
+    return folder / "mine.toml"
+
+
+def gain(content: dict) -> dict[str, float]:
+    """k of GROSMC in each case of a document."""
+    runs = [each for each in content["runs"] if each["controller"] == "grosmc"]
+    return {each["case"]: each["gains"]["k"] for each in runs}
+
+
+def run(*arguments: str) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(arguments)
+
+
+@pytest.mark.slow
+def test_a_changed_gain_is_seen_by_run_validate_and_the_claims(copied: Path) -> None:
+    base = copied / "arm" / "base.toml"
+    base.write_text(base.read_text().replace("k = 18", "k = 11"))
+    own = copied / "arm" / "case1.toml"
+    own.write_text(own.read_text().replace('law = "grosmc"', 'law = "grosmc"\nk = 12'))
+    run("run", "arm/case1", "--no-figures", "--out", "out")
+    run("run", "arm/case2", "--no-figures", "--out", "out")
+    run("validate", "arm", "--no-figures", "--no-claims", "--out", "out")
+    read = [json.loads((Path("out") / f"{name}.json").read_text()) for name in (
+        "arm_case1", "arm_case2", "validation"
+    )]  # fmt: skip
+    assert gain(read[0]) == {"case1": 12.0}
+    assert gain(read[1]) == {"case2": 11.0}
+    assert gain(read[2]) == {"nominal": 11.0, "case1": 12.0, "case2": 11.0}
+    lab = Laboratory(Settings())
+    assert lab.case("arm", "case1", "physics", "grosmc").controller.designed.gains["k"] == 12.0
+
+
+def test_a_changed_gain_reaches_the_laboratory_and_derived_experiments(copied: Path) -> None:
+    base = copied / "servo" / "base.toml"
+    base.write_text(base.read_text().replace("reaching_rate = 0.2", "reaching_rate = 0.4"))
+    experiment = find_experiment("servo", "case1")
+    theirs = Laboratory(Settings()).controller(experiment.varied(edits=()), "physics", "grosmc")
+    # eta = J/J_hat times the reaching rate, with J up to three times J_hat.
+    assert theirs.designed.gains["eta"] == pytest.approx(1.2, rel=1e-12)
+    assert gm.Experiment.load("servo/case1").laws["physics", "grosmc"] is theirs
+
+
+def test_tables_are_merged_and_arrays_are_the_files_own(tmp_path: Path) -> None:
+    file = read_case_file(extended(tmp_path))
+    assert (file.name, file.title, file.plant.system) == ("mine", "common", "arm")
+    assert (file.run.duration, dict(file.run.start)) == (0.1, {"joint angle": "0.5 rad"})
+    # The file's own, the extended file's, and what the system's base says.
+    law = file.law("grosmc")
+    assert law.numbers == {"k": 7, "epsilon": 6, "G": [[0, 1]]}
+    assert [table.called for table in file.controller] == ["grosmc"]
+
+
+def test_the_resolved_text_says_the_same_alone(tmp_path: Path) -> None:
+    for path in (extended(tmp_path), *shipped.shipped_files().values()):
+        text = resolved_text(path)
+        assert "extends" not in text
+        assert parse_case_file(text, path) == read_case_file(path)
+    assert "# d(t) acts against the torque, eq. (57)" in resolved_text(
+        shipped.shipped_files()["arm/case1"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ('"mine.toml"', "mine.toml extends this file in turn"),
+        ('"other.toml"', "other.toml: cannot be read: No such file"),
+        ('"../common.toml"', "must be a file beside it"),
+        ("3", "extends = 3 must be a file beside it"),
+    ],
+)
+def test_a_wrong_base_is_told_in_one_line(tmp_path: Path, name: str, said: str) -> None:
+    path = extended(tmp_path, common=f"extends = {name}\n{COMMON}")
+    with pytest.raises(ArgumentError) as refused:
+        Experiment.load(path)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_files_that_extend_each_other_without_end_are_refused(tmp_path: Path) -> None:
+    for index in range(8):
+        (tmp_path / f"f{index}.toml").write_text(f'extends = "f{index + 1}.toml"')
+    with pytest.raises(ArgumentError, match="more than 5 files extend each other"):
+        read_case_file(tmp_path / "f0.toml")
+
+
+def test_bases_are_no_cases() -> None:
+    assert [each.case.name for each in find_experiments("arm")] == ["nominal", "case1", "case2"]
+    with pytest.raises(ArgumentError, match="unknown case 'arm/base'"):
+        find_experiments("arm/base")
+
+
+def test_settings_that_are_asked_for_count_instead_of_the_files(tmp_path: Path) -> None:
+    case = CASE + 'switching = "implicit"\nsurface = "discrete"\n'
+    experiment = Experiment.load(extended(tmp_path, case))
+    law = experiment.law("physics", "grosmc")
+    assert (law.designed.switching, law.designed.control_period) == ("implicit", 1e-3)
+    other = experiment.with_settings(switching="boundary-layer", control_period=2e-3, engine=None)
+    law = other.law("physics", "grosmc")
+    assert (law.designed.switching, law.designed.control_period) == ("boundary-layer", 2e-3)
+    with pytest.raises(ArgumentError, match="unknown setting 'period'"):
+        experiment.with_settings(period=1.0)
+
+
+def test_a_run_has_its_metrics_and_what_is_required_of_it() -> None:
+    experiment = gm.Experiment.load("servo/nominal").varied(duration=0.5)
+    result = experiment.run(plant="corrected", law="grosmc")
+    assert result.trajectory.time[-1] == 0.5
+    assert result.metrics["deviation"].unit == "rad"
+    # Requirements are of physics.
+    assert result.requirements == []
+    assert {each.limit.kind for each in experiment.run().requirements} == {
+        "settles_within", "deviation_below", "no_reaching_phase"
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_written_reference_that_moves_is_audited_as_it_moves(tmp_path: Path) -> None:
+    """y_r = sin(3 t) asks more of the gain than y_r = 0 for all t, as at t = 0 they are alike."""
+    required = []
+    for formula in ("sin(3*t)", "0*t"):
+        task = f'\n[task]\nreference = ["{formula}"]\nregion = [0.1, 0.1]\n'
+        task += '\n[[edit]]\nbody = "link"\nmass_scale = 2\n\n[[controller]]'
+        path = extended(tmp_path, CASE.replace("\n[[controller]]", task))
+        found = run_audit(Experiment.load(path).run())
+        gain = next(each for each in found.premises if each.name == "epsilon")
+        assert gain.region is not None
+        required.append(-gain.region.margin)
+        moved = formula != "0*t"
+        assert (gain.region.worst.t > 0) is moved
+    assert not np.isclose(*required)
