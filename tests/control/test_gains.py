@@ -109,7 +109,7 @@ def shortfall(ctl: Controller, at: Point, rate: float) -> float:
     position = error.system.output
     velocity = position + error.system.degrees_of_freedom
     x = np.zeros(len(error.system.states))
-    x[position] = p.reference.value + error.sign * at.z[0]
+    x[position] = error.reference(0.0, p.reference)[0] + error.sign * at.z[0]
     x[velocity] = error.sign * at.z[1]
     memory = SurfaceMemory(z0=at.z - at.side * p.G[0] / (p.G[0] @ p.G[0]), t=1.0)
     u = ctl.law(1.0, x, memory, p)
