@@ -273,7 +273,7 @@ def reversing_servo() -> System:
 @pytest.mark.parametrize("scale", [2.0, 1 / 0.667])
 def test_family_that_reverses_or_loses_the_input_is_refused(scale):
     """No gain helps where E*/E <= 0: the message says which ratio, where."""
-    error = ErrorCoordinates(reversing_servo(), setpoint, -1)
+    error = ErrorCoordinates(reversing_servo(), SERVO_ERROR.reference, -1)
     uncertainty = Uncertainty({"Kt": (1.0, scale)}, (0.0,) * 6, (1.0, 1.0), 0.2)
     p = robust("servo").parameters
     with pytest.raises(GainError, match=r"servo: the input gain of a declared plant is .* at z ="):
