@@ -110,7 +110,7 @@ def shortfall(ctl: Controller, at: Point, rate: float) -> float:
     position = error.system.output
     velocity = position + error.system.degrees_of_freedom
     x = np.zeros(len(error.system.states))
-    x[position] = p.reference.value + error.sign * at.z[0]
+    x[position] = error.reference(0.0, p.reference)[0] + error.sign * at.z[0]
     x[velocity] = error.sign * at.z[1]
     memory = SurfaceMemory(z0=at.z - at.side * p.G[0] / (p.G[0] @ p.G[0]), t=1.0)
     u = ctl.law(1.0, x, memory, p)
@@ -274,7 +274,7 @@ def reversing_servo() -> System:
 @pytest.mark.parametrize("scale", [2.0, 1 / 0.667])
 def test_family_that_reverses_or_loses_the_input_is_refused(scale):
     """No gain helps where E*/E <= 0: the message says which ratio, where."""
-    error = ErrorCoordinates(reversing_servo(), setpoint, -1)
+    error = ErrorCoordinates(reversing_servo(), SERVO_ERROR.reference, -1)
     uncertainty = Uncertainty({"Kt": (1.0, scale)}, (0.0,) * 6, (1.0, 1.0), 0.2)
     p = robust("servo").parameters
     with pytest.raises(GainError, match=r"servo: the input gain of a declared plant is .* at z ="):
