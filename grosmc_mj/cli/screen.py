@@ -1,28 +1,104 @@
-"""What the commands share: exit codes, the console, the progress bar."""
+"""What the commands share: exit codes, the console, brief tables, the progress bar."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from typing import Any
-
-from rich.console import Console
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.cli.entry import DIFFERS as DIFFERS
 from grosmc_mj.cli.entry import DONE as DONE
 
-# Wide enough for the table of results when standard output is no terminal.
-_WIDTH = 120
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console
+    from rich.table import Table
+
+# An answer fits in a screen: forty lines of so many columns.
+WIDTH = 100
+# The tables of --verbose may be as wide.
+_FULL_WIDTH = 120
+# Of one kind, such as results that differ.
+_MOST_LINES = 5
 
 
 def console() -> Console:
-    """Standard output, never narrower than the table of results."""
-    return Console(highlight=False, width=max(_WIDTH, Console().width))
+    """Standard output, as wide as an answer."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=WIDTH)
+
+
+def wide_console() -> Console:
+    """Standard output, never narrower than the widest table."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=max(_FULL_WIDTH, Console().width))
+
+
+def say_verdict(to: Console, words: str, *, good: bool) -> None:
+    """Print the line that an answer begins with."""
+    to.print(words, style=f"bold {'green' if good else 'red'}", markup=False)
+
+
+def say_lines(to: Console, lines: Sequence[str], style: str = "red", *, all: bool) -> None:
+    """Print lines of one kind: all of them, or the first ones and how many there are more."""
+    shown = lines if all else lines[:_MOST_LINES]
+    for line in shown:
+        to.print(line, style=style, markup=False, soft_wrap=all)
+    if left := len(lines) - len(shown):
+        to.print(f"... and {left} more: --verbose has them", style=style)
+
+
+def say_files(to: Console, *files: Path) -> None:
+    """Print where everything is; paths are not folded."""
+    to.print(", ".join(map(str, files)), soft_wrap=True, markup=False)
+
+
+def brief_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    words: int = 1,
+    most: int = 12,
+    styles: Sequence[str] = (),
+) -> Table:
+    """A table of at most so many rows, each a line, for an answer.
+
+    Args:
+        title: Above it.
+        columns: Their headers.
+        rows: A text for each column, the worst first.
+        words: So many columns hold words; those after them hold numbers.
+        most: Rows that are shown; the caption says how many there are more.
+        styles: Of the rows; none for plain ones.
+    """
+    from rich.markup import escape
+
+    from grosmc_mj.report.tables import empty_table
+
+    table = empty_table(title)
+    for i, header in enumerate(columns):
+        table.add_column(
+            escape(header),
+            justify="left" if i < words else "right",
+            no_wrap=True,
+            overflow="ellipsis",
+        )
+    for i, cells in enumerate(rows[:most]):
+        table.add_row(*map(escape, cells), style=styles[i] if styles else "")
+    if len(rows) > most:
+        table.caption = f"... and {len(rows) - most} more: --verbose has them"
+        table.caption_justify = "left"
+    return table
 
 
 @contextlib.contextmanager
 def progress(total: int, unit: str = "") -> Iterator[Any]:
     """A progress bar on standard error, where that is a terminal; advance it by calling."""
+    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -89,7 +89,26 @@ def find_file(name: str) -> Path:
         raise ArgumentError(f"{name} is a folder, must be a case file")
     if path.suffix == ".toml":
         raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
-    raise ArgumentError(unknown_name("case", name, [*shipped, "or a path that ends in .toml"]))
+    systems = dict.fromkeys(each.split("/")[0] for each in shipped)
+    valid = [*systems, *shipped, "or a path that ends in .toml"]
+    raise ArgumentError(unknown_name("case", name, valid))
+
+
+def find_experiments(target: str) -> list[Experiment]:
+    """The experiments that a name means: ``SYSTEM``, ``SYSTEM/CASE`` or the path of a case file.
+
+    Args:
+        target: ``servo`` for all its cases, the nominal one first; ``servo/case1`` for one; or a
+            path.
+
+    Raises:
+        ArgumentError: If there is none, or a file is wrong, in one line.
+    """
+    found = [name for name in shipped_files() if name.split("/")[0] == target]
+    if not found:
+        return [prepare(find_file(target))]
+    found.sort(key=lambda name: (not name.endswith("/nominal"), name))
+    return [prepare(find_file(name)) for name in found]
 
 
 def prepare(path: Path) -> Experiment:

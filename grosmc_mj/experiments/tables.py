@@ -32,7 +32,7 @@ _MATRIX = 3
 _CART = ("cart\n[m]", "cart_travel")
 
 
-def _cell(metric: Metric | None) -> str:
+def metric_cell(metric: Metric | None) -> str:
     """A metric in a table."""
     if metric is None:
         return ""
@@ -61,7 +61,7 @@ def results_table(results: Sequence[RunResult]) -> Table:
         style = "bold" if law == "grosmc" else ""
         if result.status is not Status.COMPLETED:
             law, style = law + " (!)", "red"
-        cells = [_cell(result.metrics.get(name)) for _, name in columns]
+        cells = [metric_cell(result.metrics.get(name)) for _, name in columns]
         table.add_row(label, result.plant, law, *cells, style=style)
     return table
 

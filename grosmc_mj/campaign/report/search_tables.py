@@ -29,7 +29,7 @@ def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
     for each in found:
         nearest = "none was found"
         if each.shrunk is not None and each.shrunk_relative is not None:
-            nearest = f"{_plant(campaign, each.shrunk)}: margin {number(each.shrunk_relative)}"
+            nearest = f"{plant_words(campaign, each.shrunk)}: margin {number(each.shrunk_relative)}"
         values = (each.samples, each.random, each.relative)
         table.add_row(LABELS.get(each.controller, each.controller), *map(number, values), nearest)
     runs = found[0].evaluations
@@ -51,7 +51,7 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
     notes = []
     for each in found:
         outside, promised = each.outside, each.promised
-        plant = "none was found" if outside is None else _plant(campaign, outside.values)
+        plant = "none was found" if outside is None else plant_words(campaign, outside.values)
         table.add_row(
             LABELS.get(each.controller, each.controller),
             f"{each.found:.3g}",
@@ -77,7 +77,7 @@ def _table(title: str) -> Table:
     return table
 
 
-def _plant(campaign: Campaign, values: Array) -> str:
+def plant_words(campaign: Campaign, values: Array) -> str:
     """The uncertain numbers that are not nominal."""
     parts = []
     for each, value in zip(campaign.family.quantities, values.tolist(), strict=True):

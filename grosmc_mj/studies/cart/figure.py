@@ -1,4 +1,4 @@
-"""The figure of ``grosmc-mj hold``: pole, cart and force, and what the unmatched part costs."""
+"""The figure of ``grosmc-mj study cart``: pole, cart, force, and what the unmatched part costs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grosmc_mj.report.palette import COLOURS, DISTURBANCE, OPTIMUM
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.studies.cart.measure import ALONE, LAWS, Study, holding_case, run_of
 
-NAME = "hold"
+NAME = "cart"
 _CASES = ("case1", "case2")
 _WORDS = {
     "grosmc": "GROSMC of the chapter",
