@@ -75,17 +75,23 @@ def brief_table(
         most: Rows that are shown; the caption says how many there are more.
         styles: Of the rows; none for plain ones.
     """
+    from rich.cells import cell_len
     from rich.markup import escape
 
     from grosmc_mj.report.tables import empty_table
 
-    table = empty_table(title)
+    table, shown = empty_table(title), [columns, *rows[:most]]
+    widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
+    # Of the words, the longest give way.
+    widest = widths.index(max(widths[:words]))
+    widths[widest] -= max(0, sum(widths) + len(widths) - WIDTH)
     for i, header in enumerate(columns):
         table.add_column(
             escape(header),
             justify="left" if i < words else "right",
             no_wrap=True,
             overflow="ellipsis",
+            width=max(widths[i], 1),
         )
     for i, cells in enumerate(rows[:most]):
         table.add_row(*map(escape, cells), style=styles[i] if styles else "")

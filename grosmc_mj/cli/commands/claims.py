@@ -230,14 +230,7 @@ def _unsupported(findings: Sequence[Finding]) -> Table:
         needed = f"{claim.sense} {claim.threshold:g} {unit}".rstrip()
         rows.append((each.verdict.value, claim.id, claim.statement, value, needed))
     columns = ("", "claim", "the chapter says", "found", "must be")
-    table = screen.brief_table("", columns, rows, words=3, most=_MOST)
-    # The statement gives way; everything else is whole.
-    table.columns[2].ratio, table.width = 1, screen.WIDTH
-    for column in (0, 1, 3, 4):
-        table.columns[column].min_width = max(
-            [len(row[column]) for row in rows] + [len(columns[column])]
-        )
-    return table
+    return screen.brief_table("", columns, rows, words=3, most=_MOST)
 
 
 def _ledger(console: Console, findings: Sequence[Finding]) -> None:
