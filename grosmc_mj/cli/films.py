@@ -20,14 +20,14 @@ FOLDER = "films"
 
 
 def say_film(console: Console, written: Written, fps: int) -> None:
-    """One line about a film."""
+    """Say how large a film is, and where it and its pictures are."""
     size = written.film.stat().st_size / 1e6
-    files = [written.film, written.poster, *([written.gif] if written.gif else [])]
     console.print(
-        f"{', '.join(map(str, files))}: {written.frames} frames, {written.frames / fps:.1f} s, "
-        f"{size:.1f} MB ({written.backend}, ffmpeg {written.ffmpeg.version})",
-        soft_wrap=True,
+        f"{written.frames} frames, {written.frames / fps:.1f} s, {size:.1f} MB "
+        f"({written.backend}, ffmpeg {written.ffmpeg.version})",
+        markup=False,
     )
+    screen.say_files(console, written.film, written.poster, *([written.gif] if written.gif else []))
 
 
 def film_results(

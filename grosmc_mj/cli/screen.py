@@ -52,8 +52,10 @@ def say_lines(to: Console, lines: Sequence[str], style: str = "red", *, all: boo
 
 
 def say_files(to: Console, *files: Path) -> None:
-    """Print where everything is; paths are not folded."""
-    to.print(", ".join(map(str, files)), soft_wrap=True, markup=False)
+    """Print where everything is, in a line or a line each; paths are not folded."""
+    words = ", ".join(map(str, files))
+    for line in [words] if len(words) <= WIDTH else map(str, files):
+        to.print(line, soft_wrap=True, markup=False)
 
 
 def brief_table(

@@ -57,11 +57,11 @@ class RunCommand(Command):
         for experiment in experiments:
             _check_uncertain(experiment)
         self.out.mkdir(parents=True, exist_ok=True)
-        done: list[_Done] = []
+        done: list[_JudgedExperiment] = []
         try:
             for experiment in experiments:
                 name = result_name(experiment.path)
-                done.append(_Done(name, experiment, self.out / f"{name}.json"))
+                done.append(_JudgedExperiment(name, experiment, self.out / f"{name}.json"))
                 done[-1].run()
         finally:
             # What was computed is shown and kept, whatever happened since.
@@ -77,7 +77,7 @@ class RunCommand(Command):
             film_runs(console, each.results, each.experiment.settings, path)
         return screen.DONE if all(each.kept for each in done) else screen.DIFFERS
 
-    def _say(self, done: Sequence[_Done]) -> None:
+    def _say(self, done: Sequence[_JudgedExperiment]) -> None:
         """The answer, and the tables."""
         console = screen.console()
         if len(done) == 1:
@@ -90,7 +90,7 @@ class RunCommand(Command):
 
 
 @dataclass
-class _Done:
+class _JudgedExperiment:
     """One experiment and what came out.
 
     Attributes:
@@ -160,7 +160,7 @@ def _check_uncertain(experiment: Experiment) -> None:
             raise ArgumentError(f"{experiment.path}: {error}") from error
 
 
-def _answer(console: Console, done: _Done, *, full: bool) -> None:
+def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     """Whether one experiment keeps its requirements, and its main numbers."""
     from grosmc_mj.experiments import tables
 
@@ -179,6 +179,11 @@ def _answer(console: Console, done: _Done, *, full: bool) -> None:
         for premise in audit.failed()
     ]
     screen.say_lines(console, fails, "#D55E00", all=full)
+    for audit in done.premises:
+        held = len(audit.premises) - len(audit.failed())
+        console.print(
+            f"premises of {audit.controller}: {held} of {len(audit.premises)} hold", style="dim"
+        )
     if all_of_them:
         console.print(_requirements(all_of_them))
     console.print(runs_table(done.results))
@@ -187,7 +192,7 @@ def _answer(console: Console, done: _Done, *, full: bool) -> None:
     screen.say_lines(console, list(changed), "dim", all=full)
 
 
-def _answers(console: Console, done: Sequence[_Done]) -> None:
+def _answers(console: Console, done: Sequence[_JudgedExperiment]) -> None:
     """The same of several experiments, a row each."""
     failed = sum(len(each.failed) for each in done)
     judged = sum(len(each.judgements) for each in done)
@@ -245,7 +250,7 @@ def runs_table(results: Sequence[RunResult]) -> Table:
     return screen.brief_table("", columns, rows, words=2, most=9, styles=styles)
 
 
-def _tables(console: Console, done: _Done) -> None:
+def _tables(console: Console, done: _JudgedExperiment) -> None:
     """All that was measured."""
     from grosmc_mj.chapter.claims_tables import audit_table, worst_points
     from grosmc_mj.experiments import tables

@@ -104,7 +104,7 @@ class ValidateCommand(Command):
                 "--timestep, --integrator, --switching and --surface"
             )
         systems = list(dict.fromkeys(case.system for case in selected))
-        done = _Done(settings, selected, [], [], [])
+        done = _Validation(settings, selected, [], [], [])
         claims: list[Claim] = []
         if self.claims and not self.record and settings == Settings():
             claims = [claim for claim in CLAIMS if claim.system in _whole(selected)]
@@ -162,7 +162,7 @@ class ValidateCommand(Command):
         ]
         return list({(case.system, case.name): case for case in found}.values())
 
-    def _say(self, done: _Done, *, complete: bool) -> None:
+    def _say(self, done: _Validation, *, complete: bool) -> None:
         """The answer, and the tables."""
         console = screen.console()
         if complete:
@@ -181,7 +181,7 @@ class ValidateCommand(Command):
         if self.verbose:
             _tables(screen.wide_console(), done)
 
-    def _draw(self, done: _Done) -> list[Path]:
+    def _draw(self, done: _Validation) -> list[Path]:
         """The figures."""
         from grosmc_mj.chapter.figures import drawable, write_figures
 
@@ -195,7 +195,7 @@ class ValidateCommand(Command):
 
 
 @dataclass
-class _Done:
+class _Validation:
     """What has been computed so far.
 
     Attributes:
@@ -223,7 +223,7 @@ def _whole(selected: Sequence[Case]) -> list[str]:
     return [name for name in systems if all(case in selected for case in cases(name))]
 
 
-def _say_verdict(console: Console, done: _Done, *, full: bool) -> None:
+def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
     """Say whether the results are as recorded."""
     count = len(done.results)
     if done.differing is None:
@@ -239,7 +239,7 @@ def _say_verdict(console: Console, done: _Done, *, full: bool) -> None:
         screen.say_verdict(console, words, good=True)
 
 
-def _systems_table(done: _Done) -> Table:
+def _systems_table(done: _Validation) -> Table:
     """What was computed of each system: runs, equations against MuJoCo, claims by verdict."""
     from grosmc_mj.chapter.claims.claim import Verdict
 
@@ -284,7 +284,7 @@ def _deviations_table(results: Sequence[RunResult]) -> Table:
     return screen.brief_table(title, ("case", *laws), rows, most=14)
 
 
-def _tables(console: Console, done: _Done) -> None:
+def _tables(console: Console, done: _Validation) -> None:
     """Everything that was measured."""
     from grosmc_mj.experiments import tables
     from grosmc_mj.studies.agreement.report import agreement_table

@@ -115,7 +115,10 @@ def _answer(console: Console, found: Study, *, full: bool) -> None:
         f"{each.result.key}: {each.result.ended}" for each in found.held if each.result.ended
     ]
     screen.say_lines(console, endings, all=full)
-    columns = ("case", "law", *(" ".join(header.split("\n")) for header, _, _ in _COLUMNS[:5]))
+    columns = (
+        "case", "law", "angle settled [s]", "cart settled [s]", "travel [m]", "max|u| [N]",
+        "max|θ-θ*| [%]",
+    )  # fmt: skip
     console.print(screen.brief_table("", columns, rows, words=2))
     unmatched = max(found.projections, key=lambda row: row.amplification or 0)
     console.print(

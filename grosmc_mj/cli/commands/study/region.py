@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
     from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion
 
+# The outcomes of starts that do not converge, in the order of ``Outcome``.
+_OTHERS = ("left", "singular", "not conv.", "diverged")
+
 
 @dataclass(frozen=True)
 class RegionCommand(Command):
@@ -168,8 +171,7 @@ def _answer(console: Console, asked: Region, maps: Sequence[RegionMap]) -> None:
         f"of {least.grid.size}.",
         style="bold",
     )
-    titles = [each.title for each in Outcome if each is not Outcome.CONVERGED]
-    columns = ("plant", "law", "converged %", *titles, f"at rest [{asked.axes[0].shown_unit}]")
+    columns = ("plant", "law", "converged %", *_OTHERS, f"at rest [{asked.axes[0].shown_unit}]")
     console.print(screen.brief_table("", columns, rows, words=2, most=16))
 
 
