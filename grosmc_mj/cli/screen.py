@@ -87,6 +87,8 @@ def brief_table(
     # Of the words, the longest give way.
     widest = widths.index(max(widths[:words]))
     widths[widest] -= max(0, sum(widths) + len(widths) - WIDTH)
+    # A title is as wide as its table at most.
+    widths[0] += max(0, cell_len(title) - sum(widths) - len(widths))
     for i, header in enumerate(columns):
         table.add_column(
             escape(header),

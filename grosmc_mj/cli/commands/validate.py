@@ -173,8 +173,8 @@ class ValidateCommand(Command):
         console.print(_systems_table(done))
         if done.findings:
             console.print(
-                "Refuted: the chapter says it, physics does not show it; grosmc-mj claims names "
-                "each.",
+                "Of the chapter's claims. Refuted: the chapter says it, physics does not show it; "
+                "grosmc-mj claims names each.",
                 style="dim",
             )
         console.print(_deviations_table(done.results))
@@ -258,7 +258,7 @@ def _systems_table(done: _Validation) -> Table:
         rows.append((system, str(len(runs)), str(ended), agreement, *counts))
     columns = (
         "system", "runs", "ended early", "equations - MuJoCo",
-        *(f"claims {verdict.value}" for verdict in Verdict),
+        *(verdict.value for verdict in Verdict),
     )  # fmt: skip
     return screen.brief_table("", columns, rows)
 
