@@ -25,7 +25,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast lint format typecheck bench gallery results page clean
+.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -55,6 +55,9 @@ $(OLDER:%=portable-%): portable-%: $(INSTALLED)
 
 portable-fast: $(INSTALLED)  ## The fast tests with an older machine's libraries
 	$(AS) nehalem-libraries $(FAST)
+
+mutate: $(INSTALLED)  ## Put 200 faults in, one at a time, and say which the tests notice (half an hour)
+	$(BIN)/python tests/mutants.py $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .

@@ -1,22 +1,34 @@
-"""Versions of installed packages."""
+"""This package's version, and those of the packages that its numbers depend on."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
-import grosmc_mj
+__version__ = "0.1.0"
 
-# Packages beside this one whose version may change a bit of a run.
-DECISIVE = ("mujoco", "numba", "numpy", "scipy")
+# Packages whose version may change a bit of a run.
+DECISIVE = ("grosmc_mj", "mujoco", "numba", "numpy", "scipy")
+_REPORTED = (
+    "python", "grosmc_mj", "mujoco", "dm_control", "numpy", "scipy", "control", "numba",
+    "matplotlib",
+)  # fmt: skip
 
 
-def installed(packages: Iterable[str], absent: str = "not installed") -> dict[str, str]:
-    """The version of this package and of others; ``absent`` for one that is not there."""
-    found = {"grosmc_mj": grosmc_mj.__version__}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = absent
-    return found
+def versions(of: Iterable[str] = _REPORTED) -> dict[str, str]:
+    """Versions of Python, this package and others; ``not installed`` where there is none.
+
+    Args:
+        of: Names of packages, or ``python``; by default what every document records.
+    """
+    return {name: _version(name) for name in of}
+
+
+def _version(name: str) -> str:
+    """The version of one."""
+    own = {"python": platform.python_version(), "grosmc_mj": __version__}
+    try:
+        return own.get(name) or version(name)
+    except PackageNotFoundError:
+        return "not installed"

@@ -68,8 +68,8 @@ def lqr_law() -> gm.Controller:
 
 @cache
 def task() -> gm.Task:
-    error = gm.ErrorCoordinates(SERVO, gm.constant(2))
-    return gm.Task(analytic(), error, gm.Setpoint(1.0), np.eye(2), 1.0)
+    error = gm.control.ErrorCoordinates(SERVO, gm.control.setpoints(2))
+    return gm.Task(analytic(), error, gm.control.Setpoint(1.0), np.eye(2), 1.0)
 
 
 def uncertainty(**changes: Any) -> gm.Uncertainty:
@@ -87,8 +87,8 @@ def recorded() -> gm.Trajectory:
     return gm.simulate(servo(), lqr_law(), [0.0, 0.0], duration=0.002)
 
 
-def take() -> gm.Take:
-    return gm.Take("lqr", "black", recorded())
+def take() -> gm.films.Take:
+    return gm.films.Take("lqr", "black", recorded())
 
 
 def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
@@ -118,11 +118,14 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             | {"design": None, "model": None},
         ),
         "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
-        "linearize": (gm.linearize, {"plant": servo(), "x": None, "u": 0.0}),
-        "load_model": (gm.load_model, {"name": "servo"}),
-        "find_switching": (gm.find_switching, {"name": "sign"}),
-        "constant": (lambda degree: gm.constant(degree), {"degree": 2}),
-        "reference": (gm.reference, {"outputs": [sp.sin(gm.TIME)], "degrees": (2,)}),
+        "linearize": (gm.simulation.linearize, {"plant": servo(), "x": None, "u": 0.0}),
+        "load_model": (gm.simulation.load_model, {"name": "servo"}),
+        "find_switching": (gm.control.find_switching, {"name": "sign"}),
+        "setpoints": (lambda degree: gm.control.setpoints(degree), {"degree": 2}),
+        "reference": (
+            gm.control.reference,
+            {"outputs": [sp.sin(gm.control.TIME)], "degrees": (2,)},
+        ),
         "affine_plant": (
             gm.affine_plant,
             {"name": "chain", **chain, "parameters": {"b": 1.0}, "region": True, "where": ""},
@@ -133,7 +136,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "linearized_lqr": (gm.linearized_lqr, {"task": task(), "name": "fl-lqr"}),
         "computed_torque_pd": (
-            gm.computed_torque_pd,
+            gm.control.computed_torque_pd,
             {"task": task(), "frequency": 1.0, "damping": 1.0},
         ),
         "regulating_grosmc": (
@@ -161,12 +164,12 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"model": ROBOT, "joints": None, "actuators": None, "timestep": None}
             | {"integrator": None},
         ),
-        "Constant": (gm.Constant, {}),
+        "Constant": (gm.simulation.Constant, {}),
         "Pulse": (gm.Pulse, {"start": 0.1, "stop": 0.2}),
-        "SineFrom": (gm.SineFrom, {"frequency": 1.0, "onset": 0.0, "phase": 0.0}),
+        "SineFrom": (gm.simulation.SineFrom, {"frequency": 1.0, "onset": 0.0, "phase": 0.0}),
         "Disturbance": (
             gm.Disturbance,
-            {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0), "profile": gm.Constant()},
+            {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0), "profile": gm.simulation.Constant()},
         ),
         "BodyEdit": (gm.BodyEdit, {"body": "rotor", "mass_scale": 2.0, "length_scale": 1.0}),
         "AddedMass": (gm.AddedMass, {"body": "rotor", "mass": 2.0, "position": (0, 0, 0)}),
@@ -176,11 +179,16 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "Realization": (
             gm.Realization,
-            {"switching": gm.find_switching("sign"), "control_period": None},
+            {"switching": gm.control.find_switching("sign"), "control_period": None},
         ),
         "Task": (
             gm.Task,
-            {"plant": analytic(), "error": task().error, "reference": gm.Setpoint(1.0), **weights}
+            {
+                "plant": analytic(),
+                "error": task().error,
+                "reference": gm.control.Setpoint(1.0),
+                **weights,
+            }
             | {"realization": gm.Realization()},
         ),
         "Uncertainty": (
@@ -189,15 +197,18 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             | {"reaching_rate": 0.2},
         ),
         "ErrorCoordinates": (
-            lambda **given: gm.ErrorCoordinates(**given).linearization,
-            {"system": SERVO, "reference": gm.constant(2), "sign": 1, "outputs": None},
+            lambda **given: gm.control.ErrorCoordinates(**given).linearization,
+            {"system": SERVO, "reference": gm.control.setpoints(2), "sign": 1, "outputs": None},
         ),
         "Controller": (
             lambda **given: gm.simulate(servo(), gm.Controller(**given), [0, 0], duration=0.002),
             {"name": "lqr", "law": lqr_law().law, "parameters": lqr_law().parameters}
-            | {"memory": lqr_law().memory, "error": lqr_law().error},
+            | {"memory": lqr_law().memory, "design": lqr_law().design},
         ),
-        "System": (gm.System, {"name": "rotor", "title": "Rotor", **signals, "bodies": ("rotor",)}),
+        "System": (
+            gm.plants.System,
+            {"name": "rotor", "title": "Rotor", **signals, "bodies": ("rotor",)},
+        ),
         "AnalyticPlant": (
             lambda **given: gm.simulate(
                 gm.AnalyticPlant(**given), lqr_law(), [0, 0], duration=0.002
@@ -205,22 +216,27 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"system": SERVO, "parameters": analytic().parameters, "variant": "corrected"},
         ),
         "Setpoint": (
-            lambda value: gm.Task(analytic(), task().error, gm.Setpoint(value), np.eye(2), 1.0),
+            lambda value: gm.Task(
+                analytic(), task().error, gm.control.Setpoint(value), np.eye(2), 1.0
+            ),
             {"value": 1.0},
         ),
         "Format": (
-            gm.Format,
+            gm.films.Format,
             {"width": 640, "height": 360, "fps": 30, "speed": 1.0, "camera": None, "start": 0.0},
         ),
-        "Take": (gm.Take, {"label": "lqr", "colour": "black", "run": recorded(), "ghost": None}),
+        "Take": (
+            gm.films.Take,
+            {"label": "lqr", "colour": "black", "run": recorded(), "ghost": None},
+        ),
         "Film": (
-            gm.Film,
+            gm.films.Film,
             {
                 "title": "lqr",
                 "model": servo().model,
                 "takes": (take(),),
             }
-            | {"format": gm.Format()},
+            | {"format": gm.films.Format()},
         ),
     }
 
@@ -240,9 +256,11 @@ ODD_CALLS = [
 
 def test_every_public_name_is_called() -> None:
     """Errors, results and what the others are made of are not called by a user."""
-    made = {"DivergenceError", "GrosmcError", "Status", "TIME", "Trajectory", "environments"}
-    like = {"Setpoints", "Signal", "write_film", "MujocoPlant", "Robot"}
-    assert set(gm.__all__) - made - like <= set(CALLS)
+    packages = {"campaign", "control", "environments", "errors", "films", "plants", "simulation"}
+    public = {*gm.__all__, *gm.control.__all__, *gm.simulation.__all__, *gm.films.__all__}
+    made = {"GrosmcError", "Status", "TIME", "Trajectory"}
+    like = {"Setpoints", "write_film", "MujocoPlant", "Robot"}
+    assert public - packages - made - like <= set(CALLS)
 
 
 @pytest.mark.parametrize("name", CALLS)

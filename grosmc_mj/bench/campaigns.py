@@ -24,7 +24,7 @@ from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
-from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.simulation.mujoco_plant import Integrator
 from grosmc_mj.simulation.prepare import prepare
 
 _PLANTS, _STEPS = 4096, 100
@@ -89,7 +89,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
         disturbances=[list(plant_sample.case.disturbances) for plant_sample in plant_samples],
         record=False,
     )
-    models = [plant.any_model for plant in plants if isinstance(plant, MujocoPlant)]
+    models = [plant.any_model for plant in plants]
 
     def open_loop() -> Callable[[], object]:
         batch = Batch(models[0], _PLANTS)

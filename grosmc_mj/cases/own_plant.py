@@ -27,8 +27,8 @@ def my_plant():
 
 def my_controller(plant, k=10.0, epsilon=40.0):
     """A controller designed for the nominal plant; its numbers are keys of the file."""
-    error = gm.ErrorCoordinates(plant.system, gm.constant(2))
-    task = gm.Task(plant, error, gm.Setpoint(0.5), Q=np.diag([100.0, 1.0]), R=1.0)
+    error = gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2))
+    task = gm.Task(plant, error, gm.control.Setpoint(0.5), Q=np.diag([100.0, 1.0]), R=1.0)
     return gm.tracking_grosmc(task, k=k, epsilon=epsilon)
 
 

@@ -1,5 +1,5 @@
 """What the chapter says and what is recorded of it.
 
-Its figures, the expected results and verdicts, its claims as document, tables, figures and page;
-``claims`` measures them.
+``claims`` has its claims with the expected verdicts and measures them; the rest are the claims as
+document, tables, figures and page, the chapter's figures, and the expected results.
 """

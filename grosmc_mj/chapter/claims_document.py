@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Finding, PlantFinding
-from grosmc_mj.chapter.expected_verdicts import Expectation
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 
 
-def claim_document(
-    finding: Finding, expectation: Expectation | None, lab: Laboratory
-) -> dict[str, Any]:
+def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
     """One claim with what was found."""
     claim = finding.claim
     return {
@@ -31,11 +27,9 @@ def claim_document(
         "because": finding.because,
         "untested": claim.untested,
         "plants": {name: _plant(each, lab) for name, each in finding.plants.items()},
-        "expected": None
-        if expectation is None
-        else {
-            "verdicts": {name: verdict.value for name, verdict in expectation.verdicts.items()},
-            "reason": expectation.reason,
+        "expected": {
+            "verdicts": {name: verdict.value for name, verdict in claim.verdicts.items()},
+            "reason": claim.reason,
         },
     }
 
@@ -47,11 +41,11 @@ def _plant(found: PlantFinding, lab: Laboratory) -> dict[str, Any]:
         evidence |= {
             "control_period": [lab.settings.control_period, lab.settings.control_period / 2],
             "timestep": [lab.settings.timestep, lab.settings.timestep / 2],
-            "values": [_number(found.measured.value), _number(found.refined.value)],
+            "values": [found.measured.value, found.refined.value],
             "notes": [found.measured.note, found.refined.note],
         }
     return {
-        "value": _number(found.measured.value),
+        "value": found.measured.value,
         "note": found.measured.note,
         "verdict": found.verdict.value,
         "evidence": evidence,
@@ -88,12 +82,7 @@ def _reading(reading: Reading | None) -> dict[str, Any] | None:
     if reading is None:
         return None
     return {
-        "margin": _number(reading.margin),
+        "margin": reading.margin,
         "violated": reading.violated,
-        "worst": {"t": _number(reading.worst.t), "x": list(reading.worst.x)},
+        "worst": {"t": reading.worst.t, "x": list(reading.worst.x)},
     }
-
-
-def _number(value: float | None) -> float | None:
-    """A number that JSON can hold."""
-    return None if value is None or not math.isfinite(value) else value

@@ -5,19 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.claims.claim import Claim, Drawing, Finding, Verdict
+from grosmc_mj.chapter.claims_tables import VERDICT_COLOURS
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.report.figure import figure_written
+from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps
 from grosmc_mj.report.palette import COLOURS, OPTIMUM
 
-_DOTS = {
-    Verdict.SUPPORTED: ("#009E73", "o"),
-    Verdict.REFUTED: ("#D55E00", "X"),
-    Verdict.INCONCLUSIVE: ("#E69F00", "s"),
-}
+_DOTS = {Verdict.SUPPORTED: "o", Verdict.REFUTED: "X", Verdict.INCONCLUSIVE: "s"}
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
 _WIDE = 30.0
 
@@ -37,7 +33,7 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
             values, curves = figure.subplots(2, 1, height_ratios=(1, 2.2))
             _draw_curves(curves, drawing)
         _draw_values(values, finding)
-        figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=11.5)
+        figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=TITLE_SIZE)
     return path
 
 
@@ -46,7 +42,7 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
     claim, rows = finding.claim, list(finding.plants)
     for row, plant in enumerate(rows):
         found = finding.plants[plant]
-        colour, marker = _DOTS[found.verdict]
+        colour, marker = VERDICT_COLOURS[found.verdict], _DOTS[found.verdict]
         for measured, face in ((found.measured, colour), (found.refined, "none")):
             if measured is not None and measured.value is not None:
                 axes.plot(
@@ -74,9 +70,9 @@ def _draw_curves(axes: Axes, drawing: Drawing) -> None:
     """The curves; one that jumps at every sample is drawn thin."""
     for curve in drawing.curves:
         colour = COLOURS.get(curve.controller, OPTIMUM)
-        jumps = len(curve.y) > 1 and np.abs(np.diff(curve.y)).sum() > 20 * np.ptp(curve.y)
-        style: dict[str, Any] = {"lw": 0.7 if jumps else 1.6}
-        if not curve.controller and not jumps:
+        chatters = jumps(curve.y)
+        style: dict[str, Any] = {"lw": 0.7 if chatters else 1.6}
+        if not curve.controller and not chatters:
             style = {"lw": 1.0, "ls": (0, (3, 2))}
         axes.plot(
             curve.x, curve.y, color=colour, label=curve.label, zorder=2 + (not curve.controller),

@@ -7,19 +7,13 @@ from pathlib import Path
 
 from grosmc_mj.chapter.claims.claim import Finding, PlantFinding, Verdict
 from grosmc_mj.chapter.claims_figures import write_picture
-from grosmc_mj.chapter.claims_tables import shown
-from grosmc_mj.chapter.expected_verdicts import Expectation
+from grosmc_mj.chapter.claims_tables import decisive, shown
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
 
 
-def write_page(
-    findings: Sequence[Finding],
-    expected: Mapping[str, Expectation],
-    lab: Laboratory,
-    path: Path,
-) -> list[Path]:
+def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list[Path]:
     """Write the page and, in a folder beside it, the figure of each defect and refuted claim.
 
     Returns:
@@ -34,7 +28,7 @@ def write_page(
         for finding in findings
         if _is_told(finding)
     }
-    text = "\n".join(_page(findings, expected, figures, path.parent, lab))
+    text = "\n".join(_page(findings, figures, path.parent, lab))
     with written_aside(path) as part:
         part.write_text(text + "\n", encoding="utf-8")
     return [path, *figures.values()]
@@ -47,7 +41,6 @@ def _is_told(finding: Finding) -> bool:
 
 def _page(
     findings: Sequence[Finding],
-    expected: Mapping[str, Expectation],
     figures: Mapping[str, Path],
     home: Path,
     lab: Laboratory,
@@ -74,7 +67,7 @@ def _page(
         for finding in own:
             claim = finding.claim
             unit = "" if claim.unit == "1" else f" {claim.unit}"
-            value = shown(finding.plants[claim.plants[-1]].measured) + unit
+            value = shown(decisive(finding)) + unit
             sign = "≤" if claim.sense == "at most" else "≥"
             name = f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id
             yield (
@@ -83,15 +76,10 @@ def _page(
             )
         for finding in own:
             if _is_told(finding):
-                yield from _story(finding, expected, figures, home)
+                yield from _story(finding, figures, home)
 
 
-def _story(
-    finding: Finding,
-    expected: Mapping[str, Expectation],
-    figures: Mapping[str, Path],
-    home: Path,
-) -> Iterator[str]:
+def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterator[str]:
     """The story of one claim."""
     claim = finding.claim
     yield ""
@@ -108,9 +96,8 @@ def _story(
     yield "|---|---:|---:|---|---|"
     for plant, found in finding.plants.items():
         yield _row(plant, found, claim.unit)
-    if claim.id in expected:
-        yield ""
-        yield expected[claim.id].reason
+    yield ""
+    yield claim.reason
     if finding.because:
         yield ""
         yield f"A premise failed: {finding.because}."

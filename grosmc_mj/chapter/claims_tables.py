@@ -5,28 +5,24 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, Verdict
 from grosmc_mj.chapter.claims.faults import Caught
-from grosmc_mj.chapter.expected_verdicts import Expectation
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Reading
+from grosmc_mj.report.palette import FAILED, KEPT, OPEN
+from grosmc_mj.report.tables import WIDTH, numbers, table, text, words
 
-WIDTH = 100
-_STYLES = {
-    Verdict.SUPPORTED: "bold #009E73",
-    Verdict.REFUTED: "bold #D55E00",
-    Verdict.INCONCLUSIVE: "bold #E69F00",
-}
+# Of verdicts, in figures too.
+VERDICT_COLOURS = {Verdict.SUPPORTED: KEPT, Verdict.REFUTED: FAILED, Verdict.INCONCLUSIVE: OPEN}
 _SIGNS = {"at most": "<=", "at least": ">="}
 
 
 def word(verdict: Verdict) -> Text:
     """A verdict in words and colour."""
-    return Text(verdict.value.upper(), style=_STYLES[verdict])
+    return Text(verdict.value.upper(), style=f"bold {VERDICT_COLOURS[verdict]}")
 
 
 def shown(measured: Measured) -> str:
@@ -34,26 +30,28 @@ def shown(measured: Measured) -> str:
     return "none" if measured.value is None else f"{measured.value:.3g}"
 
 
+def decisive(finding: Finding) -> Measured:
+    """What was measured on the plant that decides."""
+    return finding.plants[finding.claim.plants[-1]].measured
+
+
 def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
     """One table for each system: each claim with its value on the plant that decides."""
     for system in dict.fromkeys(finding.claim.system for finding in findings):
-        table = Table(title=system, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
-        table.add_column("claim", no_wrap=True)
-        table.add_column("statement", ratio=1)
-        table.add_column("found", justify="right", no_wrap=True)
-        table.add_column("verdict", no_wrap=True)
-        for finding in findings:
-            claim = finding.claim
-            if claim.system != system:
-                continue
-            table.add_row(
-                claim.id + (" *" if claim.defect else ""),
-                claim.statement,
-                f"{shown(finding.plants[claim.plants[-1]].measured)} {_criterion(claim)}",
-                word(finding.verdict),
-            )
-        table.width = WIDTH
-        yield table
+        own = [finding for finding in findings if finding.claim.system == system]
+        yield table(
+            system,
+            [*words("claim"), *text("statement"), *numbers("found"), *words("verdict")],
+            [
+                (
+                    finding.claim.id + (" *" if finding.claim.defect else ""),
+                    finding.claim.statement,
+                    f"{shown(decisive(finding))} {_criterion(finding.claim)}",
+                    word(finding.verdict),
+                )
+                for finding in own
+            ],
+        )
 
 
 def _criterion(claim: Claim) -> str:
@@ -69,7 +67,7 @@ LEGEND = (
 )
 
 
-def story(finding: Finding, expectation: Expectation | None, lab: Laboratory) -> Iterator[Text]:
+def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
     """The whole story of one claim, line by line."""
     claim = finding.claim
     yield Text.assemble((claim.id, "bold"), "  ", word(finding.verdict))
@@ -95,8 +93,7 @@ def story(finding: Finding, expectation: Expectation | None, lab: Laboratory) ->
     if finding.because:
         yield from _paragraph("because", f"a premise failed: {finding.because}")
     yield from _paragraph("not tested", claim.untested or "nothing that the claim speaks of")
-    if expectation is not None:
-        yield from _paragraph("expected", expectation.reason)
+    yield from _paragraph("expected", claim.reason)
 
 
 def _paragraph(title: str, text: str) -> Iterator[Text]:
@@ -109,28 +106,22 @@ def _paragraph(title: str, text: str) -> Iterator[Text]:
 
 def audit_table(audit: Audit) -> Table:
     """The premises of one law in one case."""
-    title = f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}"
-    table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("premise", no_wrap=True)
-    table.add_column("region", justify="right", no_wrap=True)
-    table.add_column("along run", justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
-    table.add_column("what is required, and what was found", ratio=1)
+    rows = []
     for premise in audit.premises:
-        holds = Text("holds", style=_STYLES[Verdict.SUPPORTED])
-        fails = Text("FAILS", style=_STYLES[Verdict.REFUTED])
-        words = [f"{premise.requirement} [{premise.source}]"]
-        words += [premise.note] if premise.note else []
-        words += [f"restored by {premise.restores}"] if premise.restores else []
-        table.add_row(
-            premise.name,
-            _margin(premise.region, premise.unit),
-            _margin(premise.along, premise.unit),
-            holds if premise.holds else fails,
-            Text("; ".join(words)),
-        )
-    table.width = WIDTH
-    return table
+        said = [f"{premise.requirement} [{premise.source}]"]
+        said += [premise.note] if premise.note else []
+        said += [f"restored by {premise.restores}"] if premise.restores else []
+        margins = (_margin(each, premise.unit) for each in (premise.region, premise.along))
+        holds = Text("holds", f"bold {KEPT}") if premise.holds else Text("FAILS", f"bold {FAILED}")
+        rows.append((premise.name, *margins, holds, "; ".join(said)))
+    return table(
+        f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}",
+        [
+            *words("premise"), *numbers("region", "along run"), *words(""),
+            *text("what is required, and what was found"),
+        ],
+        rows,
+    )  # fmt: skip
 
 
 def _margin(reading: Reading | None, unit: str) -> str:
@@ -155,16 +146,11 @@ def worst_points(audit: Audit) -> Iterator[str]:
 
 def caught_table(found: Sequence[Caught], claims: Sequence[Claim]) -> Table:
     """Which claims noticed each fault."""
-    table = Table(
-        title="What the claims noticed", title_style="bold", title_justify="left",
-        box=box.SIMPLE_HEAD,
-    )  # fmt: skip
-    table.add_column("fault", no_wrap=True)
-    table.add_column("noticed by", justify="right", no_wrap=True)
-    table.add_column("claims", ratio=1)
-    for caught in found:
-        table.add_row(
-            caught.fault.name, f"{len(caught.claims)} of {len(claims)}", ", ".join(caught.claims)
-        )
-    table.width = WIDTH
-    return table
+    return table(
+        "What the claims noticed",
+        [*words("fault"), *numbers("noticed by"), *text("claims")],
+        [
+            (each.fault.name, f"{len(each.claims)} of {len(claims)}", ", ".join(each.claims))
+            for each in found
+        ],
+    )

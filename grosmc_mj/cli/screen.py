@@ -78,31 +78,34 @@ def brief_table(
         styles: Of the rows; none for plain ones.
     """
     from rich.cells import cell_len
-    from rich.markup import escape
 
-    from grosmc_mj.report.tables import empty_table
+    from grosmc_mj.report.tables import Column, table
 
-    table, shown = empty_table(title), [columns, *rows[:most]]
+    shown = [columns, *rows[:most]]
     widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
     # Of the words, the longest give way.
     widest = widths.index(max(widths[:words]))
     widths[widest] -= max(0, sum(widths) + len(widths) - WIDTH)
     # A title is as wide as its table at most.
     widths[0] += max(0, cell_len(title) - sum(widths) - len(widths))
-    for i, header in enumerate(columns):
-        table.add_column(
-            escape(header),
-            justify="left" if i < words else "right",
-            no_wrap=True,
-            overflow="ellipsis",
-            width=max(widths[i], 1),
-        )
-    for i, cells in enumerate(rows[:most]):
-        table.add_row(*map(escape, cells), style=styles[i] if styles else "")
-    if len(rows) > most:
-        table.caption = f"... and {len(rows) - most} more: --verbose has them"
-        table.caption_justify = "left"
-    return table
+    return table(
+        title,
+        [
+            Column(
+                header,
+                {
+                    "justify": "left" if i < words else "right",
+                    "no_wrap": True,
+                    "overflow": "ellipsis",
+                    "width": max(widths[i], 1),
+                },
+            )
+            for i, header in enumerate(columns)
+        ],
+        rows[:most],
+        styles=styles,
+        legend=f"... and {len(rows) - most} more: --verbose has them" if len(rows) > most else "",
+    )
 
 
 @contextlib.contextmanager

@@ -3,3 +3,7 @@
 ``design`` makes controllers, ``laws`` has their equations, ``switching`` and ``surface`` the
 sliding mode, ``gains`` what the declared uncertainty asks for, ``coordinates`` the error state z.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

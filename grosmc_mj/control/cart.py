@@ -17,20 +17,16 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import (
-    AS_PRINTED,
-    BoundedParameters,
-    FeedbackParameters,
-    surface_numbers,
-)
+from grosmc_mj.control.design import surface_numbers
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.references import Setpoint, setpoint
 from grosmc_mj.control.surface import accumulated
 from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.task import AS_PRINTED, BoundedParameters, FeedbackParameters
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, System
@@ -118,10 +114,7 @@ def holding_lqr(
         law=laws.state_feedback(error),
         parameters=FeedbackParameters(plant.parameters, Setpoint(), optimum.K),
         memory=_one_input,
-        error=error,
-        lqr=optimum,
-        source="eqs. (5)-(6) with four states",
-        gains=_gains(optimum),
+        design=Design(error, optimum, "eqs. (5)-(6) with four states", _gains(optimum)),
     )
 
 
@@ -194,14 +187,9 @@ def holding_ism(
         gamma1=gamma1,
     )
     switching = AS_PRINTED.switching
-    return Controller(
-        name="cart-ism",
-        law=laws.grosmc_linear(error, switching.reach(1)),
-        with_reach=partial(laws.grosmc_linear, error),
-        parameters=parameters,
-        memory=switching.new_memory(1, 4),
-        error=error,
-        lqr=optimum,
+    design = Design(
+        error,
+        optimum,
         source="eqs. (8)+(12) with four states",
         gains={
             **_gains(optimum),
@@ -213,6 +201,14 @@ def holding_ism(
         f"{_forces(uncertainty, plant.system)}; input gain down to {least:.3g} of the nominal one",
         sliding_unit=_sliding_unit(plant.system, GB),
         switching=switching.name,
+        with_reach=partial(laws.grosmc_linear, error),
+    )
+    return Controller(
+        name="cart-ism",
+        law=laws.grosmc_linear(error, switching.reach(1)),
+        parameters=parameters,
+        memory=switching.new_memory(1, 4),
+        design=design,
     )
 
 
@@ -329,14 +325,9 @@ def holding_pfl(
         eta=uncertainty.reaching_rate,
         switching=switching,
     )
-    return Controller(
-        name="cart-pfl",
-        law=shaped_regulator(switching.reach(1)),
-        with_reach=shaped_regulator,
-        parameters=parameters,
-        memory=switching.new_memory(1, 1),
-        error=state_of(CART_PENDULUM),
-        lqr=optimum,
+    design = Design(
+        state_of(CART_PENDULUM),
+        optimum,
         source="eqs. (23)+(31)+(37) with an outer loop on the cart",
         gains=_gains(optimum),
         declared=f"m up to x{uncertainty.mass:g}, L up to x{uncertainty.length:g}, forces up to "
@@ -344,6 +335,14 @@ def holding_pfl(
         sliding_unit="rad/s",
         linearizing=True,
         switching=switching.name,
+        with_reach=shaped_regulator,
+    )
+    return Controller(
+        name="cart-pfl",
+        law=shaped_regulator(switching.reach(1)),
+        parameters=parameters,
+        memory=switching.new_memory(1, 1),
+        design=design,
     )
 
 

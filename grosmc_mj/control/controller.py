@@ -1,19 +1,59 @@
-"""A law with its numbers."""
+"""A law with its numbers, and the design that they come from."""
 
 from __future__ import annotations
 
+import keyword
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
+from functools import cache
 from typing import Any
 
+import numpy as np
+
 from grosmc_mj.arguments import require
-from grosmc_mj.control.coordinates.base import OutputCoordinates, Workspace
+from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates, Workspace
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.vectors import algebra, each
 from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.jitable import jitable
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What a law was designed for, and what its runs are judged by.
+
+    Attributes:
+        error: The error coordinates that the law regulates.
+        lqr: The optimum that it is to follow.
+        source: Equations of the chapter.
+        gains: Gains worth showing, by the chapter's symbols.
+        declared: What the gains were computed from, in words; empty if they are given.
+        sliding_unit: Unit of s, if the law has a surface.
+        linearizing: Whether it goes through feedback linearization, eqs. (23) and (44).
+        switching: Name of its switching law; empty if it has none.
+        control_period: The one sampling time that it is designed for [s]; None for any.
+        with_reach: Makes its law for another switching law, if it has one.
+    """
+
+    error: OutputCoordinates | StateCoordinates
+    lqr: LqrDesign
+    source: str = ""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    declared: str = ""
+    sliding_unit: str = ""
+    linearizing: bool = False
+    switching: str = ""
+    control_period: float | None = None
+    with_reach: Callable[[Reach], Law] | None = None
+
+    def __post_init__(self) -> None:
+        kinds = (OutputCoordinates, StateCoordinates)
+        require("error", self.error, kinds, "error coordinates of the plant")
+        require("lqr", self.lqr, LqrDesign, "an optimum, such as lqr(A, B, Q, R)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,42 +66,37 @@ class Controller:
             inputs, a tuple; plain Python.
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
-        error: The error coordinates that the law regulates, if it has them.
-        lqr: The optimum that it is to follow, if there is one.
-        source: Equations of the chapter.
-        gains: Gains worth showing, by the chapter's symbols.
-        declared: What the gains were computed from, in words; empty if they are given.
-        sliding_unit: Unit of s, if the law has a surface.
-        linearizing: Whether it goes through feedback linearization, eqs. (23) and (44).
-        switching: Name of its switching law; empty if it has none.
-        control_period: The one sampling time that it is designed for [s]; None for any.
-        with_reach: Makes its law for another switching law, if it has one.
+        design: What it was designed for; None for an open loop and the like.
     """
 
     name: str
     law: Law
     parameters: Any
     memory: Callable[[], Memory] = Memory
-    error: OutputCoordinates | StateCoordinates | None = None
-    lqr: LqrDesign | None = None
-    source: str = ""
-    gains: Mapping[str, float] = field(default_factory=dict)
-    declared: str = ""
-    sliding_unit: str = ""
-    linearizing: bool = False
-    switching: str = ""
-    control_period: float | None = None
-    with_reach: Callable[[Reach], Law] | None = None
+    design: Design | None = None
 
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
-        kinds = (OutputCoordinates, StateCoordinates, type(None))
-        require(f"{self.name}: error", self.error, kinds, "error coordinates or None")
+        require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
         for what in ("law", "memory"):
             if not callable(getattr(self, what)):
                 raise ArgumentError(
                     f"{self.name}: {what} = {shown(getattr(self, what))} must be a function"
                 )
+
+    @property
+    def designed(self) -> Design:
+        """The design of a law that must have one.
+
+        Raises:
+            ArgumentError: If it has none.
+        """
+        if self.design is None:
+            raise ArgumentError(
+                f"{self.name} has no error coordinates and no optimum: take one of the chapter's "
+                "controllers, or one made for a Task"
+            )
+        return self.design
 
     @property
     def coordinates(self) -> OutputCoordinates:
@@ -70,15 +105,112 @@ class Controller:
         Raises:
             ArgumentError: If it regulates the whole state, or nothing.
         """
-        if not isinstance(self.error, OutputCoordinates):
+        error = self.designed.error
+        if not isinstance(error, OutputCoordinates):
             raise ArgumentError(f"{self.name} has no outputs that it regulates")
-        return self.error
+        return error
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""
         memory, workspace = self.memory(), None
-        if isinstance(self.error, OutputCoordinates):
-            workspace = self.error.workspace(self.parameters)
+        if self.design is not None:
+            workspace = self.design.error.workspace(self.parameters)
         if workspace is not None:
             memory.workspace = workspace.address
         return memory, workspace
+
+
+def custom_controller(
+    name: str, law: Law, like: Controller, numbers: Mapping[str, Any] | None = None
+) -> Controller:
+    """A controller of any law, judged against the optimum of another one.
+
+    Args:
+        name: What it is called.
+        law: (t, x, memory, p) -> u, a number or, for several inputs, a tuple.
+        like: A controller with error coordinates and an optimum, whose index weighs this one.
+        numbers: Fields of p besides ``plant`` and ``reference``: numbers and arrays.
+
+    Raises:
+        ArgumentError: If ``like`` has no optimum.
+    """
+    require("name", name, str, "a text")
+    require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
+    require("numbers", {} if numbers is None else numbers, Mapping, "numbers by their names")
+    if not callable(law):
+        raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
+    design, m = like.designed, like.designed.error.inputs
+    given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
+    for key in numbers or {}:
+        if (
+            not isinstance(key, str)
+            or not key.isidentifier()
+            or keyword.iskeyword(key)
+            or key in given
+        ):
+            raise ArgumentError(f"{key!r} cannot be the name of a law's number: take another")
+    fields = {**given, **(numbers or {})}
+    parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
+    return Controller(
+        name=name,
+        law=_weighed(law, m, like.coordinates.driven if design.linearizing else None),
+        parameters=parameters,
+        memory=_Fresh(m),
+        design=Design(
+            design.error,
+            design.lqr,
+            source="a law of one's own",
+            gains={key: float(v) for key, v in (numbers or {}).items() if np.ndim(v) == 0},
+            linearizing=design.linearizing,
+        ),
+    )
+
+
+class _Fresh:
+    """Makes the memory of a run of m inputs."""
+
+    def __init__(self, m: int) -> None:
+        self._m = m
+
+    def __call__(self) -> Memory:
+        return Memory(v=np.zeros(self._m))
+
+
+@cache
+def _weighed(law: Law, m: int, driven: Feedback | None) -> Law:
+    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45).
+
+    What it returns has the law itself as ``own``, and (t, x, memory, p, u) that notes as ``note``:
+    Python looks at u between the two.
+    """
+    own, store = jitable(law), algebra(m).store
+    vector = _as_vector(m)
+    if driven is not None:
+        weigh = driven
+
+        @jitable
+        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+            store(memory.v, weigh(t, x, vector(u), memory, p))
+
+    else:
+
+        @jitable
+        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+            store(memory.v, vector(u))
+
+    def noting(t: float, x: Any, memory: Any, p: Any) -> Any:
+        u = own(t, x, memory, p)
+        note(t, x, memory, p, u)
+        return u
+
+    made: Any = noting
+    made.own, made.note = own, note
+    return noting
+
+
+@cache
+def _as_vector(m: int) -> Any:
+    """What a law returned, as a tuple."""
+    if m == 1:
+        return jitable(lambda u: (u,))
+    return each(m, lambda i, u: u[i])

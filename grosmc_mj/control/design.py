@@ -4,239 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals, require
-from grosmc_mj.arrays import Array
+from grosmc_mj.arguments import real, require
 from grosmc_mj.control import laws
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.coordinates.base import OutputCoordinates
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.gains import Uncertainty, switching_gains
-from grosmc_mj.control.lqr import LqrDesign, lqr, priced
+from grosmc_mj.control.lqr import LqrDesign, priced
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.surface import drift_of_surface, surface_matrix
-from grosmc_mj.control.switching import Reach, Sign, Switching
-from grosmc_mj.errors import ArgumentError, GainError, shown
-from grosmc_mj.plants import AnalyticPlant
-
-
-@dataclass(frozen=True, eq=False)
-class FeedbackParameters:
-    """Numbers of the laws without switching.
-
-    Attributes:
-        plant: The nominal plant's parameters.
-        reference: The reference's parameters.
-        K: Feedback gain, (m, n).
-    """
-
-    plant: Any
-    reference: Any
-    K: Array
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceParameters(FeedbackParameters):
-    """Numbers of the integral surface, eqs. (8), (31) and (51).
-
-    Attributes:
-        G: Projection, (m, n).
-        S: What G z drifts by on the optimal trajectory [1/s], (m, n): ``drift_of_surface``.
-        GB: G B, (m, m).
-        GB_inverse: Its inverse, (m, m).
-        size_of_GB: Its norm.
-        switching: The switching law.
-    """
-
-    G: Array
-    S: Array
-    GB: Array
-    GB_inverse: Array
-    size_of_GB: float
-    switching: Switching
-
-
-@dataclass(frozen=True, eq=False)
-class BoundedParameters(SurfaceParameters):
-    """Numbers of the laws (12) and (37).
-
-    Attributes:
-        eta: Reaching gain.
-        gamma0: Constant part of the uncertainty's bound.
-        gamma1: Its slope over the norm of the state.
-    """
-
-    eta: float
-    gamma0: float
-    gamma1: float
-
-
-@dataclass(frozen=True, eq=False)
-class TrackingParameters(SurfaceParameters):
-    """Numbers of the law (55).
-
-    Attributes:
-        k: Proportional reaching gain [1/s].
-        epsilon: Switching gain.
-    """
-
-    k: float
-    epsilon: float
-
-
-@dataclass(frozen=True)
-class Realization:
-    """How a sliding mode law is realized by a sampled controller.
-
-    Attributes:
-        switching: Its switching law.
-        control_period: Sampling time of the discrete-time surface [s]; None for the printed
-            surface, which any sampling time goes with.
-    """
-
-    switching: Switching = field(default_factory=Sign)
-    control_period: float | None = None
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.switching, Switching):
-            raise ArgumentError(
-                f"switching = {shown(self.switching)} must be a switching law, such as "
-                "find_switching('implicit')"
-            )
-        period = self.control_period
-        if period is not None and not 0 < real(period) < math.inf:
-            raise ArgumentError(f"control period {shown(period)} s must be finite and positive")
-
-
-AS_PRINTED = Realization()
-# A rate that rounding could be, in the unit of z per second.
-_AT_REST = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A nominal plant, what of it is regulated, and the index that weighs it.
-
-    Attributes:
-        plant: The plant that the law believes in.
-        error: The error coordinates z, n of them.
-        reference: Parameters of the reference that ``error`` measures from.
-        Q: Weight of z, positive semidefinite, (n, n).
-        R: Weight of the input, or of v after linearization; positive definite, (m, m) or a
-            number.
-        realization: How a sliding mode law is sampled.
-    """
-
-    plant: AnalyticPlant
-    error: OutputCoordinates
-    reference: Any
-    Q: ArrayLike
-    R: ArrayLike
-    realization: Realization = AS_PRINTED
-
-    def __post_init__(self) -> None:
-        require_analytic("plant", self.plant)
-        require("error", self.error, OutputCoordinates, "error coordinates of the plant")
-        require("realization", self.realization, Realization, "a Realization")
-        # The relative degrees of outputs and reference must agree before anything is made of them.
-        degrees = self.error.linearization.relative_degree
-        for name, given, size in (
-            ("Q", self.Q, self.error.size),
-            ("R", self.R, self.error.inputs),
-        ):
-            weight = reals(given)
-            number = weight.ndim == 0 and (name == "R" or size == 1)
-            if not np.all(np.isfinite(weight)) or not (number or weight.shape == (size, size)):
-                raise GainError(
-                    f"{name} = {shown(given)} must be a matrix of {size} x {size} finite numbers"
-                )
-        try:
-            values = self.error.reference(0.0, self.reference)
-        except (ArithmeticError, ValueError) as error:
-            raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
-        except (AttributeError, TypeError) as error:
-            raise ArgumentError(
-                f"{type(self.reference).__name__} does not fit the reference: {error}"
-            ) from None
-        count = sum(degrees) + len(degrees)
-        if reals(values).shape != (count,) or not np.all(np.isfinite(reals(values))):
-            raise ArgumentError(
-                f"the reference gives {shown(values)} at t = 0, must give {count} finite "
-                f"values: each output with derivatives up to {degrees}"
-            )
-
-    @property
-    def symbolic(self) -> ErrorCoordinates:
-        """The error coordinates, if they are those of equations in symbols.
-
-        Raises:
-            ArgumentError: If they are not.
-        """
-        if not isinstance(self.error, ErrorCoordinates):
-            raise ArgumentError(
-                f"{self.plant.system.name} has no equations in symbols, which this design needs: "
-                "take tracking_grosmc, linearized_lqr or computed_torque_pd"
-            )
-        return self.error
-
-    def linearization_optimum(self) -> LqrDesign:
-        """LQR on the Jacobian linearization about zero error; exact for the linear servo.
-
-        Raises:
-            GainError: If zero error is no equilibrium without input, or the weights do not fit.
-        """
-        error = self.symbolic
-        p = self.feedback(np.zeros((error.inputs, error.size)))
-        at_rest = error.place(0.0, np.zeros(error.size), p)
-        alpha = error.dynamics(0.0, at_rest, p)[0]
-        if np.abs(alpha).max() > _AT_REST:
-            raise GainError(
-                f"{self.plant.system.name}: zero error is no equilibrium without input, z' = "
-                f"{alpha.tolist()} there: linearize by feedback instead"
-            )
-        return lqr(*error.jacobian(p), self.Q, self.R)
-
-    def chain_optimum(self) -> LqrDesign:
-        """LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45).
-
-        Raises:
-            GainError: If the weights do not fit.
-        """
-        chains = self.error.linearization
-        return lqr(chains.A, chains.B, self.Q, self.R)
-
-    def feedback(self, K: Array) -> FeedbackParameters:
-        """Numbers of a law with this gain, (m, n)."""
-        return FeedbackParameters(self.plant.parameters, self.reference, K)
-
-
-def require_task(task: Task) -> None:
-    """Refuse what is no task.
-
-    Raises:
-        ArgumentError: If it is something else.
-    """
-    require("task", task, Task, "a Task(plant, error, reference, Q, R)")
-
-
-def require_analytic(what: str, plant: Any) -> None:
-    """Refuse a plant without equations that a law could be designed from.
-
-    Raises:
-        ArgumentError: If it is something else, in MuJoCo with what to give.
-    """
-    twin = getattr(plant, "analytic", None)
-    if not isinstance(plant, AnalyticPlant) and callable(twin):
-        raise ArgumentError(f"{what} is a {type(plant).__name__}: give its .analytic()")
-    require(
-        what, plant, AnalyticPlant, "an analytic plant, such as MujocoPlant.load(...).analytic()"
-    )
+from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.task import (
+    AS_PRINTED,
+    BoundedParameters,
+    FeedbackParameters,
+    Realization,
+    SurfaceParameters,
+    Task,
+    TrackingParameters,
+    require_task,
+)
+from grosmc_mj.errors import GainError, shown
 
 
 def linear_lqr(task: Task) -> Controller:
@@ -349,22 +142,22 @@ def realized(controller: Controller, realization: Realization) -> Controller:
 
     Nothing that a design computes depends on its switching law or its control period.
     """
-    if realization == AS_PRINTED or controller.with_reach is None or controller.lqr is None:
+    design = controller.design
+    if realization == AS_PRINTED or design is None or design.with_reach is None:
         return controller
     p, switching, period = controller.parameters, realization.switching, None
     changes: dict[str, Any] = {"switching": switching}
     # A shaped law has no matrix S that a period would enter.
     if isinstance(p, SurfaceParameters):
         period = realization.control_period
-        changes["S"] = drift_of_surface(p.G, controller.lqr, period)
-    memory, m = controller.memory(), len(controller.lqr.K)
+        changes["S"] = drift_of_surface(p.G, design.lqr, period)
+    memory, m = controller.memory(), len(design.lqr.K)
     return replace(
         controller,
-        law=controller.with_reach(switching.reach(m)),
+        law=design.with_reach(switching.reach(m)),
         parameters=replace(p, **changes),
         memory=switching.new_memory(m, len(memory.z0)),  # pyright: ignore
-        switching=switching.name,
-        control_period=period,
+        design=replace(design, switching=switching.name, control_period=period),
     )
 
 
@@ -381,9 +174,18 @@ def _sliding(
     """A sliding mode controller, sampled as the task says."""
     law = with_reach(AS_PRINTED.switching.reach(task.error.inputs))
     made = _controller(
-        "grosmc", law, task, parameters, optimum, source, declared, linearizing=linearizing
+        "grosmc",
+        law,
+        task,
+        parameters,
+        optimum,
+        source,
+        declared,
+        linearizing=linearizing,
+        sliding_unit=_sliding_unit(task, parameters),
+        with_reach=with_reach,
     )
-    return realized(replace(made, with_reach=with_reach), task.realization)
+    return realized(made, task.realization)
 
 
 def surface_numbers(optimum: LqrDesign, G: ArrayLike | None = None) -> dict[str, Any]:
@@ -448,9 +250,10 @@ def _controller(
     declared: str = "",
     *,
     linearizing: bool = False,
+    sliding_unit: str = "",
+    with_reach: Callable[[Reach], laws.Law] | None = None,
 ) -> Controller:
     """A controller with the gains that are worth showing."""
-    switched = isinstance(parameters, SurfaceParameters)
     shown = ("eta", "gamma0", "gamma1", "k", "epsilon")
     gains = {name: getattr(parameters, name) for name in shown if hasattr(parameters, name)}
     m, n = optimum.K.shape
@@ -459,20 +262,19 @@ def _controller(
     first = {f"K{j + 1}": float(K[0, j]) for j in range(n)}
     every = {f"K{i + 1}{j + 1}": float(K[i, j]) for i in range(m) for j in range(n)}
     switching = AS_PRINTED.switching
-    return Controller(
-        name=name,
-        law=law,
-        parameters=parameters,
-        memory=switching.new_memory(m, n) if switched else partial(_without_surface, m),
-        error=task.error,
-        lqr=optimum,
+    memory = switching.new_memory(m, n) if with_reach else partial(_without_surface, m)
+    design = Design(
+        task.error,
+        optimum,
         source=source,
         gains={**(first if m == 1 else every), **gains},
         declared=declared,
-        sliding_unit=_sliding_unit(task, parameters) if switched else "",
+        sliding_unit=sliding_unit,
         linearizing=linearizing,
-        switching=switching.name if switched else "",
+        switching=switching.name if with_reach else "",
+        with_reach=with_reach,
     )
+    return Controller(name, law, parameters, memory, design)
 
 
 def _without_surface(m: int) -> Memory:

@@ -14,6 +14,7 @@ from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError, GainError, shown, unknown_name
+from grosmc_mj.plants import AnalyticPlant
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
@@ -185,7 +186,7 @@ def switching_gains(
             return _Believed.at(z, x, G_r @ E, np.linalg.solve(E, -(K @ z) - alpha))
         return _Believed.at(z, x, G @ B, -(K @ z))
 
-    def rate(at: _Believed, plant: Any) -> tuple[Array, Array]:
+    def rate(at: _Believed, plant: AnalyticPlant) -> tuple[Array, Array]:
         """s' under u_0 on a true plant, and how its inputs steer s."""
         return surface_rate(error.moved(0.0, at.x, nominal, plant), at.z, G, S, at.u_0)
 
@@ -193,10 +194,10 @@ def switching_gains(
     at_rest = believed(origin, error.place(0.0, origin, nominal))
     units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
-        slopes = []
-        held, _ = rate(at_rest, plant)
+        slopes, true = [], AnalyticPlant(error.system, plant)
+        held, _ = rate(at_rest, true)
         for at in states:
-            found, steered = rate(at, plant)
+            found, steered = rate(at, true)
             R = steered @ at.inverse
             r = min(authority(R), authority_together(R))
             if not r > 1e-9:

@@ -106,7 +106,7 @@ class Setpoint:
     value: float = 0.0
 
 
-def constant(*degrees: int) -> ReferenceFunction:
+def setpoints(*degrees: int) -> ReferenceFunction:
     """A setpoint for one output of any relative degree, or ``value1``, ``value2`` ... for more."""
     require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
     return _constant(*degrees)
@@ -119,7 +119,7 @@ def _constant(*degrees: int) -> ReferenceFunction:
     return reference([sp.Symbol(f"value{i + 1}") for i in range(len(degrees))], degrees)
 
 
-setpoint = constant(2)
+setpoint = setpoints(2)
 
 
 @dataclass(frozen=True)

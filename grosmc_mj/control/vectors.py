@@ -60,6 +60,16 @@ def row_times(i: int, K: Any, z: Any) -> float:
     return total
 
 
+@jitable
+def quadratic(z: Any, W: Any) -> float:
+    """z'W z, for a matrix W with 2 axes."""
+    total = 0.0
+    for i in range(len(z)):
+        for j in range(len(z)):
+            total += z[i] * W[i, j] * z[j]
+    return total
+
+
 class Algebra(NamedTuple):
     """Jitable operations on vectors with one entry for each of m inputs.
 

@@ -1,24 +1,163 @@
-"""One episode: a case moved action by action, with the numbers that ``simulate`` would get."""
+"""One episode: a case as something to be acted on, and its course, action by action.
+
+The instants, the wrenches and the numbers are those that ``simulate`` would have.
+"""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.environments.experiment import EpisodeSetup
+from grosmc_mj.environments.index import Index
+from grosmc_mj.environments.signals import Signals, input_label, state_names
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.case import Case, find_case
+from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
+from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.quiet import warnings_counted_only
+
+# The law whose index gives the reward.
+INDEX_LAW = "grosmc"
+# Starts drawn before giving up on finding one where plant and index are defined.
+_TRIES = 1000
+
+
+class Random(Protocol):
+    """NumPy's old and new generators alike."""
+
+    def uniform(self, low: Array, high: Array) -> Array:
+        """Independent draws between the bounds."""
+        ...
+
+
+class EpisodeSetup:
+    """One case of one system, ready to be run by somebody else's loop.
+
+    The instants and the wrenches are those that ``simulate`` lays out for the same case.
+
+    Args:
+        system: Name of the system.
+        task: Name of one of its cases, or a case.
+        control_period: Time between two actions [s], a multiple of the timestep.
+        timestep: Physics timestep [s].
+        spread: Half widths of the starts about the case's own, (n,), in the states' units, or
+            one number for all of them.
+
+    Attributes:
+        case: The case.
+        plant: Its model, edited.
+        law: The controller whose index gives the reward.
+        signals: What is observed.
+        index: What is to be minimized.
+        problem: Instants and wrenches, as for ``simulate``.
+        low: Least input that the actuators apply, (m,); infinite without a limit.
+        high: The largest one, (m,).
+
+    Raises:
+        ModelError: If there is no such system.
+        ArgumentError: If there is no such case, or a number does not fit.
+    """
+
+    def __init__(
+        self,
+        system: str,
+        task: str | Case = "nominal",
+        *,
+        control_period: float = 1e-3,
+        timestep: float = 1e-3,
+        spread: ArrayLike = 0.0,
+    ) -> None:
+        self.case = _case(find_system(system).name, task)
+        settings = Settings(control_period=control_period, timestep=timestep)
+        self.plant = plant = case_plant(self.case, "physics", settings)
+        design = self.case.controllers
+        self.law = nominal_controller(system, INDEX_LAW, "corrected", design=design)
+        self.signals, self.index = Signals(self.law), Index(self.law)
+        self.problem, _ = prepare(
+            plant,
+            self.law,
+            self.case.x0,
+            duration=self.case.duration,
+            control_period=control_period,
+            timestep=timestep,
+            disturbances=self.case.disturbances,
+        )
+        self.low, self.high = plant.input_limits
+        self._spread = _half_widths(self.plant, spread)
+        self._require_start()
+
+    @property
+    def inputs(self) -> int:
+        """m, the number of inputs."""
+        return len(self.low)
+
+    def start(self, random: Random) -> Array:
+        """The case's start, or one drawn uniformly about it, (n,).
+
+        Raises:
+            ArgumentError: If the plant or the index is defined at next to none of them.
+        """
+        x0 = np.array(self.case.x0)
+        if not self._spread.any():
+            return x0
+        for _ in range(_TRIES):
+            drawn = random.uniform(x0 - self._spread, x0 + self._spread)
+            if not self.undefined(drawn):
+                return drawn
+        raise ArgumentError(
+            f"spread = {self._spread.tolist()}: the plant is not defined at {_TRIES} starts drawn; "
+            "take a smaller one"
+        )
+
+    def undefined(self, x: Array) -> str:
+        """Why an episode can't go on from a state; empty if it can."""
+        system = self.plant.system
+        if system.singular(x):
+            return f"the plant is singular at {system.singularity}"
+        if not self.index.defined(x):
+            return f"the index is undefined outside {system.region}"
+        return ""
+
+    def checked(self, action: ArrayLike) -> Array:
+        """An action as the inputs that are commanded, (m,).
+
+        Raises:
+            ArgumentError: If it is not m finite numbers.
+        """
+        try:
+            u = np.asarray(action, float)
+        except (TypeError, ValueError):
+            u = np.full(0, np.nan)
+        if u.shape != (self.inputs,) or not np.all(np.isfinite(u)):
+            raise ArgumentError(
+                f"action {action!r} must be {self.inputs} finite number(s) in an array of shape "
+                f"({self.inputs},): {input_label(self.plant.system)}"
+            )
+        return u
+
+    def _require_start(self) -> None:
+        """Refuse a case that could not take its first step.
+
+        Raises:
+            ArgumentError: If its start is undefined.
+        """
+        why = self.undefined(np.array(self.case.x0))
+        if why:
+            raise ArgumentError(f"{self.case.system}/{self.case.name} can't start: {why}")
 
 
 class Episode:
     """What happens to one mjData between two resets.
 
     Args:
-        experiment: The case.
+        setup: The case.
         model: Its compiled model, or a copy of it.
         data: What is moved; it may belong to somebody else.
 
@@ -29,18 +168,16 @@ class Episode:
         ended: Why there can be no next step; empty while there can.
     """
 
-    def __init__(
-        self, experiment: EpisodeSetup, model: mujoco.MjModel, data: mujoco.MjData
-    ) -> None:
-        self.experiment, self._model, self._data = experiment, model, data
-        self._bodies = [model.body(name).id for name in experiment.plant.system.bodies]
-        self._wrenches = experiment.problem.wrench(0)
-        self.x = np.array(experiment.case.x0)
+    def __init__(self, setup: EpisodeSetup, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.setup, self._model, self._data = setup, model, data
+        self._bodies = [model.body(name).id for name in setup.plant.system.bodies]
+        self._wrenches = setup.problem.wrench(0)
+        self.x = np.array(setup.case.x0)
         self.done, self.reward, self.ended = 0, 0.0, ""
 
     def on(self, model: mujoco.MjModel, data: mujoco.MjData) -> Episode:
         """The same episode so far, to go on with another mjData in the same state."""
-        other = Episode(self.experiment, model, data)
+        other = Episode(self.setup, model, data)
         other.x[:], other.done = self.x, self.done
         other.reward, other.ended = self.reward, self.ended
         return other
@@ -48,7 +185,7 @@ class Episode:
     @property
     def time(self) -> float:
         """Time of the last valid state [s]: k T at a sample, not a running sum."""
-        problem = self.experiment.problem
+        problem = self.setup.problem
         samples, rest = divmod(self.done, problem.stride)
         if rest:
             return self.done * problem.timestep
@@ -57,7 +194,7 @@ class Episode:
     @property
     def over(self) -> bool:
         """Whether the case's duration is reached."""
-        return self.done >= self.experiment.problem.steps
+        return self.done >= self.setup.problem.steps
 
     def restart(self, x0: Array) -> None:
         """Begin again from a state, (n,); the mjData must have been reset.
@@ -66,7 +203,7 @@ class Episode:
             SetupError: If somebody else's control callback is installed.
         """
         refuse_foreign_callback()
-        n = self.experiment.plant.system.degrees_of_freedom
+        n = self.setup.plant.system.degrees_of_freedom
         self._data.qpos[:], self._data.qvel[:] = x0[:n], x0[n:]
         self.x[:] = x0
         self.done, self.reward, self.ended = 0, 0.0, ""
@@ -83,13 +220,13 @@ class Episode:
         Raises:
             ArgumentError: If it is not m finite numbers.
         """
-        it, problem = self.experiment, self.experiment.problem
-        u = it.checked(action)
+        setup, problem = self.setup, self.setup.problem
+        u = setup.checked(action)
         self._data.ctrl[:] = u
         left = problem.steps - self.done
         whole = left >= problem.stride
         interval = problem.control_period if whole else left * problem.timestep
-        cost = it.index.stage_cost(self.time, self.x, np.clip(u, it.low, it.high))
+        cost = setup.index.stage_cost(self.time, self.x, np.clip(u, setup.low, setup.high))
         self.reward = -interval * cost
 
     def advance(self, steps: int) -> None:
@@ -98,7 +235,7 @@ class Episode:
         Args:
             steps: How many.
         """
-        problem, n = self.experiment.problem, self.experiment.plant.system.degrees_of_freedom
+        problem, n = self.setup.problem, self.setup.plant.system.degrees_of_freedom
         model, data, wrenches = self._model, self._data, self._wrenches
         with warnings_counted_only():
             for _ in range(min(steps, problem.steps - self.done)):
@@ -110,13 +247,37 @@ class Episode:
                     return
                 self.x[:n], self.x[n:] = data.qpos, data.qvel
                 self.done += 1
-        why = self.experiment.undefined(self.x)
+        why = self.setup.undefined(self.x)
         self.ended = self._say(why) if why else ""
 
     def observation(self) -> OrderedDict[str, Array]:
         """What is seen of the last valid state."""
-        return self.experiment.signals.observe(self.time, self.x)
+        return self.setup.signals.observe(self.time, self.x)
 
     def _say(self, why: str) -> str:
         """A reason with its time."""
         return f"t = {self.time:g} s: {why}"
+
+
+def _case(system: str, task: str | Case) -> Case:
+    """The case of a system."""
+    if not isinstance(task, Case):
+        return find_case(system, task)
+    if task.system != system:
+        raise ArgumentError(f"case {task.name!r} is one of {task.system}, not of {system}")
+    return task
+
+
+def _half_widths(plant: Plant, spread: ArrayLike) -> Array:
+    """Half widths of every state, (n,)."""
+    n = len(plant.system.states)
+    try:
+        widths = np.asarray(spread, float)
+    except (TypeError, ValueError):
+        widths = np.full(0, np.nan)
+    if widths.shape not in {(), (n,)} or not np.all(np.isfinite(widths) & (widths >= 0)):
+        raise ArgumentError(
+            f"spread = {spread!r} must be one number, or {n} of them, not negative: "
+            f"{', '.join(state_names(plant.system))}"
+        )
+    return np.broadcast_to(widths, (n,))

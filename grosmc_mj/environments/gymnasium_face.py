@@ -11,8 +11,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.environments.episode import Episode
-from grosmc_mj.environments.experiment import EpisodeSetup
+from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 
@@ -57,18 +56,18 @@ class CaseEnv(gymnasium.Env[Named, Array]):
                 f"render_mode = {render_mode!r}: the environments do not render; film a recorded "
                 "run with grosmc_mj.write_film"
             )
-        self.experiment = EpisodeSetup(
+        self.setup = EpisodeSetup(
             system, task, control_period=control_period, timestep=timestep, spread=spread
         )
-        it, model = self.experiment, self.experiment.plant.model
+        setup, model = self.setup, self.setup.plant.model
         self._model, self._data = model, mujoco.MjData(model)
-        self._episode = Episode(it, model, self._data)
+        self._episode = Episode(setup, model, self._data)
         self.render_mode = render_mode
-        self.action_space = spaces.Box(it.low, it.high, dtype=np.float64)
+        self.action_space = spaces.Box(setup.low, setup.high, dtype=np.float64)
         self.observation_space = spaces.Dict(
             {
                 name: spaces.Box(0.0 if name == "time" else -np.inf, np.inf, (size,), np.float64)
-                for name, size in it.signals.sizes.items()
+                for name, size in setup.signals.sizes.items()
             }
         )
 
@@ -86,7 +85,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         """
         super().reset(seed=seed)
         mujoco.mj_resetData(self._model, self._data)
-        self._episode.restart(self.experiment.start(self.np_random))
+        self._episode.restart(self.setup.start(self.np_random))
         return self._episode.observation(), self._info()
 
     def step(self, action: ArrayLike) -> tuple[Named, float, bool, bool, dict[str, Any]]:
@@ -98,15 +97,15 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         Raises:
             ArgumentError: If the action is not m finite numbers.
         """
-        it = self._episode
-        if it.ended or it.over:
-            raise ArgumentError(f"the episode is over{it.ended and ' at ' + it.ended}: reset it")
-        it.hold(action)
-        it.advance(self.experiment.problem.stride)
-        terminated = bool(it.ended)
-        truncated = it.over and not terminated
-        return it.observation(), it.reward, terminated, truncated, self._info()
+        episode, ended = self._episode, self._episode.ended
+        if ended or episode.over:
+            raise ArgumentError(f"the episode is over{ended and ' at ' + ended}: reset it")
+        episode.hold(action)
+        episode.advance(self.setup.problem.stride)
+        terminated = bool(episode.ended)
+        truncated = episode.over and not terminated
+        return episode.observation(), episode.reward, terminated, truncated, self._info()
 
     def _info(self) -> dict[str, Any]:
         """What is known beside the observation."""
-        return {"ended": self._episode.ended, "units": dict(self.experiment.signals.units)}
+        return {"ended": self._episode.ended, "units": dict(self.setup.signals.units)}

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.control.vectors import quadratic
 
 
 class Index:
@@ -21,16 +21,12 @@ class Index:
     """
 
     def __init__(self, law: Controller) -> None:
-        if law.error is None or law.lqr is None:
-            raise ArgumentError(
-                f"{law.name} has no error coordinates or no optimum: take one of the chapter's "
-                "controllers, or one made for a Task"
-            )
-        self._law, self._error, self._design = law, law.error, law.lqr
+        self._law, self._design = law, law.designed
 
     def defined(self, x: Array) -> bool:
         """Whether a state is in the region that the index is defined in."""
-        return not self._law.linearizing or bool(self._error.system.linearizable(x))
+        design = self._design
+        return not design.linearizing or bool(design.error.system.linearizable(x))
 
     def weighed(self, t: float, x: Array, u: ArrayLike) -> Array:
         """v, (m,).
@@ -41,12 +37,13 @@ class Index:
             u: Input, (m,).
         """
         u = np.atleast_1d(np.asarray(u, float))
-        if not self._law.linearizing:
+        if not self._design.linearizing:
             return u
         alpha, E = self._law.coordinates.dynamics(t, x, self._law.parameters)
         return alpha + E @ u
 
     def stage_cost(self, t: float, x: Array, u: ArrayLike) -> float:
         """1/2 (z'Qz + v'Rv), in the index's unit per second."""
-        z, v = np.array(self._error.state(t, x, self._law.parameters)), self.weighed(t, x, u)
-        return float(0.5 * (z @ self._design.Q @ z + v @ self._design.R @ v))
+        error, optimum = self._design.error, self._design.lqr
+        z, v = error.state(t, x, self._law.parameters), self.weighed(t, x, u)
+        return float(0.5 * (quadratic(z, optimum.Q) + quadratic(v, optimum.R)))

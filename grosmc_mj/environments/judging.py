@@ -6,12 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.claim import (
+    Claim,
+    Finding,
+    Measured,
+    NeedsSlidingModeError,
+    PlantFinding,
+    Verdict,
+)
 from grosmc_mj.chapter.claims.ledger import find_claim, judge, select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.environments.policy_controllers import Takes, policy_controller
-from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import PlantName, RunResult, Settings
@@ -61,14 +68,10 @@ def judge_policy(
     findings = []
     for claim in chosen:
         lab.asked = False
-        found = _judged(lab, claim, refine=refine)
+        finding = _judged(lab, claim, refine=refine)
         if lab.asked or claims is not None:
-            findings.append(found)
+            findings.append(finding)
     return findings
-
-
-class _NeedsTheLawError(GrosmcError):
-    """A measurement that asks a policy for what only the law has."""
 
 
 class _Guarded:
@@ -81,7 +84,7 @@ class _Guarded:
         # No AttributeError: hasattr must not take a policy for a law without that gain.
         if name.startswith("__"):
             raise AttributeError(name)
-        raise _NeedsTheLawError(f"it asks for the law's {name}")
+        raise NeedsSlidingModeError(f"it asks for the law's {name}")
 
 
 class _Noted:
@@ -143,10 +146,10 @@ class _PolicyLaboratory(Laboratory):
 
 def _claim(system: str, claim: str | Claim) -> Claim:
     """A claim about the system."""
-    found = find_claim(claim) if isinstance(claim, str) else claim
-    if found.system != system:
-        raise ArgumentError(f"claim {found.id} is about {found.system}, not about {system}")
-    return found
+    chosen = find_claim(claim) if isinstance(claim, str) else claim
+    if chosen.system != system:
+        raise ArgumentError(f"claim {chosen.id} is about {chosen.system}, not about {system}")
+    return chosen
 
 
 def _judged(lab: _PolicyLaboratory, claim: Claim, *, refine: bool) -> Finding:
@@ -154,11 +157,8 @@ def _judged(lab: _PolicyLaboratory, claim: Claim, *, refine: bool) -> Finding:
     try:
         # The premises are those of the law's theorem; a policy relies on none.
         return judge(lab, replace(claim, premise=None), refine=refine)
-    except _NeedsTheLawError as error:
-        lab.asked, why = True, str(error)
-    except AssertionError:
-        # What the measurements take for granted of a sliding mode law: s and its memory.
+    except NeedsSlidingModeError as error:
         lab.asked = True
-        why = "it asks for the law's sliding variable"
-    nothing = PlantFinding(Measured(None, f"not judged: {why}", True), None, Verdict.INCONCLUSIVE)
-    return Finding(claim, dict.fromkeys(claim.plants, nothing))
+        nothing = Measured(None, f"not judged: {error}", broken=True)
+        finding = PlantFinding(nothing, None, Verdict.INCONCLUSIVE)
+        return Finding(claim, dict.fromkeys(claim.plants, finding))

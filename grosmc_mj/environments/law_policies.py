@@ -55,7 +55,8 @@ class LawPolicy:
 
     def _check_period(self, t: float) -> None:
         """Refuse another sampling time than the one that the law is made for."""
-        wanted, found = self._controller.control_period, t - self._last
+        design, found = self._controller.design, t - self._last
+        wanted = design.control_period if design else None
         # Differences of instants are rounded in the instants' last place.
         if wanted is not None and abs(found - wanted) > 1e-9 * max(1.0, t):
             raise ArgumentError(
@@ -73,15 +74,15 @@ def law_policy(controller: Controller, system: str | None = None) -> LawPolicy:
 
     Args:
         controller: Any controller.
-        system: Its system's name; needed if the controller has no error coordinates.
+        system: Its system's name; needed if the controller has no design.
 
     Raises:
         ArgumentError: If the system is not known.
     """
     if system is not None:
         return LawPolicy(controller, find_system(system))
-    if controller.error is None:
+    if controller.design is None:
         raise ArgumentError(
             f"{controller.name} does not say which plant it is for: give law_policy its system"
         )
-    return LawPolicy(controller, controller.error.system)
+    return LawPolicy(controller, controller.design.error.system)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from grosmc_mj.environments.experiment import EpisodeSetup
+from grosmc_mj.environments.episode import EpisodeSetup
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.case import Case
 
@@ -45,7 +45,7 @@ def load(
         ArgumentError: If there is no such case, or a number does not fit.
         SetupError: If dm_control is not installed.
     """
-    experiment = EpisodeSetup(
+    setup = EpisodeSetup(
         system, task, control_period=control_period, timestep=timestep, spread=spread
     )
     try:
@@ -54,13 +54,11 @@ def load(
             warnings.filterwarnings("error", module="glfw")
             from dm_control.rl.control import Environment
 
-            from grosmc_mj.environments.physics import CasePhysics
-            from grosmc_mj.environments.task import CaseTask
+            from grosmc_mj.environments.dm_control_face import CasePhysics, CaseTask
     except ImportError as error:
         raise SetupError(
             f"environments need dm_control, which cannot be imported ({error}): pip install "
             "dm_control with Python 3.12 or older, or use the Gymnasium environments"
         ) from error
-    stride = experiment.problem.stride
-    physics, case = CasePhysics.of(experiment), CaseTask(experiment, seed)
-    return Environment(physics, case, n_sub_steps=stride)
+    physics, case = CasePhysics.of(setup), CaseTask(setup, seed)
+    return Environment(physics, case, n_sub_steps=setup.problem.stride)

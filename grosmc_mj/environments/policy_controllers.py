@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Literal, NoReturn, get_args
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, get_args
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.environments.index import Index
 from grosmc_mj.environments.signals import Observation, Signals, input_label
-from grosmc_mj.environments.time_steps import TimeSteps
 from grosmc_mj.errors import (
     ArgumentError,
     GrosmcError,
     PolicyError,
+    SetupError,
     UndefinedLawError,
     unknown_name,
 )
+
+if TYPE_CHECKING:
+    import dm_env
 
 Takes = Literal["observation", "time_step"]
 
@@ -38,6 +41,40 @@ class PolicyMemory(Memory):
 
     v: Any = field(default_factory=lambda: np.zeros(1))
     samples: float = 0.0
+
+
+class TimeSteps:
+    """Makes the time steps that the environment of the same case would give.
+
+    Args:
+        index: Gives the reward.
+
+    Raises:
+        SetupError: If dm_env is not installed.
+    """
+
+    def __init__(self, index: Index) -> None:
+        try:
+            import dm_env
+        except ImportError as error:
+            raise SetupError("time steps need dm_env: pip install dm_env") from error
+        self._make, self._index = dm_env, index
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a run."""
+        self._last: tuple[float, float] | None = None
+
+    def at(self, t: float, observation: Mapping[str, Any]) -> dm_env.TimeStep:
+        """The time step at an instant [s]: the first of a run, or one with the reward so far."""
+        if self._last is None:
+            return self._make.restart(observation)
+        before, cost = self._last
+        return self._make.transition(-(t - before) * cost, observation)
+
+    def book(self, t: float, x: Array, u: Array) -> None:
+        """Keep what the next time step's reward is made of."""
+        self._last = (t, self._index.stage_cost(t, x, u))
 
 
 class PolicyLaw:
@@ -159,16 +196,13 @@ def policy_controller(
         )
     called = name or getattr(policy, "__name__", type(policy).__name__)
     law = PolicyLaw(policy, like, takes, called)
-    assert like.error is not None  # as PolicyLaw has found
+    design = like.designed
     return Controller(
         name=called,
         law=law,
         parameters=like.parameters,
-        memory=partial(_memory, like.error.inputs),
-        error=like.error,
-        lqr=like.lqr,
-        source="a policy",
-        linearizing=like.linearizing,
+        memory=partial(_memory, design.error.inputs),
+        design=Design(design.error, design.lqr, source="a policy", linearizing=design.linearizing),
     )
 
 

@@ -24,7 +24,7 @@ class Signals:
     weighs; and ``reference``, what z is measured from, y_r and its derivatives below r_i.
 
     Args:
-        law: A controller with error coordinates.
+        law: A controller with a design.
 
     Attributes:
         units: Unit of every entry by its name; of several numbers, one after the other.
@@ -32,15 +32,14 @@ class Signals:
     """
 
     def __init__(self, law: Controller) -> None:
-        if law.error is None:
-            raise ArgumentError(f"{law.name} has no error coordinates that could be observed")
-        self._error, self._parameters = law.error, law.parameters
-        self.system: System = law.error.system
+        error = law.designed.error
+        self._error, self._parameters = error, law.parameters
+        self.system: System = error.system
         self._names = state_names(self.system)
         states = {signal.name: signal.unit for signal in self.system.states}
-        of_error = ", ".join(law.error.units)
+        of_error = ", ".join(error.units)
         self.units = {**states, "time": "s", "error": of_error, "reference": of_error}
-        size = law.error.size
+        size = error.size
         self.sizes = {**dict.fromkeys(states, 1), "time": 1, "error": size, "reference": size}
 
     def observe(self, t: float, x: ArrayLike) -> OrderedDict[str, Array]:

@@ -18,16 +18,12 @@ from grosmc_mj.control.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
-    AS_PRINTED,
-    Realization,
-    Task,
     computed_torque_pd,
     linear_grosmc,
     linear_lqr,
     linearized_lqr,
     realized,
     regulating_grosmc,
-    require_analytic,
     tracking_grosmc,
 )
 from grosmc_mj.control.gains import Uncertainty
@@ -37,11 +33,12 @@ from grosmc_mj.control.references import (
     Setpoints,
     Sine,
     circle,
-    constant,
     setpoint,
+    setpoints,
     sine,
 )
 from grosmc_mj.control.switching import SuperTwisting, Switching, find_switching
+from grosmc_mj.control.task import AS_PRINTED, Realization, Task, require_analytic
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.plants import (
     ARM,
@@ -119,7 +116,7 @@ TWO_LINK_TIP = ErrorCoordinates(
     TWO_LINK_ARM, circle, outputs=tip(), guess=(1.0, -1.7, 0.0, 0.0), unit="m"
 )
 TWO_LINK_CIRCLE = Circle(0.45, 0.15, 0.15, np.pi)
-TWO_LINK_JOINTS = ErrorCoordinates(TWO_LINK_ARM, constant(2, 2))
+TWO_LINK_JOINTS = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
 TWO_LINK_TARGET = Setpoints(np.pi / 3, -np.pi / 2)
 TWO_LINK_WEIGHTS = (np.diag([100.0, 20.0, 100.0, 20.0]), np.eye(2))
 TWO_LINK_GAINS = (10.0, 30.0)

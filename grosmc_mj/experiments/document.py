@@ -85,15 +85,16 @@ def _named(profile: Any) -> str:
 
 def run_document(result: RunResult) -> dict[str, Any]:
     """One run as plain values."""
+    design = result.controller.designed
     return {
         "system": result.case.system,
         "case": result.case.name,
         "plant": result.plant,
         "controller": result.controller.name,
-        "equations": result.controller.source,
-        "gains": dict(result.controller.gains),
-        "declared": result.controller.declared,
-        "switching": result.controller.switching,
+        "equations": design.source,
+        "gains": dict(design.gains),
+        "declared": design.declared,
+        "switching": design.switching,
         "weights": _weights(result),
         "status": result.status.name.lower(),
         "ended": result.ended,
@@ -104,8 +105,7 @@ def run_document(result: RunResult) -> dict[str, Any]:
 
 def _weights(result: RunResult) -> dict[str, Any]:
     """The index that the law was designed for, and where it puts the poles."""
-    optimum = result.controller.lqr
-    assert optimum is not None
+    optimum = result.controller.designed.lqr
     poles = sorted(optimum.poles.tolist(), key=lambda pole: (pole.real, pole.imag))
     return {
         "Q": optimum.Q.tolist(),

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.runs import PlantName, RunResult
-from grosmc_mj.report.figure import labelled_below
-from grosmc_mj.report.palette import COLOURS, DISTURBANCE, LABELS, LINES, OPTIMUM, PLANTS, colour_of
+from grosmc_mj.report.figure import TITLE_SIZE, labelled_below, shade
+from grosmc_mj.report.palette import LINES, PLANTS, REFERENCE, law_styles
 
 SIZE = (7.2, 9.0)
 _ALONE: dict[str, Any] = {"lw": 1.6}
@@ -24,38 +25,32 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     """Draw all runs of a case file on an empty figure, over time."""
     sliding = any(result.trajectory.sliding is not None for result in results)
     panels = list(figure.subplots(4 if sliding else 3, 1, sharex=True))
-    colours = _colours(results)
+    styles = law_styles(result.controller.name for result in results)
     smooth, switched = panels[:2], panels[2:]
     for result in results:
-        name = result.controller.name
-        label = f"{LABELS.get(name, name)}, {PLANTS[result.plant]}"
+        law = styles[result.controller.name]
+        label = f"{law.label}, {PLANTS[result.plant]}"
         line = LINES[result.plant] if len(_plants(results)) > 1 else _ALONE
         for panel, curve in zip(smooth, _outputs(result), strict=True):
             time = result.trajectory.time
-            panel.plot(time, curve, color=colours[name], label=label, rasterized=True, **line)
+            panel.plot(time, curve, color=law.colour, label=label, rasterized=True, **line)
     for result in _calmest_last(results):
         for panel, curve in zip(switched, _signals(result, sliding=sliding), strict=True):
             held = result.trajectory.time[:-1]
-            panel.plot(held, curve, color=colours[result.controller.name], rasterized=True, **_THIN)
+            colour = styles[result.controller.name].colour
+            panel.plot(held, curve, color=colour, rasterized=True, **_THIN)
     _reference(panels[0], results[0])
     for panel, label in zip(panels, _labels(results, sliding=sliding), strict=True):
         panel.set_ylabel(label)
-        _shade(panel, results[0])
+        shade_disturbances(panel, results[0].case)
     panels[-1].set_xlabel("time t [s]")
-    figure.suptitle(results[0].case.title, fontsize=11.5)
+    figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
     labelled_below(figure, panels)
 
 
 def _plants(results: Sequence[RunResult]) -> list[PlantName]:
     """Plants that were run on."""
     return list(dict.fromkeys(result.plant for result in results))
-
-
-def _colours(results: Sequence[RunResult]) -> dict[str, str]:
-    """A colour for each controller."""
-    names = list(dict.fromkeys(result.controller.name for result in results))
-    own = [name for name in names if name not in COLOURS]
-    return {name: colour_of(name, own.index(name) if name in own else 0) for name in names}
 
 
 def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:
@@ -66,9 +61,9 @@ def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:
 
 def _outputs(result: RunResult) -> list[Array]:
     """The output, or the size of several outputs' errors; and the distance from the optimum."""
-    comparison, error = result.comparison, result.controller.error
+    comparison, error = result.comparison, result.controller.designed.error
     output = comparison.error
-    if len(comparison.outputs) == 1 and error is not None:
+    if len(comparison.outputs) == 1:
         output = comparison.reference[:, 0] + error.sign * comparison.error
     return [output, comparison.deviation]
 
@@ -88,12 +83,11 @@ def _largest(rows: Array) -> Array:
 def _labels(results: Sequence[RunResult], *, sliding: bool) -> list[str]:
     """What the panels' axes are called."""
     result = results[0]
-    error, system = result.controller.error, result.trajectory.system
-    assert error is not None
+    error, system = result.controller.designed.error, result.trajectory.system
     several = len(result.comparison.outputs) > 1
     unit = error.units[result.comparison.outputs[0]]
     output = "|y − yᵣ|" if several else "output y"
-    units = [r.controller.sliding_unit for r in results if r.controller.sliding_unit]
+    units = [unit for r in results if (unit := r.controller.designed.sliding_unit)]
     s = [f"{'largest |s|' if several else 's'} [{units[0]}]"] if sliding and units else []
     s = s or (["s"] if sliding else [])
     u = system.inputs[0]
@@ -110,14 +104,13 @@ def _reference(axes: Axes, result: RunResult) -> None:
     comparison = result.comparison
     several = len(comparison.outputs) > 1
     y = np.zeros(len(comparison.time)) if several else comparison.reference[:, 0]
-    axes.plot(comparison.time, y, color=OPTIMUM, lw=1, ls=(0, (1, 2)), label="reference", zorder=5)
+    axes.plot(comparison.time, y, label="reference", **REFERENCE)
 
 
-def _shade(axes: Axes, result: RunResult) -> None:
-    """Shade the time in which a disturbance acts."""
-    end = result.case.duration
-    for disturbance in result.case.disturbances:
+def shade_disturbances(axes: Axes, case: Case) -> None:
+    """Shade the time in which each disturbance of a case acts, on axes as long as it."""
+    for disturbance in case.disturbances:
         start, stop = disturbance.window
         label = disturbance.label or f"disturbance on {disturbance.body}"
-        axes.axvspan(start, min(stop, end), color=DISTURBANCE, alpha=0.13, lw=0, label=label)
-    axes.set_xlim(0, end)
+        shade(axes, start, min(stop, case.duration), label)
+    axes.set_xlim(0, case.duration)

@@ -23,11 +23,11 @@ from grosmc_mj.experiments.document import case_document
 from grosmc_mj.experiments.runs import RunResult, Settings, nominal_controller
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
+from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.traces import trace_site
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.report.document import origin, write_json
-from grosmc_mj.report.palette import LABELS, colour_of
+from grosmc_mj.report.palette import colour_of, label_of
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
@@ -96,11 +96,11 @@ def film_of(
         ended = _ENDED[result.status]
         takes.append(
             Take(
-                label=LABELS.get(name, name),
+                label=label_of(name),
                 colour=colour_of(name, len(takes)),
                 run=run,
                 ghost=_ghost(result, moving=moving),
-                sliding_unit=result.controller.sliding_unit,
+                sliding_unit=result.controller.designed.sliding_unit,
                 ended=ended and f"{ended} at {float(run.valid_until):.2f} s",
             )
         )
@@ -120,13 +120,15 @@ def _trace(results: Sequence[RunResult]) -> int:
     """The site whose path is drawn: the tip of a robot, if its model names one."""
     physics = results[0].true
     assert isinstance(physics, MujocoPlant)
-    robots = all(isinstance(result.controller.error, RobotCoordinates) for result in results)
+    errors = [result.controller.designed.error for result in results]
+    robots = all(isinstance(error, RobotCoordinates) for error in errors)
     return trace_site(physics.model) if robots else -1
 
 
 def _held_beside(results: Sequence[RunResult]) -> int | None:
     """The first state that a law of the whole state holds beside the controlled ones, if any."""
-    if not any(isinstance(result.controller.error, StateCoordinates) for result in results):
+    errors = [result.controller.designed.error for result in results]
+    if not any(isinstance(error, StateCoordinates) for error in errors):
         return None
     system = results[0].trajectory.system
     return next(i for i in range(len(system.states)) if i not in system.controlled)
@@ -139,7 +141,7 @@ def _ghost(result: RunResult, *, moving: bool) -> Array:
     else as the coordinates that have these outputs.
     """
     comparison, law = result.comparison, result.controller
-    error, controlled = law.error, list(result.trajectory.system.controlled)
+    error, controlled = law.designed.error, list(result.trajectory.system.controlled)
     if not isinstance(error, ErrorCoordinates) or error.outputs is None:
         return comparison.reference if moving else comparison.optimum
     z = np.zeros_like(comparison.optimal) if moving else comparison.optimal

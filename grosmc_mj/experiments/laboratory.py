@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import mujoco
-import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
@@ -23,11 +21,9 @@ from grosmc_mj.experiments.runs import (
     nominal_controller,
     run_on,
 )
-from grosmc_mj.plants import AnalyticPlant, Variant
+from grosmc_mj.plants import AnalyticPlant, Plant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import Edit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -134,8 +130,7 @@ class Laboratory:
 
     def equations(self, case: Case, name: PlantName) -> AnalyticPlant:
         """The corrected equations of a plant as it is used, or the equations that it is."""
-        plant = self.plant(case, name)
-        return plant.analytic() if isinstance(plant, MujocoPlant) else plant
+        return self.plant(case, name).analytic()
 
     def batch(
         self, cases: Sequence[Case], plant: PlantName, controller: str
@@ -157,9 +152,7 @@ class Laboratory:
 
     def derivative(self, plant: Plant) -> Callable[[Array, ArrayLike, Array], Array]:
         """x' as a function of x, u and the wrenches, of the equations or of MuJoCo."""
-        if isinstance(plant, AnalyticPlant):
-            return plant.derivative
-        return physics_derivative(plant)
+        return plant.derivative
 
 
 def trial(
@@ -172,18 +165,3 @@ def trial(
 ) -> Case:
     """An experiment of this project's own, beside the chapter's cases."""
     return Case(system, name, name, "this project", x0, duration, edits, disturbances)
-
-
-def physics_derivative(plant: MujocoPlant) -> Callable[[Array, ArrayLike, Array], Array]:
-    """x' of a model in MuJoCo: (x, u, wrenches) -> (n,)."""
-    model, system = plant.model, plant.system
-    data, n = mujoco.MjData(model), plant.system.degrees_of_freedom
-    bodies = [model.body(name).id for name in system.bodies]
-
-    def derivative(x: Array, u: ArrayLike, w: Array) -> Array:
-        data.qpos, data.qvel, data.ctrl[:] = x[:n], x[n:], u
-        data.xfrc_applied[bodies] = np.reshape(w, (-1, 6))
-        mujoco.mj_forward(model, data)
-        return np.concatenate([x[n:], data.qacc])
-
-    return derivative

@@ -13,13 +13,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.custom import custom_controller
 from grosmc_mj.control.design import (
-    Realization,
-    Task,
     computed_torque_pd,
     linear_lqr,
     linearized_lqr,
@@ -29,6 +26,7 @@ from grosmc_mj.control.design import (
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 from grosmc_mj.experiments.designs import DESIGNS, switching_for
 from grosmc_mj.experiments.file.formula import formula
@@ -105,11 +103,11 @@ def _realization(
 ) -> Realization:
     """How a law is sampled."""
     given = {"switching", "surface"} & table.model_fields_set
-    if made.with_reach is None:
+    if made.design is None or made.design.with_reach is None:
         if given:
             raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
         return Realization()
-    design = file.task.design or (made.error.system.name if made.error else "")
+    design = file.task.design or made.design.error.system.name
     law = (
         switching_for(table.switching, design)
         if design in DESIGNS

@@ -6,22 +6,17 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
-
-import mujoco
+from typing import Any
 
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import case_edits
 from grosmc_mj.experiments.file.schema import CaseFile, EditTable
 from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.experiments.runs import PlantName, design_variant
-from grosmc_mj.plants import SYSTEMS, AnalyticPlant, System, find_system
+from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Plant, System, find_system
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.robots.robot import Robot
-
-_INTEGRATORS: tuple[Integrator, ...] = get_args(Integrator)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +43,7 @@ class Subject:
     @property
     def integrator(self) -> Integrator:
         """What steps the plants; the equations are stepped by RK4."""
-        if isinstance(self.nominal, AnalyticPlant):
-            return "RK4"
-        code = int(self.nominal.model.opt.integrator)
-        return next(
-            name
-            for name in _INTEGRATORS
-            if int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")) == code
-        )
+        return self.nominal.stepped_by
 
     @property
     def shipped(self) -> bool:
@@ -64,8 +52,6 @@ class Subject:
 
     def believed(self, plant: PlantName) -> AnalyticPlant:
         """The nominal equations that a law is designed from that shall run on another plant."""
-        if isinstance(self.nominal, AnalyticPlant):
-            return self.nominal
         return self.nominal.analytic(design_variant(plant))
 
 

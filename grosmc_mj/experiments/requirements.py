@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.metrics.folds import DWELL, error_after, folded
+from grosmc_mj.experiments.metrics.recorded import has_cart, noted
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.trajectory import Status
 
@@ -18,6 +21,16 @@ from grosmc_mj.simulation.trajectory import Status
 _ROUNDING = 1e-9
 # Required of laws with a surface only.
 _OF_SURFACE = ("sliding_below", "no_reaching_phase")
+# The metric that each kind limits; ``stays_within`` one that its instant names.
+_METRICS = {
+    "settles_within": "settled",
+    "deviation_below": "deviation",
+    "input_below": "max_input",
+    "sliding_below": "max_sliding",
+    "cart_travel_below": "cart_travel",
+    "no_reaching_phase": "sliding_start",
+    "cost_ratio_below": "cost_ratio",
+}
 # What reading the file has turned into numbers already.
 _READ = ("settles_within", "cart_travel_below")
 
@@ -33,6 +46,7 @@ class Limit(NamedTuple):
         after: From when on it holds [s].
         of: Controllers that must keep it.
         on: Plants on which.
+        key: What it is called where no two may have one name.
     """
 
     kind: str
@@ -42,6 +56,12 @@ class Limit(NamedTuple):
     after: float
     of: tuple[str, ...]
     on: tuple[str, ...]
+    key: str = ""
+
+    @property
+    def metric(self) -> str:
+        """Name of what is limited."""
+        return error_after(self.after) if self.kind == "stays_within" else _METRICS[self.kind]
 
     @property
     def words(self) -> str:
@@ -84,9 +104,8 @@ def limits(
     """
     names = tuple(controller.name for controller in controllers)
     named, on = tuple(table.of or ()), tuple(table.on or _judged(plants))
-    surfaced = tuple(law.name for law in controllers if law.sliding_unit)
-    error = controllers[0].error
-    assert error is not None
+    surfaced = tuple(law.name for law in controllers if law.designed.sliding_unit)
+    error = controllers[0].designed.error
     output = error.units[error.output_rows[0]]
     u = error.system.inputs[0].unit
     units = {
@@ -107,7 +126,7 @@ def limits(
         of: tuple[str, ...] = named or (surfaced if kind in _OF_SURFACE else names)
         if kind in _OF_SURFACE and not of:
             raise ArgumentError(f"{kind}: no law has a surface")
-        if kind == "cart_travel_below" and error.system.name != "cart_pendulum":
+        if kind == "cart_travel_below" and not has_cart(error.system):
             raise ArgumentError(f"{kind}: {error.system.name} has no cart")
         if unit == output and len({error.units[row] for row in error.output_rows}) > 1:
             raise ArgumentError(f"{kind}: the outputs have different units: there is no one error")
@@ -127,7 +146,7 @@ def limits(
 
 def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
     """Unit of s of the laws that are meant."""
-    units = [law.sliding_unit for law in controllers if law.name in named or not named]
+    units = [law.designed.sliding_unit for law in controllers if law.name in named or not named]
     return next((unit for unit in units if unit), "")
 
 
@@ -161,31 +180,72 @@ def judge(limit: Limit, result: RunResult) -> Judgement:
 
 def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
     """What a limit is about, or why there is nothing to measure."""
-    comparison, metrics = result.comparison, result.metrics
-    if limit.kind == "stays_within":
-        error = np.abs(comparison.error[comparison.time >= limit.after * (1 - 1e-12)])
-        return (float(error.max()), "") if len(error) else (None, "the run is shorter")
-    if limit.kind == "no_reaching_phase":
-        sliding = result.trajectory.sliding
-        if sliding is None:
-            return None, "the law has no surface"
-        return float(np.abs(sliding[0]).max()), ""
+    run, comparison, metrics = result.trajectory, result.comparison, result.metrics
     if limit.kind == "cost_ratio_below":
         whole, least = metrics["cost_whole"].value, metrics["cost_optimal"].value
         if whole is None or not least:
             return None, "J* is zero: the run starts where it shall end"
         return whole / least, ""
-    names = {
-        "settles_within": "settling_time",
-        "deviation_below": "deviation",
-        "input_below": "max_input",
-        "sliding_below": "max_sliding",
-        "cart_travel_below": "cart_travel",
+    if limit.kind == "settles_within":
+        if comparison.error[0] == 0:
+            return None, "there is no error at the start"
+        return metrics["settling_time"].value, metrics["settling_time"].note
+    if limit.kind == "no_reaching_phase" and run.sliding is None:
+        return None, "the law has no surface"
+    if limit.kind == "stays_within" and comparison.time[-1] < limit.after * (1 - 1e-12):
+        return None, "the run is shorter"
+    if limit.metric in metrics:
+        return metrics[limit.metric].value, metrics[limit.metric].note
+    found = folded(*noted(run, comparison, after=limit.after))
+    return float(found[limit.metric][0]), ""
+
+
+def required(limits: Sequence[Limit], laws: Container[str], transient: float) -> tuple[Limit, ...]:
+    """The requirements of the laws that are run, each with a key of its own.
+
+    Args:
+        limits: All that there are.
+        laws: Names of those that are run.
+        transient: How long every run goes on before a disturbance begins, or until its end [s].
+
+    Raises:
+        ArgumentError: If one is of a time that no run tells about.
+    """
+    found: list[Limit] = []
+    for limit in limits:
+        of = tuple(name for name in limit.of if name in laws)
+        if not of:
+            continue
+        if limit.kind == "settles_within" and limit.value > (1 - DWELL) * transient:
+            raise ArgumentError(
+                f"{limit.words}: there are {transient:g} s before a run ends or a disturbance "
+                f"begins; they tell up to {(1 - DWELL) * transient:g} s, since an error counts as "
+                "settled after a tenth of them in the band"
+            )
+        same = sum(each.kind == limit.kind for each in found)
+        key = f"{limit.kind} {same + 1}" if same else limit.kind
+        found.append(limit._replace(of=of, key=key))
+    return tuple(found)
+
+
+def afters(limits: Sequence[Limit]) -> tuple[float, ...]:
+    """From when on largest errors are asked for [s]."""
+    return tuple(sorted({limit.after for limit in limits if limit.kind == "stays_within"}))
+
+
+def margins_of(
+    limits: Sequence[Limit], metrics: Mapping[str, Array], completed: Array
+) -> dict[str, Array]:
+    """Limit less measured of n runs by key, (n,) each; -inf for runs that ended early.
+
+    Args:
+        limits: Of the runs' controller.
+        metrics: Of the runs, (n,) each.
+        completed: Which runs did, (n,).
+    """
+    return {
+        each.key: np.where(completed, each.value - metrics[each.metric], -np.inf) for each in limits
     }
-    if limit.kind == "settles_within" and comparison.error[0] == 0:
-        return None, "there is no error at the start"
-    metric = metrics[names[limit.kind]]
-    return metric.value, metric.note
 
 
 def judge_all(found: Sequence[Limit], results: Sequence[RunResult]) -> list[Judgement]:

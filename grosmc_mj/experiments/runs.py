@@ -8,8 +8,9 @@ from functools import cache, lru_cache
 from typing import Any, Literal, get_args
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SWITCHINGS
+from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
 from grosmc_mj.experiments.case import Case, cases, find_case
 from grosmc_mj.experiments.designs import (
@@ -19,11 +20,10 @@ from grosmc_mj.experiments.designs import (
     switching_for,
 )
 from grosmc_mj.experiments.metrics import Comparison, Metric, compare_with_optimum, measure
-from grosmc_mj.plants import SYSTEMS, Variant, find_system
+from grosmc_mj.plants import SYSTEMS, Plant, Variant, find_system
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -103,8 +103,6 @@ class RunResult:
     @property
     def plant_parameters(self) -> Any:
         """The true plant's numbers; None where it has no equations."""
-        if isinstance(self.true, MujocoPlant):
-            return self.true.analytic().parameters if self.true.system.read_parameters else None
         return self.true.parameters if self.true else None
 
     @property

@@ -1,16 +1,15 @@
-"""Tables for people."""
+"""Tables of runs, of what was required of them, and of gains."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.markup import escape
 from rich.table import Table
 
 from grosmc_mj.experiments.metrics import Metric
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.report.tables import empty_table, number
+from grosmc_mj.report.tables import names, number, numbers, table, text, words
 from grosmc_mj.simulation.trajectory import Status
 
 # Header and metric of each column of numbers.
@@ -32,38 +31,33 @@ _MATRIX = 3
 _CART = ("cart\n[m]", "cart_travel")
 
 
-def metric_cell(metric: Metric | None) -> str:
-    """A metric in a table."""
+def metric_cell(metric: Metric | None, factor: float = 1.0) -> str:
+    """A metric in a table, in other units by a factor."""
     if metric is None:
         return ""
     if metric.value is None:
         return "never" if metric.note == "not reached" else "-"
-    return number(metric.value)
+    return number(factor * metric.value)
 
 
 def results_table(results: Sequence[RunResult]) -> Table:
     """The runs of one system."""
-    system, error = results[0].trajectory.system, results[0].controller.error
-    assert error is not None
+    system, error = results[0].trajectory.system, results[0].controller.designed.error
     output = error.units[error.output_rows[0]]
-    table = empty_table(f"{system.title}: x1 in {output}, u in {system.input.unit}")
     columns = [*_COLUMNS, _CART] if system.name == "cart_pendulum" else _COLUMNS
-    for header in ("case", "plant", "law"):
-        table.add_column(header, no_wrap=True)
-    for header, _ in columns:
-        table.add_column(escape(header), justify="right", no_wrap=True)
-    shown = ""
+    rows, styles = [], []
     for result in results:
-        if shown and shown != result.case.name:
-            table.add_section()
-        label = "" if shown == result.case.name else result.case.name
-        shown, law = result.case.name, result.controller.name
-        style = "bold" if law == "grosmc" else ""
-        if result.status is not Status.COMPLETED:
-            law, style = law + " (!)", "red"
+        law, ended = result.controller.name, result.status is not Status.COMPLETED
         cells = [metric_cell(result.metrics.get(name)) for _, name in columns]
-        table.add_row(label, result.plant, law, *cells, style=style)
-    return table
+        rows.append((result.case.name, result.plant, law + (" (!)" if ended else ""), *cells))
+        styles.append("red" if ended else "bold" if law == "grosmc" else "")
+    return table(
+        f"{system.title}: x1 in {output}, u in {system.input.unit}",
+        [*words("case", "plant", "law"), *numbers(*(header for header, _ in columns))],
+        rows,
+        styles=styles,
+        grouped=True,
+    )
 
 
 def results_tables(results: Sequence[RunResult]) -> list[Table]:
@@ -84,22 +78,22 @@ LEGEND = (
 
 def requirements_table(judgements: Sequence[Judgement]) -> Table:
     """What was required, and whether it was kept."""
-    table = empty_table("Requirements")
-    for header in ("law", "plant", "requirement"):
-        table.add_column(header, no_wrap=True)
-    for header in ("measured", "margin"):
-        table.add_column(header, justify="right", no_wrap=True)
-    table.add_column("")
+    rows = []
     for each in judgements:
         unit = each.limit.unit if each.limit.unit != "1" else ""
         measured = "-" if each.measured is None else f"{number(each.measured)} {unit}".strip()
-        margin = "-" if each.margin is None else number(each.margin)
         said = "kept" if each.kept else "FAILED" + (f": {each.note}" if each.note else "")
-        style = "" if each.kept else "red"
-        table.add_row(
-            each.controller, each.plant, each.limit.words, measured, margin, said, style=style
-        )
-    return table
+        margin = number(each.margin)
+        rows.append((each.controller, each.plant, each.limit.words, measured, margin, said))
+    return table(
+        "Requirements",
+        [
+            *names("law"), *words("plant"), *text("requirement"),
+            *numbers("measured", "margin"), *text(),
+        ],
+        rows,
+        styles=["" if each.kept else "red" for each in judgements],
+    )  # fmt: skip
 
 
 def endings(results: Sequence[RunResult]) -> list[str]:
@@ -109,22 +103,18 @@ def endings(results: Sequence[RunResult]) -> list[str]:
 
 def gains_table(results: Sequence[RunResult]) -> Table:
     """The gains of each controller, and where its law stands in the chapter."""
-    table = empty_table()
-    for header in ("system", "designed on", "law", "equations", "gains"):
-        table.add_column(header, no_wrap=header != "gains")
-    seen = set()
+    rows = {}
     for result in results:
         equations = "printed" if result.plant == "printed" else "corrected"
         if result.trajectory.system.read_parameters is None and result.plant == "physics":
             equations = "MuJoCo"
-        key = (result.case.system, equations, result.controller.name)
-        if key in seen:
-            continue
-        seen.add(key)
         # Of a matrix for many joints most entries are zero.
-        shown = [(n, v) for n, v in result.controller.gains.items() if v or len(n) < _MATRIX]
+        design = result.controller.designed
+        shown = [(n, v) for n, v in design.gains.items() if v or len(n) < _MATRIX]
         gains = ", ".join(f"{n} = {v:.4g}" for n, v in shown)
-        if result.controller.declared:
-            gains += f"; computed for {result.controller.declared}"
-        table.add_row(*key, result.controller.source, gains)
-    return table
+        if design.declared:
+            gains += f"; computed for {design.declared}"
+        key = (result.case.system, equations, result.controller.name)
+        rows.setdefault(key, (*key, design.source, gains))
+    columns = [*words("system", "designed on", "law", "equations"), *text("gains")]
+    return table("", columns, list(rows.values()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -11,25 +10,17 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.films.board import Chart
-from grosmc_mj.films.film import Film, Take
+from grosmc_mj.films.film import Film
 from grosmc_mj.films.layout import Box, Layout
-from grosmc_mj.films.sizes import FEW, Size, distances, loads
-from grosmc_mj.plants.system import Signal
-from grosmc_mj.report.figure import DEFAULTS
-from grosmc_mj.report.palette import DISTURBANCE, GRID, OPTIMUM, red_green_blue
+from grosmc_mj.films.plots import PLOTS
+from grosmc_mj.report.figure import DEFAULTS, shade
+from grosmc_mj.report.palette import DISTURBANCE, GRID
 
 _DPI = 100
 # Room that numbers and titles of a plot need, in sizes of the font.
 _LEFT, _RIGHT, _TOP, _BOTTOM = 4.3, 1.2, 1.9, 3.1
-_SPREAD = 0.06
 _SIDES = ("xtick", "ytick")
-# A sliding variable below this is shown in thousandths of its unit.
-_SMALL = 0.1
-_ROOM = 1.2
-# How several coordinates or inputs of one run are told apart.
-_STYLES, _SHARES = ("dark", "pale"), (1.0, 0.5)
 
 
 def draw_chart(film: Film, layout: Layout) -> Chart:
@@ -41,9 +32,9 @@ def draw_chart(film: Film, layout: Layout) -> Chart:
         figure = Figure(figsize=(layout.width / _DPI, layout.height / _DPI), dpi=_DPI)
         canvas = FigureCanvasAgg(figure)
         _write_labels(figure, film, layout)
-        plots = [_axes(figure, layout, index) for index in range(3)]
+        plots = [_axes(figure, layout, index) for index in range(len(PLOTS))]
         curves: list[Any] = []
-        for axes, draw in zip(plots, (_outputs, _slidings, _inputs), strict=True):
+        for axes, draw in zip(plots, PLOTS, strict=True):
             curves += draw(axes, film, times)
             _shade(axes, film, times)
             axes.set_xlim(*times)
@@ -108,12 +99,12 @@ def _write_labels(figure: Figure, film: Film, layout: Layout) -> None:
             words.append(("disturbance", DISTURBANCE))
         x = _right_of(write(box, box.left + pad, take.label, 1.1 * points, take.colour, "bold"))
         for text, colour in words:
-            found = write(box, x + 1.3 * layout.font, text, 0.85 * points, colour, "normal")
-            if _right_of(found) > box.right - pad:
+            written = write(box, x + 1.3 * layout.font, text, 0.85 * points, colour, "normal")
+            if _right_of(written) > box.right - pad:
                 # The name matters most; what does not fit beside it is left out.
-                found.remove()
+                written.remove()
             else:
-                x = _right_of(found)
+                x = _right_of(written)
 
 
 def _right_of(text: Any) -> float:
@@ -153,171 +144,6 @@ def _area(axes: Axes, height: int) -> Box:
     return Box(round(box.x0), top, round(box.x1) - round(box.x0), bottom - top)
 
 
-def _window(take: Take, times: tuple[float, float]) -> slice:
-    """The rows of a run that the film shows."""
-    first, last = np.searchsorted(take.run.time, (times[0] - 1e-9, times[1] + 1e-9))
-    return slice(int(first), int(last))
-
-
-def _limits(axes: Axes, curves: Sequence[Array]) -> None:
-    """Fixed limits around all curves; a curve that is zero still gets an axis."""
-    values = np.concatenate([*curves, [0.0]])
-    least, most = float(values.min()), float(values.max())
-    spread = (most - least) or 1.0
-    axes.set_ylim(least - _SPREAD * spread, most + _SPREAD * spread)
-
-
-def _outputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
-    """The controlled coordinate, and where it should have been; of many, how far that is."""
-    if (size := distances(film)) is not None:
-        return _sized(axes, film, times, size)
-    run = film.takes[0].run
-    controlled = list(run.system.controlled)
-    ghosts = _distinct_ghosts(film)
-    dashed = f"  (dashed: {film.ghost_symbol})" if ghosts else ""
-    axes.set_title(f"{_names([run.system.states[index] for index in controlled])}{dashed}")
-    lines, seen = [], []
-    for take in film.takes:
-        window = _window(take, times)
-        for index, column in enumerate(controlled[: len(_STYLES)]):
-            y = take.run.state[window, column]
-            colour = _tint(take.colour, index)
-            lines += axes.plot(take.run.time[window], y, color=colour, lw=2)
-            seen.append(y)
-    for ghost in ghosts:
-        window = _window(film.longest, times)
-        style: dict[str, Any] = {"color": OPTIMUM, "lw": 1.1, "ls": (0, (3, 2))}
-        lines += axes.plot(film.longest.run.time[window], ghost[window], **style)
-        seen.append(ghost[window].ravel())
-    _limits(axes, seen)
-    return lines
-
-
-def _names(signals: Sequence[Signal]) -> str:
-    """Names, symbols and units; of several, the first one's name and how each is drawn."""
-    first = signals[0]
-    if len(signals) == 1:
-        return f"{first.name} {first.symbol} [{first.unit}]"
-    drawn = ", ".join(
-        f"{signal.symbol} {style}" for signal, style in zip(signals, _STYLES, strict=False)
-    )
-    return f"{drawn} [{first.unit}]"
-
-
-def _distinct_ghosts(film: Film) -> list[Array]:
-    """The ghosts' coordinates, each once; those of runs that ended early are left out."""
-    found: list[Array] = []
-    for take in film.takes:
-        if take.ghost is None or len(take.run.time) < len(film.longest.run.time):
-            continue
-        if not any(np.allclose(take.ghosts, other, atol=1e-9) for other in found):
-            found.append(take.ghosts)
-    return found
-
-
-def _slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
-    """The sliding variable of the laws that have one, or a state in its place."""
-    if film.beside is not None:
-        return _state(axes, film, times, film.beside)
-    signals = [(take, take.run.sliding) for take in film.takes if take.run.sliding is not None]
-    peak = max((float(np.abs(s).max(initial=0.0)) for _, s in signals), default=0.0)
-    scale, prefix = (1e3, "m") if peak < _SMALL else (1.0, "")
-    units = sorted({prefix + take.sliding_unit for take, _ in signals})
-    most = max((s.shape[1] for _, s in signals if s.ndim > 1), default=1)
-    name = "s₁ dark, s₂ pale" if most > 1 else "sliding variable s"
-    if most > FEW:
-        name = "largest sliding variable |s|"
-        signals = [(take, np.abs(s).max(axis=1)) for take, s in signals]
-    axes.set_title(f"{name} [{', '.join(units)}]" if units else name)
-    lines, seen = [], []
-    for take, s in signals:
-        for values, index in _columns(s):
-            lines += _held(axes, take, scale * values, times, seen, index)
-    without = [take.label for take in film.takes if take.run.sliding is None]
-    if without:
-        axes.text(
-            0.98, 0.95, f"{', '.join(without)}: no surface", transform=axes.transAxes,
-            ha="right", va="top", color="#555555", zorder=5,
-            bbox={"facecolor": "white", "alpha": 0.8, "lw": 0, "pad": 1.5},
-        )  # fmt: skip
-        if most > FEW:
-            # Sizes fill their axes from zero up: room for the words.
-            seen += [_ROOM * values for values in seen]
-    _limits(axes, seen)
-    return lines
-
-
-def _state(axes: Axes, film: Film, times: tuple[float, float], index: int) -> list[Any]:
-    """A state that the laws regulate beside the controlled ones."""
-    axes.set_title(_names([film.takes[0].run.system.states[index]]))
-    lines, seen = [], []
-    for take in film.takes:
-        window = _window(take, times)
-        y = take.run.state[window, index]
-        lines += axes.plot(take.run.time[window], y, color=take.colour, lw=2)
-        seen.append(y)
-    _limits(axes, seen)
-    return lines
-
-
-def _inputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
-    """The input that the actuator applied; of many, the largest."""
-    if (size := loads(film)) is not None:
-        return _sized(axes, film, times, size)
-    axes.set_title(_names(film.takes[0].run.system.inputs))
-    lines, seen = [], []
-    signals = [(take, *each) for take in film.takes for each in _columns(take.run.input)]
-    for take, values, index in sorted(signals, key=_restless):
-        lines += _held(axes, take, values, times, seen, index)
-    _limits(axes, seen)
-    return lines
-
-
-def _sized(axes: Axes, film: Film, times: tuple[float, float], size: Size) -> list[Any]:
-    """One curve for each take, of what stands for many signals; from zero up."""
-    axes.set_title(size.title)
-    lines, seen = [], []
-    for take, values in sorted(zip(film.takes, size.curves, strict=True), key=_restless):
-        lines += _held(axes, take, values, times, seen, 0)
-    _limits(axes, seen)
-    return lines
-
-
-def _restless(drawn: tuple[Any, ...]) -> float:
-    """Order of drawing: a law that switches fills its band, and the others are drawn on it."""
-    return -float(np.abs(np.diff(drawn[1])).sum())
-
-
-def _tint(colour: str, index: int) -> tuple[float, ...]:
-    """The colour of a take's coordinate or input: its own, then paler."""
-    share = _SHARES[index]
-    return tuple(1 - share * (1 - part) for part in red_green_blue(colour))
-
-
-def _columns(values: Array) -> list[tuple[Array, int]]:
-    """Each signal of (N,) or (N, m) that is drawn, and its number."""
-    rows = values[:, None] if values.ndim == 1 else values
-    return [(row, i) for i, row in enumerate(rows.T[: len(_STYLES)])]
-
-
-def _held(
-    axes: Axes,
-    take: Take,
-    values: Array,
-    times: tuple[float, float],
-    seen: list[Array],
-    index: int,
-) -> list[Any]:
-    """A signal of the intervals, thin where it jumps at every sample."""
-    window = _window(take, times)
-    y = values[window]
-    seen.append(y)
-    jumps = np.abs(np.diff(y)).sum() > 20 * np.ptp(y) if len(y) > 1 else False
-    style: dict[str, Any] = {"lw": 0.35, "alpha": 0.75} if jumps else {"lw": 1.8}
-    colour = _tint(take.colour, index)
-    return axes.plot(take.run.time[window][: len(y)], y, color=colour, **style)
-
-
 def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:
     """Shade the time in which a disturbance acts."""
     run = film.longest.run
@@ -326,7 +152,7 @@ def _shade(axes: Axes, film: Film, times: tuple[float, float]) -> None:
     acts = np.flatnonzero(np.any(run.wrench, axis=1))
     if len(acts):
         first, last = float(run.time[acts[0]]), float(run.time[acts[-1] + 1])
-        axes.axvspan(max(first, times[0]), min(last, times[1]), color=DISTURBANCE, alpha=0.13, lw=0)
+        shade(axes, max(first, times[0]), min(last, times[1]))
 
 
 def _pixels(canvas: FigureCanvasAgg) -> np.ndarray:

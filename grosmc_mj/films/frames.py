@@ -7,8 +7,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from grosmc_mj.films.board import OVERSAMPLING, Scene, Storyboard, pose
-from grosmc_mj.films.marks import add_ghost, add_wrenches
-from grosmc_mj.films.traces import add_trace
+from grosmc_mj.films.marks import add_ghost, add_trace, add_wrenches
 
 _CURSOR = (120, 120, 120)
 _WHITE, _INK, _WARNING = (255, 255, 255), (17, 17, 17), (176, 0, 32)

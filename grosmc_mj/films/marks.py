@@ -1,4 +1,4 @@
-"""What a film adds to the scene: the ghost, and the disturbance as arrows and arcs."""
+"""What a film adds to the scene: the ghost, the disturbance as arrows and arcs, the tip's path."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.films.board import Trace
 from grosmc_mj.films.camera import visible_height
 from grosmc_mj.report.palette import DISTURBANCE, OPTIMUM, red_green_blue
 
@@ -23,6 +24,12 @@ _ARROW, _RADIUS, _THICK = 0.30, 0.14, 0.013
 # A whole turn would hide where the arc begins.
 _SWEEP = math.radians(300)
 _SEGMENTS = 28
+# The site whose path is drawn.
+_TIP = "tip"
+_LINE, _DOT, _APART = 0.0035, 0.0045, 0.022
+_LOOKS = 1000
+# A longer trail has its older part left out: as many frames.
+_TRAIL = 400
 # Below this part of the largest one there is nothing to draw.
 _FAINT = 0.02
 # Marks stand nearer to the camera, on the same line of sight, so that nothing hides them.
@@ -138,3 +145,48 @@ def add_connector(
     mujoco.mjv_connector(geom, kind, width, start, end)
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
     scene.ngeom += 1
+
+
+def trace_site(model: mujoco.MjModel) -> int:
+    """Id of the site whose path a film may draw, named ``tip`` or ``.../tip``; -1 if none is."""
+    names = [model.site(index).name.split("/")[-1] for index in range(model.nsite)]
+    return names.index(_TIP) if _TIP in names else -1
+
+
+def site_path(model: mujoco.MjModel, site: int, qpos: Array) -> Array:
+    """Where a site is at positions (N, nq); returns (N, 3)."""
+    data, path = mujoco.MjData(model), np.empty((len(qpos), 3))
+    for row, q in zip(path, qpos, strict=True):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        row[:] = data.site_xpos[site]
+    return path
+
+
+def add_trace(scene: mujoco.MjvScene, trace: Trace, frame: int) -> None:
+    """Draw where the site has been up to a frame as a line, and where it should be as dots.
+
+    Args:
+        scene: An updated scene.
+        trace: The paths.
+        frame: The last one that is drawn.
+    """
+    been, wanted = trace.been[max(0, frame + 1 - _TRAIL) : frame + 1], trace.wanted
+    unit = visible_height(scene.camera[0], trace.been[0])
+    if wanted is not None:
+        for point in _apart(wanted[:: len(wanted) // _LOOKS + 1], _APART * unit):
+            add_dot(scene, _DOT * unit, point, (*red_green_blue(OPTIMUM), 1.0))
+    paint = (*red_green_blue(trace.colour), 1.0)
+    for start, end in itertools.pairwise(been):
+        # A capsule without length has no direction.
+        if np.any(start != end):
+            add_connector(scene, _GEOM.mjGEOM_CAPSULE, _LINE * unit, start, end, paint)
+
+
+def _apart(path: Array, least: float) -> list[Array]:
+    """The points of a path that are this far from all before; its second round adds none."""
+    kept = [path[0]]
+    for point in path[1:]:
+        if np.linalg.norm(np.array(kept) - point, axis=1).min() >= least:
+            kept.append(point)
+    return kept

@@ -17,7 +17,7 @@ from grosmc_mj.films.camera import place
 from grosmc_mj.films.chart import draw_chart
 from grosmc_mj.films.film import Film, Take
 from grosmc_mj.films.layout import Layout
-from grosmc_mj.films.traces import site_path
+from grosmc_mj.films.marks import site_path
 
 # Poses at which the camera's place is decided.
 _LOOKS = 60

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.plants.affine import affine_plant
+from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.arm import ARM, ArmParameters
 from grosmc_mj.plants.cart_pendulum import CART_PENDULUM, CartPendulumParameters
 from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.plant import Plant
 from grosmc_mj.plants.servo import SERVO, ServoParameters
-from grosmc_mj.plants.system import AnalyticPlant, Signal, System, Variant
+from grosmc_mj.plants.system import Signal, System, Variant
 from grosmc_mj.plants.two_link_arm import TWO_LINK_ARM, TwoLinkParameters
 
 SYSTEMS: dict[str, System] = {
@@ -38,6 +40,7 @@ __all__ = [
     "ArmParameters",
     "CartPendulumParameters",
     "Equations",
+    "Plant",
     "ServoParameters",
     "Signal",
     "System",

@@ -12,8 +12,9 @@ from sympy.logic.boolalg import Boolean
 
 from grosmc_mj.arguments import real, require
 from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.equations import Equations
-from grosmc_mj.plants.system import AnalyticPlant, Signal, System
+from grosmc_mj.plants.system import Signal, System
 
 
 def affine_plant(

@@ -1,19 +1,17 @@
-"""What every plant of the package has: its signals, its equations and its names in the model."""
+"""What a system is: its signals, its equations and its names in the model."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import sympy as sp
-from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, require, require_each
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
+from grosmc_mj.arguments import require, require_each
+from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.equations import Column, Equations, NoEquations
 
 if TYPE_CHECKING:
@@ -78,7 +76,7 @@ class System:
             wanted = "a tuple of Signals" if kind is Signal else "a tuple of names"
             require_each(f"{self.name}: {what}", getattr(self, what), kind, wanted, ModelError)
         require(f"{self.name}: equations", self.equations, Equations, "Equations", ModelError)
-        if isinstance(self.equations, NoEquations):
+        if not self.symbolic:
             return
         counts = {
             "states": (len(self.states), len(self.equations.x)),
@@ -90,6 +88,11 @@ class System:
                 raise ModelError(
                     f"{self.name}: {named} {what} are named, the equations have {written}"
                 )
+
+    @property
+    def symbolic(self) -> bool:
+        """Whether it has equations in symbols; else MuJoCo alone knows its dynamics."""
+        return not isinstance(self.equations, NoEquations)
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -140,119 +143,6 @@ class System:
     def linearizable(self) -> Callable[[Any], bool]:
         """Jitable x -> whether x is in the region that feedback linearization is relied on in."""
         return self.equations.linearizable
-
-
-@dataclass(frozen=True)
-class AnalyticPlant:
-    """A system with numbers: the equations of one variant and their frozen parameters.
-
-    Attributes:
-        system: Its equations and names.
-        parameters: Its numbers, a frozen dataclass of the system's own file.
-        variant: ``corrected`` (energy-true) or ``printed`` (as in the chapter).
-    """
-
-    system: System
-    parameters: Any
-    variant: Variant = "corrected"
-
-    def __post_init__(self) -> None:
-        require("system", self.system, System, "a System", ModelError)
-        if not isinstance(self.variant, str) or self.variant not in get_args(Variant):
-            raise ModelError(unknown_name("variant", self.variant, get_args(Variant)))
-
-    @classmethod
-    def from_model(
-        cls, system: System, model: mujoco.MjModel, variant: Variant = "corrected"
-    ) -> AnalyticPlant:
-        """The analytic twin of a compiled model, edited or not.
-
-        Raises:
-            ModelError: If the model is not of this system, or the system has no such variant.
-        """
-        if variant not in system.variants:
-            raise ModelError(
-                f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
-            )
-        if isinstance(system.equations, NoEquations):
-            raise ModelError(f"{system.name} has no equations in symbols, and no analytic twin")
-        if system.read_parameters is None:
-            raise ModelError(f"{system.name} has no model in MuJoCo to read its numbers from")
-        try:
-            parameters = system.read_parameters(model, variant)
-        except KeyError as error:
-            raise ModelError(f"not a model of {system.name}: {error.args[0]}") from error
-        return cls(system, parameters, variant)
-
-    def derivative(
-        self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
-    ) -> Array:
-        """x' = f(x) + g(x) u + d(x, w).
-
-        Args:
-            x: State, (n,).
-            u: Input in the units of ``system.inputs``, (m,), or one number for one input.
-            wrench: [force, torque] in N and N m of each of ``system.bodies``, in world axes at
-                the centre of mass, (6 * len(bodies),); None for no wrench.
-
-        Returns:
-            x', (n,).
-
-        Raises:
-            ArgumentError: If a shape is wrong.
-        """
-        n, m, nw = len(self.system.states), len(self.system.inputs), 6 * len(self.system.bodies)
-        x, u = np.asarray(x, float), np.asarray(u, float)
-        w = np.zeros(nw) if wrench is None else np.asarray(wrench, float).ravel()
-        if x.shape != (n,) or w.shape != (nw,):
-            raise ArgumentError(
-                f"{self.system.name}: x has shape {x.shape} and the wrench {w.shape}, "
-                f"must be ({n},) and ({nw},)"
-            )
-        if u.shape not in {(m,), () if m == 1 or not np.any(u) else (m,)}:
-            wanted = "one number" if m == 1 else f"({m},)"
-            raise ArgumentError(f"{self.system.name}: u has shape {u.shape}, must be {wanted}")
-        p = self.parameters
-        g = np.reshape(self.system.input_matrix(x, p), (n, m))
-        return (
-            np.array(self.system.drift(x, p))
-            + g @ np.broadcast_to(u, (m,))
-            + np.array(self.system.disturbance(x, w, p))
-        )
-
-    def with_parameters(self, **changes: float) -> AnalyticPlant:
-        """The same equations with other numbers.
-
-        Raises:
-            ModelError: If a name is unknown or a number does not fit.
-        """
-        names = [each.name for each in fields(self.parameters)]
-        for name, value in changes.items():
-            if not math.isfinite(real(value)):
-                raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
-            if name not in names:
-                raise ModelError(unknown_name(f"parameter of {self.system.name}", name, names))
-        return replace(self, parameters=replace(self.parameters, **changes))
-
-    def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
-        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact.
-
-        Args:
-            x: State, (n,).
-            u: Input, (m,).
-
-        Returns:
-            A (n, n) and B (n, m).
-        """
-        x, p, n = np.asarray(x, float), self.parameters, len(self.system.states)
-        u = np.atleast_1d(np.asarray(u, float))
-        if x.shape != (n,) or u.shape != (len(self.system.inputs),):
-            raise ArgumentError(
-                f"{self.system.name}: x has shape {x.shape} and u {u.shape}, must be ({n},) and "
-                f"({len(self.system.inputs)},)"
-            )
-        A = np.reshape(self.system.equations.jacobian(x, u, p), (n, n))
-        return A, np.reshape(self.system.input_matrix(x, p), (n, -1))
 
 
 def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:

@@ -241,8 +241,8 @@ def single_reading(margin: float) -> Reading:
 
 def _linear(law: Controller) -> list[Premise]:
     """Assumption 1 and G B, of the law's linear model."""
-    assert law.lqr is not None
-    A, B = law.lqr.A, law.lqr.B
+    optimum = law.designed.lqr
+    A, B = optimum.A, optimum.B
     reach = np.hstack([np.linalg.matrix_power(A, k) @ B for k in range(len(A))])
     values = np.linalg.svd(reach, compute_uv=False)
     found = [
@@ -276,8 +276,7 @@ def _linear(law: Controller) -> list[Premise]:
 
 def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
     """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
-    assert law.error is not None
-    x0 = law.coordinates.place(0.0, np.zeros(law.error.size), law.parameters)
+    x0 = law.coordinates.place(0.0, np.zeros(law.coordinates.size), law.parameters)
     scale = abs(float(np.linalg.det(law.coordinates.dynamics(0.0, x0, law.parameters)[1])))
     degrees = ", ".join(map(str, law.coordinates.linearization.relative_degree))
     return Premise(
@@ -324,7 +323,7 @@ def _gain(law: Controller, here: Points, there: Points) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
     everywhere = [*here, *there]
     p: Any = law.parameters
-    unit = per_second(law.sliding_unit)
+    unit = per_second(law.designed.sliding_unit)
     if hasattr(p, "epsilon"):
         region, along = (max(each.required for _, _, each in points) for points in (here, there))
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
@@ -382,16 +381,15 @@ def initial_surface(sliding: Array | None) -> Premise:
 
 def _met(run: Trajectory, law: Controller) -> Premise:
     """No singular state was met and the actuator gave what it was asked for."""
-    assert law.error is not None
-    linearizable = law.error.system.linearizable
-    left = float(np.mean([not linearizable(x) for x in run.state[::_EVERY]]))
+    system = law.designed.error.system
+    left = float(np.mean([not system.linearizable(x) for x in run.state[::_EVERY]]))
     ended = run.status is not Status.COMPLETED
     saturated = float(np.mean(run.command != run.input)) if len(run.input) else 0.0
     margin = -1.0 if ended or left or saturated else 1.0
     return Premise(
         "region kept",
         "section 3.2: X_0",
-        f"the run stays in {law.error.system.region}, and the actuator gives what is asked for",
+        f"the run stays in {system.region}, and the actuator gives what is asked for",
         "1",
         None,
         Reading(Point(math.nan, (), margin), margin, max(left, saturated, float(ended))),

@@ -9,9 +9,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.gains import authority, authority_together, surface_rate
-from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
+from grosmc_mj.plants import Plant
 
 
 class Balance(NamedTuple):
@@ -47,7 +45,7 @@ class Balance(NamedTuple):
 
 def balance(
     law: Controller,
-    true: AnalyticPlant | MujocoPlant,
+    true: Plant,
     t: float,
     x: Array,
     w: Array,
@@ -65,22 +63,17 @@ def balance(
             Equations have no use for it.
     """
     error, p = law.coordinates, law.parameters
-    assert law.lqr is not None
-    z, optimum = np.array(error.state(t, x, p)), law.lqr
+    z, optimum = np.array(error.state(t, x, p)), law.designed.lqr
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
     rows = list(error.linearization.last_rows)
-    if law.linearizing:
+    if law.designed.linearizing:
         alpha, E = error.dynamics(t, x, p)
         u_c, believed = np.linalg.solve(E, -(p.K @ z) - alpha), G[:, rows] @ E
     else:
         E, u_c, believed = optimum.B[rows], -(p.K @ z), G @ optimum.B
-    if isinstance(error, RobotCoordinates) and isinstance(true, MujocoPlant):
-        drift, gain = error.moved(t, x, p, true, w, u)
-    else:
-        assert not isinstance(true, MujocoPlant)
-        drift, gain = error.moved(t, x, p, true.parameters, w)
+    drift, gain = error.moved(t, x, p, true, w, u)
     push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
-    together = "unit-vector" in law.switching
+    together = "unit-vector" in law.designed.switching
     R = steered @ np.linalg.inv(believed)
     r = authority_together(R) if together else authority(R)
     pushing = float(np.linalg.norm(push) if together else np.abs(push).max())
@@ -103,6 +96,6 @@ def switching_rate(law: Controller, z: Array, E: Array) -> float:
     if hasattr(p, "epsilon"):
         return p.epsilon * p.switching.gain
     if hasattr(p, "eta"):
-        size = float(np.linalg.norm(p.GB @ E)) if law.linearizing else p.size_of_GB
+        size = float(np.linalg.norm(p.GB @ E)) if law.designed.linearizing else p.size_of_GB
         return p.switching.gain * (p.eta + (p.gamma0 + p.gamma1 * float(np.linalg.norm(z))) * size)
     return 0.0

@@ -28,7 +28,6 @@ from grosmc_mj.premises.audit import (
     reading_of,
 )
 from grosmc_mj.premises.balance import balance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.robots.dynamics import bias, inertia
@@ -39,9 +38,7 @@ _INSTANTS = 400
 
 def is_robots(result: RunResult) -> bool:
     """Whether a run is one that these premises are for: a robot's law on a robot in MuJoCo."""
-    return isinstance(result.controller.error, RobotCoordinates) and isinstance(
-        result.true, MujocoPlant
-    )
+    return result.true is not None and not result.trajectory.system.symbolic
 
 
 def audits(results: Sequence[RunResult]) -> list[Audit]:
@@ -96,7 +93,7 @@ def _along(result: RunResult) -> Points:
     run, points = result.trajectory, []
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
     nothing = np.zeros(6 * len(run.system.bodies))
-    assert isinstance(result.true, MujocoPlant)
+    assert result.true is not None
     with warnings_counted_only():
         for row in rows:
             t, x = float(run.time[row]), run.state[row]
@@ -112,8 +109,8 @@ def _rate(result: RunResult, points: Points) -> Premise:
     p: Any = law.parameters
     t, _, most = max(points, key=lambda point: point[2].required)
     joint = joints[int(np.abs(most.pushes).argmax())]
-    alone = "" if "unit-vector" in law.switching else _joint_by_joint(points)
-    unit = per_second(law.sliding_unit)
+    alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
+    unit = per_second(law.designed.sliding_unit)
     printed = hasattr(p, "epsilon")
     found = Premise(
         "epsilon" if printed else "switching gain",
@@ -160,13 +157,6 @@ def _authority(points: Points) -> Premise:
     )
 
 
-def _limits(plant: MujocoPlant) -> Array:
-    """Least and largest torque of each joint, (2, m); infinite for none."""
-    model = plant.model
-    limited = model.actuator_ctrllimited.astype(bool)
-    return np.where(limited, model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
-
-
 def _shares(torque: Array, limits: Array) -> Array:
     """Torques as parts of the limit on their side, like ``torque``: 1 at the limit."""
     low, high = limits
@@ -179,10 +169,10 @@ def _shares(torque: Array, limits: Array) -> Array:
 def _torque(result: RunResult) -> Premise:
     """The actuators give what the law asks for."""
     run, plant = result.trajectory, result.true
-    assert isinstance(plant, MujocoPlant)
+    assert plant is not None
     # A trajectory of one joint has no axis for its inputs.
     command, applied = (rows.reshape(len(rows), -1) for rows in (run.command, run.input))
-    shares = _shares(command, _limits(plant))
+    shares = _shares(command, plant.input_limits)
     cut = command != applied
     largest = shares.max(axis=1)
     row = int(largest.argmax())
@@ -207,7 +197,7 @@ def _torque(result: RunResult) -> Premise:
 
 def _headroom(law: Controller, plant: Any, points: Points) -> Premise:
     """The nominal torque leaves what the switching term may need, whatever its signs."""
-    error, limits = law.error, _limits(plant)
+    error, limits = law.designed.error, plant.input_limits
     assert isinstance(error, RobotCoordinates)
     margins, alone, switched = [], [], []
     for t, _, found in points:
@@ -242,7 +232,7 @@ def _headroom(law: Controller, plant: Any, points: Points) -> Premise:
 def _joints(result: RunResult) -> Premise:
     """No joint comes to its limit, where a torque acts that the law does not know."""
     run, plant = result.trajectory, result.true
-    assert isinstance(plant, MujocoPlant)
+    assert plant is not None
     model = plant.model
     limited = np.flatnonzero(model.jnt_limited)
     found = Premise(

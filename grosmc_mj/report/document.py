@@ -1,37 +1,36 @@
-"""JSON documents: versions, infinities, schema, written whole or not at all."""
+"""JSON documents: where they come from, what stands for infinity, written whole or not at all."""
 
 from __future__ import annotations
 
 import functools
 import json
-import platform
+import math
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import grosmc_mj
+import numpy as np
+
 from grosmc_mj.files import written_aside
-from grosmc_mj.versions import installed
+from grosmc_mj.versions import versions
 
 SCHEMA_VERSION = 1
 
 
-_PACKAGES = ("mujoco", "dm_control", "numpy", "scipy", "control", "numba", "matplotlib")
+def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, Any]:
+    """What a document needs to be understood and repeated; no seed where nothing is random.
 
-
-def origin(seed: int | None) -> dict[str, Any]:
-    """What a document needs to be understood and repeated; no seed where nothing is random."""
+    Args:
+        seed: Of what is random.
+        schema_version: Of this kind of document.
+    """
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": schema_version,
         "versions": versions(),
         "git_revision": git_revision(),
         "seed": seed,
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that the numbers depend on."""
-    return {"python": platform.python_version(), **installed(_PACKAGES)}
 
 
 @functools.cache
@@ -40,12 +39,11 @@ def git_revision() -> str | None:
 
     As it was when this process first asked: that is the code that it runs.
     """
-    folder = Path(__file__).parent
+    package = Path(__file__).resolve().parents[1]
     try:
-        top = _git(folder, "rev-parse", "--show-toplevel")
-        if Path(top).resolve() != Path(grosmc_mj.__file__).resolve().parents[1]:
+        if Path(_git(package, "rev-parse", "--show-toplevel")).resolve() != package.parent:
             return None
-        return _git(folder, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
+        return _git(package, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
     except (OSError, subprocess.CalledProcessError):
         return None
 
@@ -56,11 +54,31 @@ def _git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
+def json_text(content: Any) -> str:
+    """Values as JSON, which has neither infinities nor NaN: null stands for them.
+
+    What a null means stands beside it: a note, a status, or a count of runs that ended early.
+    """
+    return json.dumps(_plain(content), indent=1, allow_nan=False) + "\n"
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write JSON aside and rename it, so that a file is either whole or not there.
 
     Raises:
         SetupError: If it cannot be written.
     """
+    text = json_text(content)
     with written_aside(path) as part:
-        part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """Values that JSON has."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import textwrap
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
-from grosmc_mj.report.palette import GRID
+from grosmc_mj.report.palette import DISTURBANCE, GRID
 
 # matplotlib's own settings, whatever a matplotlibrc says: one in the working folder comes first.
 DEFAULTS: dict[Any, Any] = {
@@ -33,11 +38,25 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "grosmc_mj",
     "figure.constrained_layout.use": True,
 }
+# More room between the panels of a board than a page of one curve needs.
+_WIDE: dict[Any, Any] = {
+    **STYLE,
+    "figure.constrained_layout.w_pad": 0.1,
+    "figure.constrained_layout.h_pad": 0.07,
+}
+TITLE_SIZE = 11.5
+_ENDINGS = (".png", ".svg")
+_BOARD_TITLE_SIZE, _NOTE_SIZE = 13, 8.5
+_NOTE = "#444444"
+# Width of a letter over its size, and height of a line over it, on the safe side.
+_LETTER, _LINE_HEIGHT = 0.54, 1.45
+# A curve whose steps sum up to so many times its range jumps at every sample.
+_JUMPS = 20
 
 
-@contextmanager
+@contextlib.contextmanager
 def figure_written(
-    path: Path, size: tuple[float, float], suffixes: tuple[str, ...] = (".png", ".svg")
+    path: Path, size: tuple[float, float], suffixes: Sequence[str] = _ENDINGS
 ) -> Iterator[Figure]:
     """A figure to draw in, written when the block ends.
 
@@ -52,15 +71,25 @@ def figure_written(
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=size)
         yield figure
-        for suffix in suffixes:
-            with written_aside(path.with_suffix(suffix)) as part:
-                save(figure, part)
+        write_figure(figure, [path.with_suffix(suffix) for suffix in suffixes])
 
 
-def save(figure: Figure, file: Path) -> None:
-    """Write a PNG or SVG without a date: the same data give the same bytes."""
-    metadata = {"Date": None} if file.suffix == ".svg" else {"Software": None}
-    figure.savefig(file, format=file.suffix[1:], metadata=metadata)
+def write_figure(figure: Figure, files: Sequence[Path]) -> None:
+    """Write a figure to each file by its ending, all of them or none.
+
+    Without a date in it: the same data give the same bytes.
+
+    Raises:
+        ArgumentError: If a file is neither a PNG nor an SVG.
+        SetupError: If a file cannot be written.
+    """
+    for file in files:
+        if file.suffix not in _ENDINGS:
+            raise ArgumentError(f"{file.name}: a figure ends in {' or '.join(_ENDINGS)}")
+    with mpl.rc_context(STYLE), contextlib.ExitStack() as parts:
+        for part in [parts.enter_context(written_aside(file)) for file in files]:
+            metadata = {"Date": None} if part.suffix == ".svg" else {"Software": None}
+            figure.savefig(part, format=part.suffix[1:], metadata=metadata)
 
 
 def labelled_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
@@ -73,3 +102,78 @@ def labelled_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> No
         list(entries.values()), list(entries), loc="outside lower center", ncols=columns,
         markerscale=8,
     )  # fmt: skip
+
+
+def shade(axes: Axes, start: float, stop: float, label: str = "") -> None:
+    """Shade the time in which a disturbance acts [s]."""
+    axes.axvspan(start, stop, color=DISTURBANCE, alpha=0.13, lw=0, label=label)
+
+
+def jumps(values: Array) -> bool:
+    """Whether a signal (N,) jumps at every sample, so that it must be drawn thin."""
+    return len(values) > 1 and bool(np.abs(np.diff(values)).sum() > _JUMPS * np.ptp(values))
+
+
+class Board(NamedTuple):
+    """A figure of panels between a title and a footnote.
+
+    Attributes:
+        figure: The whole.
+        area: The part between them, which has the panels and a legend outside of them.
+        panels: Row by row.
+    """
+
+    figure: Figure
+    area: SubFigure
+    panels: list[Axes]
+
+
+@contextlib.contextmanager
+def board(
+    panels: int, size: tuple[float, float], title: str, footnote: str, *, columns: int = 2
+) -> Iterator[Board]:
+    """A figure of panels with a title above and a footnote below them, to draw in.
+
+    Args:
+        panels: How many, at least one.
+        size: Width and height of each [inch].
+        title: Above all.
+        footnote: Below all.
+        columns: The most side by side.
+    """
+    across = min(panels, columns)
+    rows = math.ceil(panels / across)
+    width = max(across * size[0], 5.8)
+    top = _broken(title, width, _BOARD_TITLE_SIZE)
+    note = _broken(footnote, width, _NOTE_SIZE)
+    bottom = _height(note, _NOTE_SIZE)
+    above = rows * size[1] + _height(top, _BOARD_TITLE_SIZE)
+    height = above + bottom
+    with mpl.rc_context(_WIDE):
+        figure = Figure(figsize=(width, height))
+        # A legend outside of the panels would cover the footnote if both were in one part.
+        parts = figure.add_gridspec(2, 1, height_ratios=(above, bottom))
+        area = figure.add_subfigure(parts[0])
+        area.suptitle(top, fontsize=_BOARD_TITLE_SIZE)
+        figure.text(0.1 / width, 0.06 / height, note, fontsize=_NOTE_SIZE, va="bottom", color=_NOTE)
+        axes = [area.add_subplot(rows, across, number + 1) for number in range(panels)]
+        yield Board(figure, area, axes)
+
+
+def in_lines(text: str, letters: int = 44) -> str:
+    """A text in as few lines as fit, of about one length, so that none has a word alone."""
+    lines = textwrap.wrap(text, letters)
+    longest = max(map(len, text.split()), default=letters)
+    while letters > longest and len(narrower := textwrap.wrap(text, letters - 1)) == len(lines):
+        lines, letters = narrower, letters - 1
+    return "\n".join(lines)
+
+
+def _broken(text: str, width: float, size: float) -> str:
+    """A text in lines that fit into a figure of that width [inch]."""
+    return in_lines(text, int((width - 0.3) * 72 / (_LETTER * size)))
+
+
+def _height(text: str, size: float) -> float:
+    """What the lines of a text need [inch]."""
+    return (text.count("\n") + 1) * size * _LINE_HEIGHT / 72 + 0.12 if text else 0.0

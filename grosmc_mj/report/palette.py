@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+# Okabe and Ito's, with a softer black.
+BLACK, ORANGE, SKY, GREEN = "#222222", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 
 COLOURS = {
-    "lqr": "#D55E00",
-    "fl-lqr": "#CC79A7",
-    "grosmc": "#0072B2",
-    "pd": "#E69F00",
+    "lqr": VERMILION,
+    "fl-lqr": PURPLE,
+    "grosmc": BLUE,
+    "pd": ORANGE,
     "cart-lqr": "#999933",
-    "cart-ism": "#56B4E9",
+    "cart-ism": SKY,
     "cart-pfl": "#882255",
 }
 LABELS = {
@@ -26,6 +30,9 @@ LABELS = {
 # Controllers that have no colour of their own, in turn.
 OTHERS = ("#332288", "#44AA99", "#AA4499", "#DDCC77")
 
+# Line styles that tell laws apart for those who see no colour, in turn.
+_DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
+
 # Physics thick, the equations thin on top.
 LINES: Mapping[str, Mapping[str, Any]] = {
     "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
@@ -38,14 +45,51 @@ PLANTS: Mapping[str, str] = {
     "printed": "printed equations",
 }
 
-OPTIMUM = "#222222"
-DISTURBANCE = "#009E73"
+# What was asked for: kept, not kept, or not decided.
+KEPT, FAILED, OPEN = GREEN, VERMILION, ORANGE
+
+OPTIMUM = BLACK
+DISTURBANCE = GREEN
+# Below zero margin.
+FAILED_SHADE = "#f3e3d7"
 GRID = "#dddddd"
+# The reference, or the nominal optimum, over all curves.
+REFERENCE: Mapping[str, Any] = {"color": OPTIMUM, "lw": 1, "ls": (0, (1, 2)), "zorder": 5}
+
+
+def label_of(controller: str) -> str:
+    """A controller's name for people."""
+    return LABELS.get(controller, controller)
 
 
 def colour_of(controller: str, others: int = 0) -> str:
     """The colour of a controller; one that has none takes the one numbered ``others``."""
     return COLOURS.get(controller, OTHERS[others % len(OTHERS)])
+
+
+class LawStyle(NamedTuple):
+    """How a law is drawn.
+
+    Attributes:
+        label: Its name for people.
+        colour: #RRGGBB.
+        line: Matplotlib's line style.
+    """
+
+    label: str
+    colour: str
+    line: str | tuple[float, tuple[float, ...]]
+
+
+def law_styles(laws: Iterable[str]) -> dict[str, LawStyle]:
+    """A style for each law; those without a colour of their own take the others in turn."""
+    styles: dict[str, LawStyle] = {}
+    others = 0
+    for number, law in enumerate(dict.fromkeys(laws)):
+        line = _DASHES[number % len(_DASHES)]
+        styles[law] = LawStyle(label_of(law), colour_of(law, others), line)
+        others += law not in COLOURS
+    return styles
 
 
 def red_green_blue(colour: str) -> tuple[float, float, float]:

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, get_args
 from weakref import WeakKeyDictionary
 
 import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, require
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
-from grosmc_mj.plants import AnalyticPlant, System, Variant, find_system
+from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
+from grosmc_mj.plants.plant import Integrator, Kind
 from grosmc_mj.simulation.edits import Edit, apply_edits
 from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
-Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+_INTEGRATORS: dict[int, Integrator] = {
+    int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")): name
+    for name in get_args(Integrator)
+}
 
 
 # Compiled nominal models by their spec, for as long as a plant has it.
@@ -48,7 +56,7 @@ def _nominal_spec(name: str, path: Path, changed: int) -> mujoco.MjSpec:
 
 
 @dataclass(frozen=True, eq=False)
-class MujocoPlant:
+class MujocoPlant(Plant):
     """A system's MJCF model, possibly with edited bodies, another timestep or integrator.
 
     Attributes:
@@ -105,6 +113,77 @@ class MujocoPlant:
     def edited(self, *edits: Edit) -> MujocoPlant:
         """The nominal model with these edits; earlier edits are replaced, never compounded."""
         return replace(self, edits=edits)
+
+    def changed(
+        self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
+    ) -> MujocoPlant:
+        """The nominal model with these edits, as ``edited``.
+
+        Raises:
+            ModelError: If a parameter is to be scaled, or an edit is not valid.
+        """
+        if scales:
+            raise ModelError(
+                f"{self.system.name} has a model in MuJoCo: edit a body or a joint instead of "
+                f"{', '.join(scales)}"
+            )
+        return self.edited(*edits)
+
+    @property
+    def kind(self) -> Kind:
+        """MuJoCo's physics."""
+        return "physics"
+
+    @cached_property
+    def parameters(self) -> Any:
+        """The numbers of its analytic twin; None where it has none."""
+        return self.analytic().parameters if self.system.read_parameters else None
+
+    @property
+    def stepped_by(self) -> Integrator:
+        """MuJoCo's integrator, by its name."""
+        return self.integrator or _INTEGRATORS[int(self.spec.option.integrator)]
+
+    @property
+    def restepped(self) -> bool:
+        """Whether another integrator is asked for than the model says."""
+        return self.stepped_by != _INTEGRATORS[int(self.spec.option.integrator)]
+
+    @property
+    def input_limits(self) -> Array:
+        """Range of each actuator's control, (2, m)."""
+        model = self.any_model
+        limited = model.actuator_ctrllimited.astype(bool)
+        return np.where(limited, model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the compiled model."""
+        buffer = np.zeros(mujoco.mj_sizeModel(self.model), np.uint8)
+        mujoco.mj_saveModel(self.model, None, buffer)
+        return hashlib.sha256(buffer.tobytes()).hexdigest()
+
+    def derivative(
+        self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
+    ) -> Array:
+        """x' by MuJoCo's forward dynamics, (n,)."""
+        x, u, w = self.checked(x, u, wrench)
+        model, n = self.model_with_userdata(0), self.system.degrees_of_freedom
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
+        bodies = [model.body(name).id for name in self.system.bodies]
+        data.xfrc_applied[bodies] = w.reshape(-1, 6)
+        mujoco.mj_forward(model, data)
+        return np.concatenate([x[n:], data.qacc])
+
+    def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
+        """A and B by MuJoCo's own finite differences, see ``linearize``."""
+        # It imports the engine that compiles the laws, which loads slowly.
+        from grosmc_mj.simulation.linearization import differences
+
+        state, inputs = self.operating_point(x, u)
+        self.require_unchanged([self])
+        return differences(self, state, inputs)
 
     @property
     def step_length(self) -> float:
@@ -169,49 +248,49 @@ class MujocoPlant:
         """The analytic twin, with the numbers of the compiled model as it is edited."""
         return AnalyticPlant.from_model(self.system, self.model_with_userdata(0), variant)
 
+    def undrawn(self) -> MujocoPlant:
+        """The same plant without geoms, materials, textures, meshes, cameras and lights.
 
-def require_unchanged(plants: Iterable[MujocoPlant]) -> None:
-    """Refuse to simulate something else than what the plants' models now say.
+        What has a part in the motion stays: geoms that can touch or that a fluid pushes, and what
+        a sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps
+        every bit of it; a model that MuJoCo cannot part from its geoms, such as one with
+        ``inertiafromgeom``, stays as it is.
+        """
+        spec = self.spec.copy()
+        if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+            for geom in spec.geoms:
+                geom.contype = geom.conaffinity = 0
+        try:
+            spec.discard_visual()
+        except ValueError:
+            return self
+        named = {name for each in spec.sensors for name in (each.objname, each.refname)}
+        for part in (*spec.cameras, *spec.lights):
+            if part.name not in named:
+                spec.delete(part)
+        return replace(self, spec=spec)
 
-    A model that nobody has been given is not looked at, and one spec once.
+    @classmethod
+    def require_unchanged(cls, plants: Iterable[MujocoPlant]) -> None:
+        """Refuse to simulate something else than what the plants' models now say.
 
-    Raises:
-        ModelError: If a model or a spec was changed in place.
-    """
-    different = dict.fromkeys(plants)
-    for plant in different:
-        given = plant.__dict__.get("_handed_out")
-        if given is not None and fingerprint(given[0]) != given[1]:
-            raise ModelError(
-                f"{plant.system.name}: plant.model was changed after it was compiled, which no run "
-                "would notice: use plant.edited(...), or another MJCF"
-            )
-    for spec, plant in {plant.spec: plant for plant in different}.items():
-        if spec_fingerprint(spec) != _as_made[spec]:
-            raise ModelError(
-                f"{plant.system.name}: plant.spec was changed after the plant was made, which its "
-                "runs may not notice: use plant.edited(...), or make a plant of a changed copy"
-            )
+        A model that nobody has been given is not looked at, and one spec once.
 
-
-def undrawn(plant: MujocoPlant) -> MujocoPlant:
-    """The same plant without geoms, materials, textures, meshes, cameras and lights.
-
-    What has a part in the motion stays: geoms that can touch or that a fluid pushes, and what a
-    sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps every
-    bit of it; a model that MuJoCo cannot part from its geoms, such as one with ``inertiafromgeom``,
-    stays as it is.
-    """
-    spec = plant.spec.copy()
-    if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
-        for geom in spec.geoms:
-            geom.contype = geom.conaffinity = 0
-    try:
-        spec.discard_visual()
-    except ValueError:
-        return plant
-    named = {name for each in spec.sensors for name in (each.objname, each.refname)}
-    for part in (*spec.cameras, *spec.lights):
-        if part.name not in named:
-            spec.delete(part)
-    return replace(plant, spec=spec)
+        Raises:
+            ModelError: If a model or a spec was changed in place.
+        """
+        different = dict.fromkeys(plants)
+        for plant in different:
+            given = plant.__dict__.get("_handed_out")
+            if given is not None and fingerprint(given[0]) != given[1]:
+                raise ModelError(
+                    f"{plant.system.name}: plant.model was changed after it was compiled, which no "
+                    "run would notice: use plant.edited(...), or another MJCF"
+                )
+        for spec, plant in {plant.spec: plant for plant in different}.items():
+            if spec_fingerprint(spec) != _as_made[spec]:
+                raise ModelError(
+                    f"{plant.system.name}: plant.spec was changed after the plant was made, which "
+                    "its runs may not notice: use plant.edited(...), or make a plant of a changed "
+                    "copy"
+                )

@@ -14,11 +14,10 @@ from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
-from grosmc_mj.plants import AnalyticPlant, System
+from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.engines.records import pack, record_dtype
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant, require_unchanged
-from grosmc_mj.simulation.problem import Plant, Problem
+from grosmc_mj.simulation.problem import Problem
 
 Item = TypeVar("Item")
 Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
@@ -60,6 +59,7 @@ def prepare(
         )
     nsim = max(counts, default=1)
     _require_alike(plants, controllers)
+    plants[0].require_unchanged(plants)
     _require_designed_for(plants[0].system, controllers[0])
     h = _timestep(plants, timestep)
     stride, period = _stride(control_period, h, controllers)
@@ -84,18 +84,17 @@ def _plants(plant: Plant | Sequence[Plant]) -> tuple[Plant, ...]:
     """The plants, one or several; a robot's is among its parts."""
     plants = _sequence(plant)
     for each in plants:
-        if isinstance(getattr(each, "plant", None), MujocoPlant):
+        if isinstance(getattr(each, "plant", None), Plant):
             raise ArgumentError(f"a {type(each).__name__} is no plant: give its .plant")
         require(
             "plant",
             each,
-            (AnalyticPlant, MujocoPlant),
+            Plant,
             "a plant or a list of them: what MujocoPlant.load(...), .analytic() or "
             "affine_plant(...) makes",
         )
     if not plants:
         raise ArgumentError("0 plants: give one, or one for each simulation")
-    require_unchanged(each for each in plants if isinstance(each, MujocoPlant))
     return plants
 
 
@@ -157,7 +156,7 @@ def _require_alike(plants: tuple[Plant, ...], controllers: tuple[Controller, ...
 
 def _require_designed_for(system: System, controller: Controller) -> None:
     """Refuse a controller of another system."""
-    designed = controller.error.system if controller.error else system
+    designed = controller.design.error.system if controller.design else system
     if designed is not system:
         raise ArgumentError(
             f"{controller.name} is designed for {designed.name}, the plant is {system.name}"
@@ -181,7 +180,7 @@ def _stride(
             f"{max(1, stride) * h:g} s, or another timestep"
         )
     for each in controllers:
-        wanted = each.control_period
+        wanted = each.design.control_period if each.design else None
         if wanted is not None and not math.isclose(wanted, period, rel_tol=1e-9):
             raise ArgumentError(
                 f"{each.name} is designed for a control period of {wanted:g} s, not {period:g} s"
@@ -258,19 +257,19 @@ def _disturbance_lists(disturbances: Disturbances) -> list[list[Disturbance]]:
 
 def _timestep(plants: tuple[Plant, ...], timestep: float | None) -> float:
     """The one physics timestep of all plants."""
-    if isinstance(plants[0], AnalyticPlant):
+    steps = {h for plant in plants if (h := plant.step_length) is not None}
+    if not steps:
         h = ANALYTIC_TIMESTEP if timestep is None else real(timestep)
         if not SHORTEST <= h <= LONGEST:
             raise ArgumentError(
                 f"timestep {shown(timestep)} s must be finite and positive, {_BOUNDS}"
             )
         return h
-    steps = {p.step_length for p in plants if isinstance(p, MujocoPlant)}
     if len(steps) > 1:
         raise ArgumentError(f"the plants have different timesteps: {sorted(steps)} s")
-    h = steps.pop()
-    if timestep is not None and not math.isclose(real(timestep), h, rel_tol=1e-12):
+    own = steps.pop()
+    if timestep is not None and not math.isclose(real(timestep), own, rel_tol=1e-12):
         raise ArgumentError(
-            f"timestep {shown(timestep)} s is not the model's {h:g} s: load the plant with it"
+            f"timestep {shown(timestep)} s is not the model's {own:g} s: load the plant with it"
         )
-    return h
+    return own

@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.plants import AnalyticPlant, System
+from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
 from grosmc_mj.simulation.engines.native_pushes import is_known
 from grosmc_mj.simulation.engines.records import record_dtype
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-
-Plant = AnalyticPlant | MujocoPlant
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +77,7 @@ class Problem:
 
         A recorded run needs the table all the same.
         """
-        physics = isinstance(self.plants[0], MujocoPlant)
+        physics = self.plants[0].kind == "physics"
         return physics and self.disturbed and self.profiles_known and not self.record
 
     @cached_property

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.native_engine import run_native
 from grosmc_mj.simulation.engines.python_engine import run_python
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import Disturbances, prepare
-from grosmc_mj.simulation.problem import Plant, Problem, Record
+from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 
 Engine = Literal["native", "python"]
@@ -142,12 +142,7 @@ def _repeat_last(problem: Problem, record: Record, run: int) -> None:
 
 def _applied(problem: Problem, u: Array) -> Array:
     """Commands within the actuator's range, as MuJoCo applies them."""
-    plants = problem.plants
-    low, high = np.full((2, len(plants), u.shape[-1]), [[[-np.inf]], [[np.inf]]])
-    for i, plant in enumerate(plants):
-        if isinstance(plant, MujocoPlant):
-            limited = plant.any_model.actuator_ctrllimited.astype(bool)
-            low[i, limited], high[i, limited] = plant.any_model.actuator_ctrlrange[limited].T
+    low, high = np.stack([plant.input_limits for plant in problem.plants], axis=1)
     return np.clip(u, low[:, None], high[:, None])
 
 

@@ -112,7 +112,8 @@ def why_ended(status: Status, system: System, controller: Controller, time: floa
     at = ", ".join(f"{value:.4g}" for value in x)
     if status is Status.UNDEFINED_INPUT:
         return f"{where}: the law returned no finite number at x = ({at})"
-    if not (controller.linearizing and system.linearizable(x)):
+    linearizing = controller.design is not None and controller.design.linearizing
+    if not (linearizing and system.linearizable(x)):
         return f"{where}: the law is undefined outside {system.region}"
     return (
         f"{where}: the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "

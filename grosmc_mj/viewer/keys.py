@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from grosmc_mj.viewer.playback import Playback
-from grosmc_mj.viewer.playing import Motion
+from grosmc_mj.viewer.playback import Motion, Playback
 
 
 class Key(NamedTuple):

@@ -2,20 +2,99 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.simulation.disturbances import wrench_table
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
 from grosmc_mj.simulation.engines.closed_loop import ClosedLoop
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.trajectory import Status, why_ended
-from grosmc_mj.viewer.playing import LiveRun
-from grosmc_mj.viewer.pushes import Push
 
+# How long one press of a key pushes, in the plant's time [s].
+LENGTH = 0.2
+# Bounds of a push's size [N or N m].
+WEAKEST, STRONGEST = 1 / 64, 1024.0
+# An instant counts as reached when it is this close [s]: sums of steps are not exact.
+_INSTANT = 1e-9
+# An acceleration per newton that counts as none.
+_NOTHING = 1e-9
 # Times that have been added up are not exact: parts of a timestep.
 _PART = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class LiveRun:
+    """All that a run needs.
+
+    Attributes:
+        plant: In MuJoCo.
+        controller: The law with its numbers.
+        x0: Start, (n,).
+        duration: Of a recorded run [s]; a live one goes on.
+        disturbances: Wrenches on the plant.
+        control_period: Time between two samples of the law [s]; the timestep by default.
+    """
+
+    plant: Plant
+    controller: Controller
+    x0: ArrayLike
+    duration: float
+    disturbances: Sequence[Disturbance] = ()
+    control_period: float | None = None
+
+
+class Push:
+    """A force along x at a body's centre of mass, or a torque where a force moves nothing.
+
+    The body is the system's uncertain one, else its last. Keys to the right push along +x, or
+    turn about -y, which looks the same from the front.
+
+    Attributes:
+        body: Name of the body.
+        unit: N or N m.
+        size: How much.
+    """
+
+    def __init__(self, plant: Plant, x0: Array) -> None:
+        """Find out at the start whether a force moves the body."""
+        system = plant.system
+        self.body = system.uncertain_body or system.bodies[-1]
+        self._place = system.bodies.index(self.body)
+        self._bodies, self.size = len(system.bodies), 1.0
+        self._forces = _moves(plant, x0, self.body)
+        self.unit = "N" if self._forces else "N m"
+        self._sign, self._until = 0, -math.inf
+
+    def press(self, sign: int, now: float) -> None:
+        """Push for a moment from ``now`` [s] on; pressing again goes on pushing."""
+        self._sign, self._until = sign, now + LENGTH
+
+    def change_size(self, factor: float) -> None:
+        """Stronger or weaker, within the bounds."""
+        self.size = min(STRONGEST, max(WEAKEST, factor * self.size))
+
+    def wrench(self, now: float) -> Array:
+        """[force, torque] of each of the system's bodies at ``now`` [s], (6 * bodies,)."""
+        signed = self._sign * self.size if self._acts(now) else 0.0
+        wrenches = np.zeros((self._bodies, 6))
+        wrenches[self._place, 0 if self._forces else 4] = signed if self._forces else -signed
+        return wrenches.ravel()
+
+    def words(self, now: float) -> str:
+        """What it is, and whether it acts at ``now`` [s]."""
+        way = ("", " ->", " <-")[self._sign if self._acts(now) else 0]
+        return f"{self.size:g} {self.unit} on {self.body}{way}"
+
+    def _acts(self, now: float) -> bool:
+        return now < self._until - _INSTANT
 
 
 class Live:
@@ -29,23 +108,23 @@ class Live:
         note: Why it cannot go on; empty while it can.
     """
 
-    def __init__(self, experiment: LiveRun) -> None:
+    def __init__(self, run: LiveRun) -> None:
         """Begin at the start.
 
         Raises:
-            ArgumentError: If something about the experiment does not fit.
+            ArgumentError: If something about the run does not fit.
         """
         # The checks of simulate, and the numbers that it would run with.
         self._problem, _ = prepare(
-            experiment.plant,
-            experiment.controller,
-            experiment.x0,
-            duration=experiment.duration,
-            control_period=experiment.control_period,
-            disturbances=experiment.disturbances,
+            run.plant,
+            run.controller,
+            run.x0,
+            duration=run.duration,
+            control_period=run.control_period,
+            disturbances=run.disturbances,
         )
-        self._experiment, self.model = experiment, experiment.plant.model
-        self.push = Push(experiment.plant, self._problem.x0[0])
+        self._run, self.model = run, run.plant.model
+        self.push = Push(run.plant, self._problem.x0[0])
         self.restart()
 
     def restart(self) -> None:
@@ -76,7 +155,7 @@ class Live:
     def state(self) -> Array:
         """mjSTATE_FULLPHYSICS as it is now."""
         state = self._loop.physics()
-        assert state is not None  # the plant of an experiment is in MuJoCo
+        assert state is not None  # the plant of a live run is in MuJoCo
         return state
 
     @property
@@ -102,7 +181,7 @@ class Live:
             return
         instants = (self._loop.steps + np.arange(count)) * h
         bodies = problem.system.bodies
-        table = wrench_table(self._experiment.disturbances, bodies, instants)
+        table = wrench_table(self._run.disturbances, bodies, instants)
         for i, now in enumerate(instants.tolist()):
             pushed = self.push.wrench(now)
             status = self._loop.advance(pushed if table is None else table[i] + pushed)
@@ -118,3 +197,15 @@ class Live:
     def stronger(self, factor: float) -> None:
         """Change what the keys push with."""
         self.push.change_size(factor)
+
+
+def _moves(plant: Plant, x0: Array, body: str) -> bool:
+    """Whether a force along x at the body's centre accelerates anything."""
+    model, n = plant.model, plant.system.degrees_of_freedom
+    data, accelerations = mujoco.MjData(model), []
+    data.qpos[:], data.qvel[:] = x0[:n], x0[n:]
+    for force in (0.0, 1.0):
+        data.xfrc_applied[model.body(body).id, 0] = force
+        mujoco.mj_forward(model, data)
+        accelerations.append(data.qacc.copy())
+    return bool(np.abs(accelerations[1] - accelerations[0]).max() > _NOTHING)

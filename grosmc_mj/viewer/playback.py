@@ -1,9 +1,14 @@
-"""How the time of a clock becomes the time of a motion: speed, pause, single steps."""
+"""What a window drives, and how the time of a clock becomes its time: speed, pause, steps."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Protocol
 
+import mujoco
+
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 
 SLOWEST, FASTEST = 1 / 64, 64.0
@@ -11,6 +16,46 @@ SLOWEST, FASTEST = 1 / 64, 64.0
 LONGEST = 0.1
 # What a single step shows, at speed 1 [s].
 STEP = 1 / 60
+
+
+class Motion(Protocol):
+    """What the window drives: a recorded run or a live one."""
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """What is drawn."""
+        ...
+
+    @property
+    def state(self) -> Array:
+        """mjSTATE_FULLPHYSICS where it is now."""
+        ...
+
+    @property
+    def words(self) -> Mapping[str, str]:
+        """What the window says about it, by name."""
+        ...
+
+    @property
+    def note(self) -> str:
+        """One line about why it stands still; empty while it moves."""
+        ...
+
+    def advance(self, seconds: float) -> None:
+        """Go on by so much of its own time."""
+        ...
+
+    def restart(self) -> None:
+        """Back to the start."""
+        ...
+
+    def sideways(self, sign: int) -> None:
+        """What the keys to the left (-1) and to the right (1) do."""
+        ...
+
+    def stronger(self, factor: float) -> None:
+        """What the keys up and down do."""
+        ...
 
 
 class Playback:

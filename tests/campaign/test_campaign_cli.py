@@ -255,9 +255,9 @@ ALL_RESULTS = {"results.json", "worst.json", "radius.json"}
     ("shown", "written"),
     [
         ("rich.console.Console.print", {"results.json"}),
-        ("grosmc_mj.campaign.report.search_tables.worst_table", {"results.json", "worst.json"}),
-        ("grosmc_mj.campaign.report.search_tables.radius_table", ALL_RESULTS),
-        ("grosmc_mj.campaign.report.figures.draw_margins", ALL_RESULTS),
+        ("grosmc_mj.campaign.report.tables.worst_table", {"results.json", "worst.json"}),
+        ("grosmc_mj.campaign.report.tables.radius_table", ALL_RESULTS),
+        ("grosmc_mj.campaign.report.margin_figure.write_margins", ALL_RESULTS),
     ],
 )
 def test_results_are_written_before_they_are_shown(

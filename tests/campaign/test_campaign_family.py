@@ -198,7 +198,6 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
             "corners: correlated numbers have none",
         ),
         (plain(more=SECOND), {}, "two disturbances have the label 'load': give each its own"),
-        (plain(more="[[requirement]]\ncost_ratio_below = 2\n"), {}, "leave it out"),
         (plain(more=SHORT.replace("10", "19")), {}, "there are 0.02 s before"),
         (plain(ONSET.format(0.001), SHORT), {}, "there are 0.001 s before"),
         # A load that may come at once leaves nothing to settle in.
@@ -245,7 +244,7 @@ def test_an_analytic_plant_has_parameters_and_no_bodies(tmp_path: Path) -> None:
         specification(own + uncertain('parameter = "J"', "scale = [1, 2]"), folder=str(tmp_path))
     )
     plant = family.plant_sample([1.5]).plant(family.plant)
-    assert plant.parameters.J == 0.03  # pyright: ignore[reportAttributeAccessIssue]
+    assert plant.parameters.J == 0.03
 
 
 def test_nominal_values_are_the_files_own_and_no_disturbance() -> None:

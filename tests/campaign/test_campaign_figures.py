@@ -10,8 +10,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from grosmc_mj.campaign.findings.basis import NO_PROOF
-from grosmc_mj.campaign.report.drawing import in_lines
-from grosmc_mj.campaign.report.margin_figure import MarginPanel, draw_margins, save_margins
+from grosmc_mj.campaign.report.margin_figure import MarginPanel, draw_margins
 from grosmc_mj.campaign.report.pass_map_figure import (
     BOUNDARY,
     AxisOf,
@@ -19,10 +18,10 @@ from grosmc_mj.campaign.report.pass_map_figure import (
     PassMap,
     Points,
     draw_pass_map,
-    save_pass_map,
 )
-from grosmc_mj.campaign.report.radius_figure import RadiusCurve, draw_radius, save_radius
+from grosmc_mj.campaign.report.radius_figure import RadiusCurve, draw_radius
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.report.figure import in_lines, write_figure
 from grosmc_mj.report.palette import COLOURS
 
 INF = math.inf
@@ -61,11 +60,11 @@ def radius_curve(**changes):
     return RadiusCurve(**(given | changes))
 
 
-def save_each(files):
-    """Every figure once."""
-    yield save_margins, margin_panels(), files
-    yield save_pass_map, pass_map(grosmc=boundary(2.0)), files
-    yield save_radius, [radius_curve()], files
+EACH = [
+    lambda: draw_margins(margin_panels(), TITLE, NO_PROOF),
+    lambda: draw_pass_map(pass_map(grosmc=boundary(2.0)), TITLE, NO_PROOF),
+    lambda: draw_radius([radius_curve()], TITLE, NO_PROOF),
+]
 
 
 def drawn(figure: Any) -> Any:
@@ -79,13 +78,12 @@ def entries(legend: Any) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", range(3))
-def test_figures_are_written_the_same_each_time(index, tmp_path):
+@pytest.mark.parametrize("make", EACH)
+def test_figures_are_written_the_same_each_time(make, tmp_path):
     first = [tmp_path / "one" / name for name in ("a.png", "a.svg")]
     again = [tmp_path / "two" / name for name in ("a.png", "a.svg")]
     for files in (first, again):
-        save, shown, _ = list(save_each(files))[index]
-        save(shown, TITLE, NO_PROOF, files)
+        write_figure(make(), files)
     assert [file.read_bytes() for file in first] == [file.read_bytes() for file in again]
     assert first[0].read_bytes().startswith(b"\x89PNG")
     assert "<svg" in first[1].read_text()
@@ -113,11 +111,11 @@ def test_lines_are_even_and_words_whole():
 
 
 def test_a_figure_is_written_or_refused_as_a_whole(tmp_path):
-    save_radius([radius_curve()], TITLE, NO_PROOF, [tmp_path / "new" / "a.png"])
+    write_figure(EACH[2](), [tmp_path / "new" / "a.png"])
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["a.png"]
     (tmp_path / "file").touch()
     with pytest.raises(SetupError, match="cannot write"):
-        save_radius([radius_curve()], TITLE, NO_PROOF, [tmp_path / "file" / "a.png"])
+        write_figure(EACH[2](), [tmp_path / "file" / "a.png"])
 
 
 # Margins.
@@ -317,5 +315,5 @@ def test_nothing_to_draw_is_refused(wrong, said):
 
 def test_unknown_endings_are_refused_before_anything_is_written(tmp_path):
     with pytest.raises(ArgumentError, match=r"a.pdf: a figure ends in .png or .svg"):
-        save_radius([radius_curve()], TITLE, "", [tmp_path / "a.png", tmp_path / "a.pdf"])
+        write_figure(EACH[2](), [tmp_path / "a.png", tmp_path / "a.pdf"])
     assert not list(tmp_path.iterdir())

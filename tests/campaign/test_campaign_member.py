@@ -159,4 +159,4 @@ def test_plants_with_the_same_edits_are_compiled_once_and_undrawn() -> None:
     assert third is not first
     assert isinstance(first, MujocoPlant)
     assert first.model.ngeom == 0
-    assert asked.plant.model.ngeom > 0  # pyright: ignore[reportAttributeAccessIssue]
+    assert asked.plant.model.ngeom > 0

@@ -11,11 +11,14 @@ import pytest
 from campaign_cases import LAWS, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.meter import metered
-from grosmc_mj.campaign.runs.requirements import METRICS, Recording, settling_time
+from grosmc_mj.campaign.runs.meter import METRICS, cost_ratios, metered
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.case import shipped_files
 from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum, measure
+from grosmc_mj.experiments.metrics.folds import Recording, folded
+from grosmc_mj.experiments.metrics.recorded import noted
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -55,7 +58,7 @@ def run(
     push = Disturbance(bodies[-1], (0.3, 0, 0.2, 0, 0.1, 0), Pulse(onset, onset + 0.03))
     found = simulate(
         asked.plant,
-        metered(controller, PERIOD, AFTER, onset),
+        metered(controller, PERIOD, AFTER, onset, costs=True),
         asked.experiment.case.x0,
         duration=duration,
         control_period=PERIOD,
@@ -84,11 +87,11 @@ def check(found: Metered, asked: Campaign, law: str) -> None:
     controller = asked.laws[law]
     assert meters["input"][0] == np.abs(whole.command[::2]).max()
     if samples.sliding is not None:
-        assert controller.sliding_unit
+        assert controller.designed.sliding_unit
         assert meters["sliding"][0] == np.abs(samples.sliding).max()
         assert meters["sliding_start"][0] == np.abs(samples.sliding[0]).max()
     else:
-        assert not controller.sliding_unit
+        assert not controller.designed.sliding_unit
         assert meters["sliding"][0] == meters["sliding_start"][0] == 0.0
     if asked.plant.system.name == "cart_pendulum":
         assert meters["travel"][0] == measured["cart_travel"].value > 0
@@ -100,9 +103,12 @@ def check(found: Metered, asked: Campaign, law: str) -> None:
     for after, error in zip(AFTER, meters["error"][0], strict=True):
         later = np.abs(comparison.error[comparison.time >= after * (1 - 1e-12)])
         assert error == pytest.approx(later.max(), rel=1e-12)
-    assert meters["start"][0] == pytest.approx(abs(comparison.error[0]), rel=1e-15)
+    assert meters["start"][0] == pytest.approx(comparison.error[0], rel=1e-15)
+    # Up to the last sample: the rest is added at the end of the run.
+    of_state, of_input = meters["costs"]["of_state"][0], meters["costs"]["of_input"][0]
+    assert (of_state + of_input) / 2 == pytest.approx(measured["cost_whole"].value, rel=1e-12)
     transient = comparison.time <= PUSH[0]
-    outside = np.abs(comparison.error) > 0.02 * meters["start"][0]
+    outside = np.abs(comparison.error) > 0.02 * abs(meters["start"][0])
     last = comparison.time[transient & outside]
     assert meters["outside"][0] == (last[-1] if len(last) else -1.0)
 
@@ -136,6 +142,44 @@ def test_both_engines_have_the_same_meters_bit_for_bit(name: str, law: str) -> N
     assert native.meters.tobytes() == python.meters.tobytes()
 
 
+CASES = [f"{name}/{case}" for name in SYSTEMS for case in ("nominal", "case1", "case2")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: str) -> None:
+    body = MujocoPlant.load(name.split("/")[0]).system.uncertain_body
+    text = shipped_files()[name].read_text(encoding="utf-8").split("[[uncertain]]")[0]
+    asked = campaign(f'{text}\n[[uncertain]]\nbody = "{body}"\nmass_scale = [1, 2]\n')
+    case = asked.experiment.case
+    for law in asked.laws.values():
+        found = simulate(
+            asked.plant,
+            metered(law, asked.control_period, [0.5], case.onset, costs=True),
+            case.x0,
+            duration=asked.duration,
+            control_period=asked.control_period,
+            timestep=asked.control_period,
+            disturbances=case.disturbances,
+        )
+        running = found.memory["meters"][-1:]
+        samples = replace(found, time=found.time[:-1], state=found.state[:-1])
+        comparison = compare_with_optimum(samples, law)
+        rows, _ = noted(samples, comparison, case.onset, 0.5)
+        for field in rows.dtype.names:
+            if field == "deviation" or len(comparison.outputs) > 1:
+                # One step of the optimum after another, and a norm in another order.
+                assert running[field] == pytest.approx(rows[field], rel=1e-9, abs=1e-15)
+            else:
+                assert running[field].tobytes() == rows[field].tobytes(), field
+        ends = found.state[[0]], found.state[[-1]], asked.duration
+        cost = measure(found, law, compare_with_optimum(found, law), case.onset)
+        whole, least = cost["cost_whole"].value, cost["cost_optimal"].value
+        assert whole is not None
+        assert least is not None
+        assert cost_ratios(law, running["costs"], *ends) == pytest.approx(whole / least, rel=1e-11)
+
+
 def stepped(asked: Campaign, onset: float, *states: list[float]) -> Any:
     """The meters after samples at these states, a period apart."""
     law = metered(asked.laws["lqr"], PERIOD, AFTER, onset)
@@ -163,7 +207,7 @@ def test_a_disturbance_from_the_start_is_part_of_the_transient(onset: float, out
 
 
 def recording(onset: float, duration: float) -> Recording:
-    return Recording(PERIOD, duration, np.array([onset]))
+    return Recording.sampled(PERIOD, duration, np.array([onset]))
 
 
 @pytest.mark.parametrize(("duration", "onset"), [(6.0, 5.0), (6.0, 7.0), (6.0, 4.2), (3.0, 2.9)])
@@ -173,7 +217,7 @@ def test_settling_is_that_of_the_recorded_run(duration: float, onset: float) -> 
     recorded = found.measured[0]["settling_time"].value
     # The servo settles at 4.02 s: too late to be sure of before 4.2 s, and not at all in 3 s.
     assert (recorded is None) == (onset < 5)
-    (metered_one,) = settling_time(found.meters, recording(onset, duration))
+    (metered_one,) = folded(found.meters, recording(onset, duration))["settling_time"]
     # k T by adding T to (k - 1) T.
     assert metered_one == pytest.approx(math.inf if recorded is None else recorded, rel=1e-12)
 
@@ -183,7 +227,7 @@ def test_a_run_that_starts_at_its_reference_has_settled() -> None:
     asked = campaign(at_goal.replace("start = {}", 'start = { "rotor angle" = "1 rad" }'))
     found = run(asked, "lqr")
     assert found.meters["start"] == 0.0
-    assert settling_time(found.meters, recording(0.06, 0.2)) == [0.0]
+    assert folded(found.meters, recording(0.06, 0.2))["settling_time"] == [0.0]
 
 
 def test_one_law_measures_many_batches_without_compiling_again() -> None:
@@ -194,6 +238,6 @@ def test_one_law_measures_many_batches_without_compiling_again() -> None:
 
 
 def test_a_law_without_an_optimum_cannot_be_metered() -> None:
-    law = replace(campaign(servo()).laws["lqr"], lqr=None)
-    with pytest.raises(ArgumentError, match="lqr has no error coordinates or no optimum"):
+    law = replace(campaign(servo()).laws["lqr"], design=None)
+    with pytest.raises(ArgumentError, match="lqr has no error coordinates and no optimum"):
         metered(law, 0.001, [], 0.0)

@@ -14,10 +14,11 @@ from campaign_cases import begun, campaign, falling, forged, kept, replaced, ser
 
 from grosmc_mj.campaign.findings.promise import MOST
 from grosmc_mj.campaign.findings.worst import worst
-from grosmc_mj.campaign.report.document import found_values, replay_document, worst_document
+from grosmc_mj.campaign.report.document import replay_document, worst_document
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.replay import replay
+from grosmc_mj.campaign.runs.replay import found_values, replay
 from grosmc_mj.errors import GrosmcError
+from grosmc_mj.report.document import json_text
 
 ENGINES: list[Any] = ["native", "python"]
 
@@ -39,7 +40,7 @@ def test_a_run_is_repeated_bit_for_bit(folder: Folder, law: str, engine: Any) ->
         document = replay_document(campaign(servo()), found, engine)
         assert document["as_stored"] is True
         assert document["status"] == "completed"
-        json.dumps(document, allow_nan=False)
+        json_text(document)
 
 
 def test_the_last_controller_is_the_default(folder: Folder) -> None:
@@ -58,7 +59,7 @@ def test_a_run_that_ended_early_is_repeated_bit_for_bit(tmp_path: Path) -> None:
         assert found.differences == ()
         assert found.result.ended
         assert found.outcome.status == ["undefined_law"]
-        json.dumps(replay_document(asked, found, engine), allow_nan=False)
+        json_text(replay_document(asked, found, engine))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +88,7 @@ def test_the_worst_plant_is_replayed_as_it_was_found(tmp_path: Path) -> None:
     asked = campaign(servo())
     folder = kept(asked, tmp_path)
     found = worst(asked, "lqr", list(range(8)), 128)
-    (tmp_path / "worst.json").write_text(json.dumps(worst_document(asked, [found])))
+    (tmp_path / "worst.json").write_text(json_text(worst_document(asked, [found])))
     for which, relative in (("worst", found.relative), ("shrunk", found.shrunk_relative)):
         again = replay(asked, folder, which, "lqr", "native")
         assert again.outcome.relative[0] == relative

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,11 @@ from grosmc_mj.campaign.family.specification import specification_of
 from grosmc_mj.campaign.findings.promise import PromisedFamily, premise_grid, promise
 from grosmc_mj.campaign.findings.radius import Radius, radius
 from grosmc_mj.campaign.findings.worst import Worst, shrunk, worst
-from grosmc_mj.campaign.report.document import found_values, radius_document, worst_document
+from grosmc_mj.campaign.report.document import radius_document, worst_document
+from grosmc_mj.campaign.runs.replay import found_values
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.report.document import json_text
 
 # The rotor obeys linear equations: its deviation grows with the load, either way, and with the
 # inertia's distance from the nominal one.
@@ -218,16 +219,14 @@ def test_scales_stop_before_plants_stop_being_physical() -> None:
 
 def test_what_was_found_is_kept_as_json(reached: Radius, known: Worst, tmp_path: Path) -> None:
     asked = loads(1.0)
-    (tmp_path / "radius.json").write_text(
-        json.dumps(radius_document(asked, [reached]), allow_nan=False)
-    )
+    (tmp_path / "radius.json").write_text(json_text(radius_document(asked, [reached])))
     assert reached.outside is not None
     values = found_values(asked, tmp_path, "outside", "lqr")
     assert values.tobytes() == reached.outside.values.tobytes()
     with pytest.raises(SetupError, match=r"has no worst\.json: run the campaign with --worst"):
         found_values(asked, tmp_path, "worst", "lqr")
     both = loads(1.0, BOTH)
-    (tmp_path / "worst.json").write_text(json.dumps(worst_document(both, [known])))
+    (tmp_path / "worst.json").write_text(json_text(worst_document(both, [known])))
     assert found_values(both, tmp_path, "worst", "lqr").tobytes() == known.values.tobytes()
     with pytest.raises(SetupError, match="no plant was found that fails under grosmc"):
         found_values(both, tmp_path, "worst", "grosmc")

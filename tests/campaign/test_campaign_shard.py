@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaign_cases import BOTH, LAWS, LQR, campaign, falling, servo
+from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.meter import metered
-from grosmc_mj.campaign.runs.requirements import METRICS, Recording, required
+from grosmc_mj.campaign.runs.meter import METRICS, metered
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
-from grosmc_mj.experiments.requirements import Limit
+from grosmc_mj.experiments.metrics import compare_with_optimum, measure
+from grosmc_mj.experiments.metrics.folds import Recording, folded
+from grosmc_mj.experiments.requirements import Limit, afters, margins_of, required
 from grosmc_mj.simulation.simulate import simulate
 
 
@@ -126,6 +127,43 @@ def test_errors_after_an_instant_are_measured_from_then_on() -> None:
     assert np.all(found.margins["stays_within"] > 1.0)
 
 
+RATIO = "[[requirement]]\ncost_ratio_below = {}\n"
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_a_cost_ratio_is_that_of_the_recorded_run(law: str) -> None:
+    asked = campaign(servo(limits=RATIO.format(1.5)))
+    values = asked.values(range(4))
+    margins = evaluate(asked, law, values).margins["cost_ratio_below"]
+    for row, margin in zip(values, margins, strict=True):
+        plant_sample = asked.plant_sample(row)
+        run = simulate(
+            plant_sample.plant(asked.plant),
+            asked.laws[law],
+            plant_sample.case.x0,
+            duration=0.05,
+            control_period=0.001,
+            timestep=0.001,
+            disturbances=plant_sample.case.disturbances,
+            engine="native",
+        )
+        own = measure(run, asked.laws[law], compare_with_optimum(run, asked.laws[law]))
+        whole, least = own["cost_whole"].value, own["cost_optimal"].value
+        assert whole is not None
+        assert least is not None
+        assert margin == pytest.approx(1.5 - whole / least, rel=1e-9)
+    assert len({*margins}) == 4
+
+
+def test_a_run_without_any_cost_to_compare_with_fails() -> None:
+    start = PLANT.format(system="servo", duration=0.05, start='{ "rotor angle" = "1 rad" }')
+    asked = campaign(start + LOAD + BOTH + LQR + RATIO.format(1e6))
+    found = evaluate(asked, "lqr", asked.values(range(2)))
+    assert found.status == ["completed"] * 2
+    assert np.all(np.isneginf(found.margins["cost_ratio_below"]))
+    assert not np.any(found.kept)
+
+
 def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
     kinds = {
         "deviation_below": 0.1,
@@ -134,18 +172,21 @@ def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
         "cart_travel_below": 0.4,
         "no_reaching_phase": 0.5,
         "settles_within": 0.75,
+        "cost_ratio_below": 0.6,
+        "stays_within": 0.7,
     }
     limits = [Limit(kind, "1", 1.0, "", 0.0, ("lqr",), ("physics",)) for kind in kinds]
     named = ["deviation", "input", "sliding", "travel", "sliding_start"]
     meters = {name: np.array([value]) for name, value in zip(named, kinds.values(), strict=False)}
     # Outside of the band until 0.5 s of 0.6 s: nothing to be sure of, but something to compare.
-    meters |= {"start": np.ones(1), "outside": np.array([0.5])}
-    recording = Recording(control_period=0.25, duration=0.6, onset=np.array([np.inf]))
-    found = required(limits, {"lqr": campaign(servo()).laws["lqr"]}, 2.0)
-    margins = {each.key: each.margins(meters, np.ones(1, bool), recording).item() for each in found}
-    assert margins == {kind: 1 - measured for kind, measured in kinds.items()}
-    metrics = {name: measured(meters, recording).item() for name, (_, measured) in METRICS.items()}
-    assert metrics == {
+    meters |= {"band": np.ones(1), "outside": np.array([0.5]), "error": np.array([[0.7]])}
+    recording = Recording.sampled(0.25, 0.6, np.array([np.inf]), afters(limits))
+    found = {**folded(meters, recording), "cost_ratio": np.array([0.6])}
+    margins = margins_of(required(limits, ["lqr"], 2.0), found, np.array([True]))
+    assert {key: margin.item() for key, margin in margins.items()} == {
+        kind: 1 - measured for kind, measured in kinds.items()
+    }
+    assert {name: found[name].item() for name in METRICS} == {
         "deviation": 0.1,
         "max_input": 0.2,
         "max_sliding": 0.3,

@@ -13,13 +13,13 @@ from grosmc_mj.campaign.findings.pairing import paired
 from grosmc_mj.campaign.findings.sensitivity import sensitivities
 from grosmc_mj.campaign.findings.statistics import margin_summary, pass_rate
 from grosmc_mj.campaign.report.tables import (
-    WIDTH,
     margins_table,
     paired_table,
     pass_rates_table,
     sensitivity_table,
 )
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.report.tables import WIDTH
 
 SAMPLED = Basis(512, 4096, "sobol", 7)
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"

@@ -125,8 +125,8 @@ def test_errors_travel_with_their_type_and_message(running: Cluster) -> None:
 def test_a_worker_of_another_version_is_refused(
     running: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here = dask_workers.versions()
-    monkeypatch.setattr(dask_workers, "versions", lambda: {**here, "mujoco": "3.99.0"})
+    here = dask_workers.decisive_versions()
+    monkeypatch.setattr(dask_workers, "decisive_versions", lambda: {**here, "mujoco": "3.99.0"})
     message = str(refused(executor_work.square, running.address))
     assert f"has mujoco {here['mujoco']} instead of 3.99.0" in message
     assert socket.gethostname() in message

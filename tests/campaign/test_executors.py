@@ -21,7 +21,7 @@ from conftest import hear_interrupts
 from loky import cpu_count
 
 from grosmc_mj.campaign.runs.executors import make_executor
-from grosmc_mj.campaign.runs.executors.outcome import attempt
+from grosmc_mj.campaign.runs.executors.interface import attempt
 from grosmc_mj.campaign.runs.executors.processes import Processes
 from grosmc_mj.errors import ArgumentError, DivergenceError, GainError, GrosmcError, SetupError
 

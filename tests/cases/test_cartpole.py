@@ -16,8 +16,9 @@ from grosmc_mj.cases.cartpole.equations import CART_POLE, CartPoleParameters
 from grosmc_mj.cases.cartpole.limited import LimitedParameters, limited
 from grosmc_mj.control.cart import HoldingUncertainty, holding_ism, linear_model
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import GainError, ModelError, SetupError
 from grosmc_mj.plants import CART_PENDULUM, SYSTEMS, AnalyticPlant, CartPendulumParameters
 from grosmc_mj.simulation.edits import BodyEdit
@@ -168,8 +169,7 @@ def test_mujocos_linear_model_is_the_twins() -> None:
 
 def unmatched(edit: BodyEdit) -> float:
     """Share of dA - dB K that the input does not reach, under an edit."""
-    optimum = designs()["lqr"].lqr
-    assert optimum is not None
+    optimum = designs()["lqr"].designed.lqr
     A_t, B_t = linear_model(PHYSICS.edited(edit).analytic())
     added = A_t - B_t @ optimum.K - optimum.closed_loop
     reached = optimum.B @ np.linalg.pinv(optimum.B) @ added
@@ -236,8 +236,7 @@ def test_s_is_what_the_limited_nominal_leaves_over() -> None:
     """s = G [x - x0] less the sum of T G (A x + B u_0), by hand from a recorded run."""
     run = simulate(PHYSICS, realized(designs()["grosmc"], Realization()), START, duration=0.4,
                    engine="python")  # fmt: skip
-    p, optimum = law("grosmc").parameters, designs()["grosmc"].lqr
-    assert optimum is not None
+    p, optimum = law("grosmc").parameters, designs()["grosmc"].designed.lqr
     x = run.state[:-1]
     nominal = np.clip(-x @ p.K.T, -p.limit, p.limit)
     rates = (x @ optimum.A.T + nominal @ optimum.B.T) @ p.G.T

@@ -11,11 +11,11 @@ import pytest
 
 from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, Realization
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.films.traces import trace_site
+from grosmc_mj.films.marks import trace_site
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate

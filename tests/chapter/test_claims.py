@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,28 +22,41 @@ from rich.console import Console
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter import expected_verdicts as expected
 from grosmc_mj.chapter.claims import ledger as ledgers
+from grosmc_mj.chapter.claims import reading
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
 from grosmc_mj.chapter.claims.faults import FAULTS, Caught, self_test
-from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim, judge, select_claims
+from grosmc_mj.chapter.claims.ledger import (
+    CLAIMS,
+    find_claim,
+    judge,
+    select_claims,
+    verdict_differences,
+)
+from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.chapter.claims_document import claim_document
 from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
-from grosmc_mj.chapter.expected_verdicts import load_expectations, verdict_differences
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.case import find_case
-from grosmc_mj.experiments.designs import chapter_controller, controller_names
+from grosmc_mj.experiments.designs import (
+    SERVO_UNCERTAINTY,
+    TWO_LINK_UNCERTAINTY,
+    chapter_controller,
+    controller_names,
+)
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import PlantName, Settings, case_plant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import switching_rate
+from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # No force makes an unmatched error, and algebra has no plant.
 NO_PHYSICS = {"servo-unmatched", "servo-index-minimal", "proof-3"}
+FILES = [Path(reading.__file__).with_name(f"{system}.toml") for system in SYSTEMS]
 BY_ID = {claim.id: claim for claim in CLAIMS}
 each_claim = pytest.mark.parametrize("claim", CLAIMS, ids=list(BY_ID))
 
@@ -80,13 +93,83 @@ def test_claim_says_where_it_is_from_how_it_is_judged_and_what_that_leaves_open(
 
 @each_claim
 def test_every_verdict_is_expected_with_a_reason(claim: Claim) -> None:
-    entry = load_expectations()[claim.id]
-    assert set(entry.verdicts) == set(claim.plants)
-    assert entry.reason.endswith(".")
+    assert set(claim.verdicts.values()) <= {Verdict.SUPPORTED, Verdict.REFUTED}
+    assert claim.reason.endswith(".")
 
 
-def test_nothing_else_is_expected() -> None:
-    assert set(load_expectations()) == set(BY_ID)
+def test_claim_of_a_variation_names_the_declared_range() -> None:
+    low, high = SERVO_UNCERTAINTY.scales["J"]
+    assert f"outside {low:g} to {high:g} times" in BY_ID["servo-inertia-grosmc"].untested
+    (_, heaviest), measure = TWO_LINK_UNCERTAINTY.scales["mp"], BY_ID["two-link-projection"].measure
+    assert isinstance(measure, partial)
+    assert measure.keywords == {"payload": heaviest}
+
+
+# How the claims' files are read.
+
+SOUND = """
+[claim-1]
+statement = "s"
+source = "section 1"
+criterion = "c"
+measure = { function = "measures.deviation", case = "case1", controller = "lqr" }
+limit = { at_most = 2.0, unit = "%" }
+why = "w"
+verdicts = { corrected = "refuted", physics = "supported" }
+reason = "r."
+untested = "u"
+"""
+
+
+def test_claim_is_what_its_file_says(tmp_path: Path) -> None:
+    """With the system that the file has the name of, and the plants in the order of the file."""
+    path = tmp_path / "arm.toml"
+    path.write_text(SOUND, encoding="utf-8")
+    # The other functions are named by the package's own files.
+    (claim,) = [c for c in read_claims([*FILES, path]) if c.id == "claim-1"]
+    assert (claim.system, claim.threshold, claim.defect) == ("arm", 2.0, False)
+    assert claim.plants == ("corrected", "physics")
+    assert claim.verdicts["corrected"] is Verdict.REFUTED
+    lab = Laboratory(Settings())
+    assert claim.measure(lab, "corrected") == BY_ID["arm-lqr-d"].measure(lab, "corrected")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("[claim-1]", "[claim-1", "no valid TOML"),
+        ("[claim-1]", "claim-2 = 1\n[claim-1]", "claim claim-2: 1 must be a table"),
+        ('why = "w"', "", "claim claim-1: why must be given too"),
+        ("why =", "whi =", "claim claim-1: unknown key 'whi': did you mean 'why'?"),
+        ('why = "w"', "why = 1", "why = 1 must be a text"),
+        ("untested", 'premiss = "p"\nuntested', "unknown key 'premiss': did you mean 'premise'?"),
+        ("2.0", "2", "limit = {'at_most': 2, 'unit': '%'} must have at_most or at_least, a number"),
+        ("at_most", "below", "limit = {'below': 2.0, 'unit': '%'} must have at_most or at_least"),
+        ("2.0,", "2.0, at_least = 1.0,", "must have at_most or at_least, a number with a point"),
+        ("refuted", "perhaps", "unknown verdict 'perhaps': valid: supported, refuted"),
+        ("physics =", "physic =", "unknown plant 'physic': did you mean 'physics'?"),
+        ('{ corrected = "refuted", physics = "supported" }', "{}", "verdicts name no plant"),
+        ("measures.deviation", "measures.deviatoin", "did you mean 'measures.deviation'?"),
+        ("function =", "funktion =", "unknown function None: valid: servo."),
+        ('"measures.deviation"', "[]", "unknown function []: valid: servo."),
+        (', case = "case1"', "", "measures.deviation: missing a required argument: 'case'"),
+        ("case =", "cases =", "measure: measures.deviation: "),
+        ("measures.deviation", "measures.outputs", "measures.outputs: too many positional"),
+        ("", "", "no claim names servo.before_the_load, "),
+    ],
+)  # fmt: skip
+def test_file_that_is_wrong_is_one_line(old: str, new: str, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_text(SOUND.replace(old, new, 1) if old else SOUND, encoding="utf-8")
+    with pytest.raises(SetupError) as error:
+        read_claims([path])
+    assert says in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_file_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SetupError, match=r"arm\.toml is missing: install again"):
+        read_claims([tmp_path / "arm.toml"])
 
 
 # How a verdict comes about, with made-up claims and a laboratory that is nothing but a level.
@@ -107,6 +190,7 @@ class Level:
 def made_up(
     values: Sequence[Measured] | dict[str, Measured],
     sense: Literal["at most", "at least"] = "at most",
+    plants: tuple[PlantName, ...] = ("physics",),
     **changes: Any,
 ) -> Claim:
     """A claim with the threshold 2 whose measure gives these values by level, or by plant."""
@@ -118,7 +202,8 @@ def made_up(
     fields: dict[str, Any] = {
         "id": "made-up", "system": "servo", "statement": "s", "source": "section 1",
         "criterion": "c", "why": "w", "measure": measure, "sense": sense, "threshold": 2.0,
-        "unit": "1", "plants": ("physics",), "untested": "u",
+        "unit": "1", "verdicts": dict.fromkeys(plants, Verdict.SUPPORTED), "reason": "r.",
+        "untested": "u",
     }  # fmt: skip
     return Claim(**{**fields, **changes})
 
@@ -225,12 +310,13 @@ def test_failed_premise_of_a_sound_case_is_silent() -> None:
 
 def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:
     """A finding as wide as numbers get, with the expected verdicts or one for all plants."""
-    wanted = load_expectations()[claim.id].verdicts
     return Finding(
         claim,
         {
             plant: PlantFinding(
-                Measured(value, "something short"), Measured(value), verdict or wanted[plant]
+                Measured(value, "something short"),
+                Measured(value),
+                verdict or claim.verdicts[plant],
             )
             for plant in claim.plants
         },
@@ -247,45 +333,6 @@ def test_each_other_verdict_makes_one_line() -> None:
     assert found == ["claim arm-eq57 on printed: supported, expected refuted"]
     found = verdict_differences([finding(claim, Verdict.INCONCLUSIVE)])
     assert [line.split(" on ")[1].split(":")[0] for line in found] == list(claim.plants)
-
-
-def test_claim_and_plant_without_an_entry_are_differences(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    findings = [finding(BY_ID["theorem-1"]), finding(BY_ID["proof-3"])]
-    path = tmp_path / "expected.toml"
-    path.write_text('[theorem-1]\nverdicts = { physics = "supported" }\nreason = "r."\n')
-    monkeypatch.setattr(expected, "EXPECTED_FILE", path)
-    assert verdict_differences(findings) == [
-        "claim theorem-1 on corrected: supported, expected none",
-        "claim proof-3: no verdict is expected in expected.toml",
-    ]
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        None,
-        "[theorem-1",
-        "[theorem-1]\nreason = 'r'",
-        "[theorem-1]\nverdicts = { physics = 'supported' }",
-        "[theorem-1]\nverdicts = { physics = 'perhaps' }\nreason = 'r'",
-        "theorem-1 = 'supported'",
-        "[theorem-1]\nverdicts = 'supported'\nreason = 'r'",
-    ],
-    ids=["missing", "toml", "no verdicts", "no reason", "verdict", "no table", "no plants"],
-)
-def test_expectations_that_cannot_be_read_are_one_line(
-    content: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "expected.toml"
-    if content is not None:
-        path.write_text(content, encoding="utf-8")
-    monkeypatch.setattr(expected, "EXPECTED_FILE", path)
-    with pytest.raises(SetupError) as error:
-        load_expectations()
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 # What people read.
@@ -330,14 +377,12 @@ def test_table_of_faults_fits_the_width() -> None:
 @each_claim
 def test_story_fits_the_width_and_leaves_nothing_out(claim: Claim) -> None:
     found = replace(finding(claim), because="epsilon (Theorem 3): " + "a long reason " * 20)
-    lines = [
-        line.plain for line in story(found, load_expectations()[claim.id], Laboratory(Settings()))
-    ]
+    lines = [line.plain for line in story(found, Laboratory(Settings()))]
     assert too_wide(lines) == []
     told = " ".join(" ".join(lines).split())
     for words in (claim.statement, claim.source, claim.criterion, claim.why, claim.untested):
         assert " ".join(words.split()) in told
-    assert load_expectations()[claim.id].reason in told
+    assert claim.reason in told
 
 
 def test_story_with_a_long_note_fits_the_width() -> None:
@@ -345,7 +390,7 @@ def test_story_with_a_long_note_fits_the_width() -> None:
     claim = BY_ID["arm-epsilon"]
     note = "ε = 8.54 along the run and 12.5 over the region, instead of 6"
     physics = PlantFinding(Measured(0.703, note), Measured(0.702, note), Verdict.REFUTED)
-    lines = story(Finding(claim, {"physics": physics}), None, Laboratory(Settings()))
+    lines = story(Finding(claim, {"physics": physics}), Laboratory(Settings()))
     assert too_wide([line.plain for line in lines]) == []
 
 
@@ -377,8 +422,7 @@ each_law = pytest.mark.parametrize(("system", "name"), LAWS)
 
 def samples(law: Controller, count: int = 20) -> list[tuple[float, Array]]:
     """Random instants and states in the region of every law."""
-    assert law.error is not None
-    random, n = np.random.default_rng(3), len(law.error.system.states)
+    random, n = np.random.default_rng(3), len(law.designed.error.system.states)
     return [(0.01 * k, random.uniform(-1, 1, n)) for k in range(count)]
 
 
@@ -413,8 +457,7 @@ def test_zero_gain_leaves_the_continuous_law(system: str, name: str) -> None:
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_surface_without_its_integral_is_the_projection_alone(system: str) -> None:
     law = faulty("integral left out", system)
-    assert law.error is not None
-    z = np.array([law.error.state(t, x, law.parameters) for t, x in samples(law)])
+    z = np.array([law.designed.error.state(t, x, law.parameters) for t, x in samples(law)])
     assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G.T, abs=1e-13)
 
 
@@ -428,9 +471,8 @@ def test_small_projection_scales_all_that_is_made_of_it(system: str) -> None:
     small = law.parameters
     for name in ("G", "S", "GB", "size_of_GB"):
         assert getattr(small, name) == pytest.approx(0.01 * getattr(p, name), rel=1e-15)
-    assert law.lqr is not None
-    assert pytest.approx(small.S, rel=1e-12) == small.G @ law.lqr.closed_loop
-    assert pytest.approx(small.G @ law.lqr.B, rel=1e-12) == small.GB
+    assert pytest.approx(small.S, rel=1e-12) == small.G @ law.designed.lqr.closed_loop
+    assert pytest.approx(small.G @ law.designed.lqr.B, rel=1e-12) == small.GB
     assert small.GB @ small.GB_inverse == pytest.approx(np.eye(len(small.GB)), rel=1e-12)
     assert small.size_of_GB == pytest.approx(np.linalg.norm(small.GB), rel=1e-12)
     for name in ("K", "eta", "gamma0", "gamma1", "k", "epsilon"):
@@ -634,11 +676,11 @@ def test_whole_ledger_is_as_expected(
     assert code == cli.DONE
     assert said == written
     assert list(found) == list(BY_ID)
-    for name, entry in load_expectations().items():
+    for name, expected in BY_ID.items():
         claim = found[name]
         verdicts = {plant: Verdict(each["verdict"]) for plant, each in claim["plants"].items()}
-        assert verdicts == entry.verdicts, name
-        assert claim["verdict"] == entry.verdicts[BY_ID[name].plants[-1]].value
+        assert verdicts == expected.verdicts, name
+        assert claim["verdict"] == expected.verdicts[expected.plants[-1]].value
         # Nothing is left open at the default settings.
         assert Verdict.INCONCLUSIVE not in verdicts.values()
         assert bool(claim["because"]) <= (claim["verdict"] == "refuted")
@@ -850,11 +892,10 @@ def test_validate_judges_the_claims_of_the_system(
 def test_document_of_a_claim_holds_no_nan() -> None:
     claim = BY_ID["servo-sliding"]
     for number in (math.nan, math.inf):
-        content = claim_document(finding(claim, value=number), None, Laboratory(Settings()))
-        text = json.dumps(content, allow_nan=False)
-        assert json.loads(text)["plants"]["physics"]["value"] is None
+        content = claim_document(finding(claim, value=number), Laboratory(Settings()))
+        assert json.loads(json_text(content))["plants"]["physics"]["value"] is None
     assert set(content) == KEYS
-    assert content["expected"] is None
+    assert content["expected"]["reason"] == claim.reason
 
 
 def test_page_points_to_what_is_there() -> None:
@@ -866,6 +907,6 @@ def test_page_points_to_what_is_there() -> None:
     for name in re.findall(r"!\[[\w-]+\]\(([^)]+)\)", text):
         assert (page.parent / name).is_file()
     # A verdict that is expected to be refuted is told.
-    for name, entry in load_expectations().items():
-        if entry.verdicts[BY_ID[name].plants[-1]] is Verdict.REFUTED or BY_ID[name].defect:
+    for name, claim in BY_ID.items():
+        if claim.verdicts[claim.plants[-1]] is Verdict.REFUTED or claim.defect:
             assert name in stories

@@ -133,6 +133,9 @@ main(["run", {str(case)!r}])
 
 # What becomes of the results.
 
+# Of the documents of the commands that judge.
+SCHEMAS = {"run": 1, "agreement": 1, "premises": 1, "claims": 1, "campaign": 2}
+
 
 def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path, int]]:
     """Commands that judge: arguments, their JSON, and their exit code."""
@@ -169,7 +172,7 @@ def test_results_are_written_before_anything_is_printed(
     monkeypatch.setattr(Console, "print", raising(RuntimeError("printing fails")))
     assert run(*arguments) == cli.WRONG
     assert "unforeseen RuntimeError: printing fails" in capsys.readouterr().err
-    assert json.loads(document.read_text(encoding="utf-8"))["schema_version"] == 1
+    assert json.loads(document.read_text(encoding="utf-8"))["schema_version"] == SCHEMAS[name]
 
 
 @pytest.mark.parametrize("name", ["run", "campaign", "claims"])
@@ -182,7 +185,7 @@ def test_a_full_disk_at_the_figure_leaves_results_and_verdict(
     assert run(*arguments) == cli.WRONG
     said = capsys.readouterr()
     assert re.fullmatch(r"grosmc-mj: cannot write .*: No space left on device; .*\n", said.err)
-    assert json.loads(document.read_text(encoding="utf-8"))["schema_version"] == 1
+    assert json.loads(document.read_text(encoding="utf-8"))["schema_version"] == SCHEMAS[name]
     assert said.out
 
 

@@ -20,8 +20,8 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     feedback_linearization,
 )
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import FeedbackParameters
-from grosmc_mj.control.references import TIME, Setpoint, Setpoints, constant, reference
+from grosmc_mj.control.references import TIME, Setpoint, Setpoints, reference, setpoints
+from grosmc_mj.control.task import FeedbackParameters
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.plants import ARM, CART_PENDULUM, SERVO, AnalyticPlant, Signal, System, find_system
 from grosmc_mj.plants.equations import Equations
@@ -548,7 +548,7 @@ def square_numbers() -> Numbers:
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign: Any) -> None:
-    error, p = ErrorCoordinates(SQUARE, constant(2, 1), sign), square_numbers()
+    error, p = ErrorCoordinates(SQUARE, setpoints(2, 1), sign), square_numbers()
     assert (error.size, error.inputs, error.units) == (3, 2, ("m", "m/s", "rad"))
     for x in np.random.default_rng(8).normal(0, 1, (10, 3)):
         expected = sign * np.array([x[0] - 0.2, x[1], x[2] + 0.4])
@@ -567,7 +567,7 @@ def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign
 
 def test_jacobian_of_two_outputs_is_that_of_the_plant() -> None:
     """About x = (0.2, 0, -0.4): x1 x3 has the slopes (-0.4, 0, 0.2), x2 - x3 (0, 1, -1)."""
-    A, B = ErrorCoordinates(SQUARE, constant(2, 1)).jacobian(square_numbers())
+    A, B = ErrorCoordinates(SQUARE, setpoints(2, 1)).jacobian(square_numbers())
     expected = [[0, 1, 0], [-0.4, 0, 0.2], [0, 1, -1]]
     np.testing.assert_allclose(A, expected, rtol=0, atol=1e-8)
     inputs = [[0, 0], [2 + math.sin(-0.4), 0.2], [1, 3]]
@@ -575,10 +575,10 @@ def test_jacobian_of_two_outputs_is_that_of_the_plant() -> None:
 
 
 def test_units_of_outputs_that_are_no_states_are_those_of_their_derivatives() -> None:
-    error = ErrorCoordinates(SQUARE, constant(2, 1), outputs=CURVED, unit="m")
+    error = ErrorCoordinates(SQUARE, setpoints(2, 1), outputs=CURVED, unit="m")
     assert error.units == ("m", "m/s", "m")
     outputs = (sp.sinh(sp.Symbol("angle")),)
-    curved = ErrorCoordinates(motor_system(), constant(3), outputs=outputs, unit="m")
+    curved = ErrorCoordinates(motor_system(), setpoints(3), outputs=outputs, unit="m")
     assert curved.units == ("m", "m/s", "m/s²")
 
 
@@ -598,7 +598,7 @@ def test_error_moves_as_the_true_plant_makes_it(system: System, sign: Any) -> No
     for x in states(system.name, 10):
         w, t = random.normal(0, 1, 6 * len(system.bodies)), 0.7
         for wrench in (w, None):
-            drift, gain = error.moved(t, x, p, true, wrench)
+            drift, gain = error.moved(t, x, p, AnalyticPlant(system, true), wrench)
             assert (drift.shape, gain.shape) == ((2,), (2, 1))
             pushed = 0.0 if wrench is None else by_hand.disturbance(x, w, true)[velocity]
             fallen = by_hand.drift(x, true)[velocity]
@@ -614,21 +614,21 @@ def test_error_moves_as_the_true_plant_makes_it(system: System, sign: Any) -> No
 def test_uncertain_kinematics_are_not_matched() -> None:
     """T of the motor knows J: on a motor of another inertia y'' is not what z3 says."""
     third, angle = motor_system(), np.array([0.2, 1.5, -0.4])
-    error = ErrorCoordinates(third, constant(3))
+    error = ErrorCoordinates(third, setpoints(3))
     p = FeedbackParameters(Motor(), Setpoint(0.0), np.zeros((1, 3)))
-    drift, gain = error.moved(0.0, angle, p, Motor(J=0.04))
+    drift, gain = error.moved(0.0, angle, p, AnalyticPlant(third, Motor(J=0.04)))
     force = 0.7 * -0.4 - 0.1 * 1.5
     np.testing.assert_allclose(drift[:2], [1.5, force / 0.04], rtol=1e-13)
     np.testing.assert_allclose(gain, [[0], [0], [0.7 / 0.02 / 0.05]], rtol=1e-13)
     expected = [0, force / 0.04 - force / 0.02]
     np.testing.assert_allclose(error.unmatched(0.0, angle, p, drift), expected, atol=1e-12)
-    certain, _ = error.moved(0.0, angle, p, Motor())
+    certain, _ = error.moved(0.0, angle, p, AnalyticPlant(third, Motor()))
     np.testing.assert_allclose(error.unmatched(0.0, angle, p, certain), [0, 0], atol=1e-12)
 
 
 def test_place_is_the_inverse_of_the_error_state() -> None:
     """On a plant of which z leaves a part out, that part is at rest."""
-    error = ErrorCoordinates(CART_PENDULUM, constant(2))
+    error = ErrorCoordinates(CART_PENDULUM, setpoints(2))
     p = FeedbackParameters(plant("cart_pendulum").parameters, Setpoint(0.3), np.zeros((1, 2)))
     x = error.place(0.0, [0.1, -0.7], p)
     np.testing.assert_allclose(x, [0, 0.4, 0, -0.7], rtol=1e-15)

@@ -16,7 +16,7 @@ import sympy as sp
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import Task, linear_grosmc, regulating_grosmc
+from grosmc_mj.control.design import linear_grosmc, regulating_grosmc
 from grosmc_mj.control.gains import (
     SwitchingGains,
     Uncertainty,
@@ -25,7 +25,8 @@ from grosmc_mj.control.gains import (
     switching_gains,
 )
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.references import Setpoint, Setpoints, constant, setpoint
+from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.designs import (
     ARM_ERROR,
@@ -354,7 +355,7 @@ def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> Non
         "mixer", states={"a": "m", "b": "m"}, inputs={"u": "m/s", "v": "m/s"}, f=[0, 0],
         g=[[9 * k - 8, 9 * (k - 1)], [(k - 1) / 2, 1]], h=sp.symbols("a b"), parameters={"k": 1.0},
     )  # fmt: skip
-    error = ErrorCoordinates(mixer.system, constant(1, 1))
+    error = ErrorCoordinates(mixer.system, setpoints(1, 1))
     task = Task(mixer, error, Setpoints(0.0, 0.0), np.eye(2), np.eye(2))
     wrench = (0.0,) * len(mixer.system.equations.w)
     ctl = regulating_grosmc(task, Uncertainty({"k": (1.0, 1.05)}, wrench, (1.0, 1.0), 0.2))

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
-from grosmc_mj.control.design import FeedbackParameters
 from grosmc_mj.control.memory import Memory, SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Sine, setpoint, sine
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import sgn
+from grosmc_mj.control.task import FeedbackParameters
 from grosmc_mj.control.vectors import norm
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import (

@@ -12,9 +12,10 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grosmc_mj.control.design import Task, tracking_grosmc
+from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.surface import surface_matrix
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.designs import ARM_ERROR, ARM_REFERENCE, ARM_WEIGHTS, chapter_controller
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -70,9 +71,7 @@ each_system = pytest.mark.parametrize("row", PUBLISHED, ids=lambda row: row.syst
 
 @cache
 def design_of(system: str, controller: str) -> LqrDesign:
-    design = chapter_controller(controller, MujocoPlant.load(system).analytic()).lqr
-    assert design is not None
-    return design
+    return chapter_controller(controller, MujocoPlant.load(system).analytic()).designed.lqr
 
 
 def riccati_residual(d: LqrDesign) -> float:

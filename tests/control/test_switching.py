@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
 from grosmc_mj.control.switching import (
     SWITCHINGS,
     Adaptive,
@@ -31,9 +30,11 @@ from grosmc_mj.control.switching import (
     UnitVector,
     find_switching,
 )
+from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.metrics.recorded import crossings
 from grosmc_mj.experiments.runs import (
     PlantName,
     Settings,
@@ -60,7 +61,6 @@ from grosmc_mj.studies.switching.measure import (
     CaseRow,
     SwitchingRun,
     benchmark,
-    crossings,
     experiments,
     law_for,
     measure_case,

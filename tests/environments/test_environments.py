@@ -18,9 +18,9 @@ import pytest
 import grosmc_mj
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
 from grosmc_mj.control.switching import find_switching
-from grosmc_mj.environments import experiment, law_policy
+from grosmc_mj.control.task import Realization
+from grosmc_mj.environments import episode, law_policy
 from grosmc_mj.errors import (
     ArgumentError,
     DivergenceError,
@@ -68,7 +68,7 @@ def simulated(
 
 def stepped(environment: Any, policy: Callable[[Any], Any]) -> tuple[Array, Array, float, Any]:
     """States at the samples, inputs, return and last time step of an episode."""
-    names = [signal.name for signal in environment.task.experiment.plant.system.states]
+    names = [signal.name for signal in environment.task.setup.plant.system.states]
     step = environment.reset()
     states, inputs, total = [], [], 0.0
     while True:
@@ -132,10 +132,9 @@ def test_the_return_is_minus_the_index(system: str, name: str) -> None:
     comparison = compare_with_optimum(run, controller)
     J = measure(run, controller, comparison)["cost_whole"].value
     assert J is not None
-    assert controller.lqr is not None
     _, _, total, _ = stepped(load(system, case), law_policy(controller))
     # The metric takes the trapezoidal rule for the state's part, the reward the left end.
-    first, last = (float(z @ controller.lqr.Q @ z) for z in comparison.z[[0, -1]])
+    first, last = (float(z @ controller.designed.lqr.Q @ z) for z in comparison.z[[0, -1]])
     # v is computed back from u, which costs some last places.
     assert -total + 1e-3 / 4 * (last - first) == pytest.approx(J, rel=1e-11)
 
@@ -145,12 +144,12 @@ def test_the_return_of_a_law_on_the_linear_model_has_the_index_s_v() -> None:
     case = cut("cart_pendulum", "nominal", 0.002)
     environment = load("cart_pendulum", case)
     index_law = law("cart_pendulum")
-    assert index_law.lqr is not None
     x, u = np.array(case.x0), np.array([3.0])
     alpha, E = index_law.coordinates.dynamics(0.0, x, index_law.parameters)
     z, v = np.array([x[1], x[3]]), alpha + E @ u
     environment.reset()
-    expected = -1e-3 * 0.5 * float(z @ index_law.lqr.Q @ z + v @ index_law.lqr.R @ v)
+    weights = index_law.designed.lqr
+    expected = -1e-3 * 0.5 * float(z @ weights.Q @ z + v @ weights.R @ v)
     # The products are summed in the same order.
     assert environment.step(u).reward == pytest.approx(expected, rel=1e-14)
 
@@ -233,7 +232,7 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> MujocoPlant:
     spec.actuator("force").ctrlrange = (-2.0, 2.0)
     spec.actuator("force").ctrllimited = True
     weak = replace(plant, spec=spec)
-    monkeypatch.setattr(experiment, "case_plant", lambda *_: weak)
+    monkeypatch.setattr(episode, "case_plant", lambda *_: weak)
     return weak
 
 
@@ -494,4 +493,4 @@ def test_the_names_are_there_without_mujoco_or_a_face() -> None:
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = grosmc_mj.environments.nothing
+        _ = grosmc_mj.environments.nothing  # pyright: ignore[reportAttributeAccessIssue]

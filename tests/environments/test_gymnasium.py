@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grosmc_mj.environments import experiment, law_policy, register
-from grosmc_mj.environments.registration import IDS
+from grosmc_mj.environments import episode, law_policy, register
+from grosmc_mj.environments.gymnasium_ids import IDS
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
@@ -64,7 +64,7 @@ def test_an_id_can_name_the_module_that_registers_it(monkeypatch: pytest.MonkeyP
     monkeypatch.delitem(gymnasium.registry, "grosmc_mj/Arm-v0")
     monkeypatch.delitem(sys.modules, module, raising=False)
     environment = gymnasium.make(f"{module}:grosmc_mj/Arm-v0", task="case2")
-    assert environment.unwrapped.experiment.case.name == "case2"
+    assert environment.unwrapped.setup.case.name == "case2"
 
 
 @pytest.mark.parametrize("name", list(IDS))
@@ -158,7 +158,7 @@ def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_lengt
     """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
     case = replace(find_case("servo", "nominal"), duration=0.005)
     environment = gymnasium.make("grosmc_mj/Servo-v0", task=case, control_period=2e-3)
-    design = nominal_controller("servo", "grosmc", "corrected").lqr
+    design = nominal_controller("servo", "grosmc", "corrected").designed.lqr
     assert design is not None
     observation, _ = environment.reset()
     for length, end in ((2e-3, 2e-3), (2e-3, 4e-3), (1e-3, 5e-3)):
@@ -176,7 +176,7 @@ def test_what_an_actuator_does_not_apply_is_not_paid_for(monkeypatch: pytest.Mon
     (motor,) = spec.actuators
     motor.ctrlrange, motor.ctrllimited = (-2.0, 1.0), True
     limited = replace(plant, spec=spec)
-    monkeypatch.setattr(experiment, "case_plant", lambda *_: limited)
+    monkeypatch.setattr(episode, "case_plant", lambda *_: limited)
     environment = gymnasium.make("grosmc_mj/Servo-v0").unwrapped
 
     def reward(action: float) -> float:
@@ -190,8 +190,8 @@ def test_what_an_actuator_does_not_apply_is_not_paid_for(monkeypatch: pytest.Mon
 def test_an_environment_is_made_again_from_its_spec() -> None:
     environment = gymnasium.make("grosmc_mj/Arm-v0", task="case1", control_period=2e-3)
     again = gymnasium.make(pickle.loads(pickle.dumps(environment.spec)))
-    assert again.unwrapped.experiment.case == environment.unwrapped.experiment.case
-    assert again.unwrapped.experiment.problem.control_period == 2e-3
+    assert again.unwrapped.setup.case == environment.unwrapped.setup.case
+    assert again.unwrapped.setup.problem.control_period == 2e-3
 
 
 def test_an_action_that_is_none_is_refused() -> None:

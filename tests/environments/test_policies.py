@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.claims.claim import Verdict
+from grosmc_mj.chapter.claims.claim import Measured, Verdict
 from grosmc_mj.chapter.claims.ledger import find_claim, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
@@ -294,6 +294,15 @@ def test_a_policy_that_does_nothing_gets_other_verdicts() -> None:
     assert notes[2].startswith("not judged: it asks for the law's ")
     # A claim about another law does not become one about the policy.
     assert notes[3] == ""
+
+
+def test_a_broken_measurement_is_an_error_and_no_finding() -> None:
+    def broken(*_: Any) -> Measured:
+        raise AssertionError("a slip of ours")
+
+    claim = replace(find_claim("servo-load-grosmc"), measure=broken)
+    with pytest.raises(AssertionError, match="a slip of ours"):
+        judge_policy("servo", lambda _: 0.0, [claim], settings=COARSE, refine=False)
 
 
 def test_each_design_of_a_system_can_have_its_own_policy() -> None:

@@ -22,10 +22,12 @@ from grosmc_mj.experiments.metrics import (
     overshoot,
     settling_time,
 )
+from grosmc_mj.experiments.metrics.folds import MeterNumbers, Meters, note, note_all
 from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, Settings, run_case
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.engines.records import pack
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -58,9 +60,8 @@ def servo_run(theta: np.ndarray, rate: np.ndarray, u: np.ndarray) -> Trajectory:
 
 def optimal_run(controller: Controller) -> Trajectory:
     """The continuous optimum itself, x* and u* = -K x*."""
-    assert controller.lqr is not None
-    x = controller.lqr.optimal_trajectory([1.0, 0.0], TIME)
-    u = -(x @ controller.lqr.K.T)[:-1, 0]
+    x = controller.designed.lqr.optimal_trajectory([1.0, 0.0], TIME)
+    u = -(x @ controller.designed.lqr.K.T)[:-1, 0]
     return servo_run(1.0 - x[:, 0], -x[:, 1], u)
 
 
@@ -247,6 +248,20 @@ def test_every_metric_has_a_unit_or_says_why_not(servo_lqr: Controller) -> None:
     for name, metric in metrics.items():
         assert metric.unit or metric.note, name
     json.dumps(metrics, allow_nan=False)
+
+
+def test_rows_are_noted_by_compiled_code_as_in_python() -> None:
+    random = np.random.default_rng(3)
+    rows, known = random.normal(size=(500, 5)), MeterNumbers(np.array([0.1]), onset=0.3)
+    rows[:, 2:4] = np.abs(rows[:, 2:4])
+    rows[7, :4] = np.nan
+    meters, time = Meters(), 1e-3 * np.arange(500)
+    for t, (e, d, u, s, x) in zip(time.tolist(), rows.tolist(), strict=True):
+        note(t, e, d, u, s, x, meters, known)
+    (found,) = note_all(time, rows, known)
+    assert pack(meters).tobytes() == found.tobytes()
+    assert meters.outside == 0.3
+    assert meters.error[0] == np.nanmax(np.abs(rows[100:, 0]))
 
 
 # What is required

@@ -36,14 +36,14 @@ def law(t, x, memory, p):
     return p.plant.m * math.sin(x[0]) - p.a * x[0] - p.b * x[1]
 
 def made(plant, epsilon=5.0):
-    error = gm.ErrorCoordinates(plant.system, gm.constant(2))
-    task = gm.Task(plant, error, gm.Setpoint(0.0), Q=np.eye(2), R=1.0)
+    error = gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2))
+    task = gm.Task(plant, error, gm.control.Setpoint(0.0), Q=np.eye(2), R=1.0)
     return gm.tracking_grosmc(task, k=5.0, epsilon=epsilon)
 
 def gust(t):
     return math.exp(-t)
 
-pair = (gm.reference([sp.sin(gm.TIME)]), gm.Setpoint())
+pair = (gm.control.reference([sp.sin(gm.control.TIME)]), gm.control.Setpoint())
 wrong = 3
 """
 
@@ -212,7 +212,7 @@ def test_edit_reaches_the_plant_and_not_the_law(folder: Path):
     experiment = prepare(Path(own(folder)))
     law = experiment.laws["corrected", "law"]
     assert law.parameters.plant.m == 2.0
-    assert experiment.subject.plants["corrected"].parameters.m == 3.0  # pyright: ignore
+    assert experiment.subject.plants["corrected"].parameters.m == 3.0
 
 
 def test_factory_and_reference_of_ones_own(folder: Path):

@@ -20,8 +20,8 @@ from grosmc_mj.films.camera import Placement, place
 from grosmc_mj.films.chart import draw_chart
 from grosmc_mj.films.film import FREE_CAMERA, Film, Format, Take
 from grosmc_mj.films.layout import Layout
+from grosmc_mj.films.marks import add_trace
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.traces import add_trace
 from grosmc_mj.plants import SERVO
 from grosmc_mj.report.palette import DISTURBANCE, red_green_blue
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -307,6 +307,12 @@ def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_plac
             assert np.all(frame[rows, cursor] == 120)
             np.testing.assert_array_equal(frame[rows, before], board.chart.drawn[rows, before])
             np.testing.assert_array_equal(frame[rows, after], board.chart.empty[rows, after])
+        # Nothing else changes but the clock.
+        changed = np.any(frame != board.chart.empty, axis=2)
+        pictures = [board.layout.picture(number) for number in range(2)]
+        for box in (*pictures, *board.chart.areas, board.layout.clock):
+            changed[box.top : box.bottom, box.left : box.right] = False
+        assert not changed.any()
 
 
 def test_a_run_that_is_over_says_so_and_is_pushed_no_more(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -308,19 +308,6 @@ def test_egl_and_osmesa_draw_the_same(nominal: Shot, backend: str) -> None:
 # Where the parts of a frame are, and what changes
 
 
-def test_curves_are_drawn_up_to_the_cursor_and_no_further(pair: Shot) -> None:
-    chart = pair.board.chart
-    for index, t in enumerate(pair.film.times):
-        frame = pair.frames[index]
-        for area in chart.areas:
-            column = chart.column(area, t)
-            rows = slice(area.top, area.bottom)
-            before, after = slice(area.left, column), slice(column + 1, area.right)
-            np.testing.assert_array_equal(frame[rows, before], chart.drawn[rows, before])
-            np.testing.assert_array_equal(frame[rows, after], chart.empty[rows, after])
-            assert len(np.unique(frame[rows, column], axis=0)) == 1
-
-
 def outside(shot: Shot, boxes: Sequence[Box], index: int) -> np.ndarray:
     """Which pixels of a frame are not the chart's, beyond these boxes."""
     changed = np.any(shot.frames[index] != shot.board.chart.empty, axis=2)
@@ -333,11 +320,6 @@ def moving_parts(shot: Shot) -> list[Box]:
     layout = shot.board.layout
     pictures = [layout.picture(i) for i in range(layout.pictures)]
     return [*pictures, *shot.board.chart.areas, layout.clock]
-
-
-def test_nothing_else_changes(pair: Shot) -> None:
-    for index in range(len(pair.frames)):
-        assert not outside(pair, moving_parts(pair), index).any()
 
 
 def test_the_clock_goes(pair: Shot) -> None:
@@ -383,12 +365,6 @@ class Pinhole:
         right, up, back = (point - self.eye) @ self.axes
         return self.middle + self.focal * np.array([right, -up]) / -back
 
-    def on_plane_of_the_pole(self, pixel: np.ndarray) -> np.ndarray:
-        """The point with y = 0 that is seen at a column and row."""
-        column, row = (pixel - self.middle) / self.focal
-        ray = self.axes @ np.array([column, -row, -1.0])
-        return self.eye - self.eye[1] / ray[1] * ray
-
 
 def camera_of(board: Storyboard, data: mujoco.MjData) -> Pinhole:
     box, axes = board.layout.picture(0), data.cam_xmat[board.camera].reshape(3, 3)
@@ -431,48 +407,14 @@ def test_the_drawn_tip_is_where_the_recorded_state_puts_it(
     which: str, request: pytest.FixtureRequest
 ) -> None:
     shot: Shot = request.getfixturevalue(which)
+    tips = []
     for index in range(len(shot.frames)):
         hinge, tip = ends_of_the_pole(shot.board, index)
-        found = drawn_tip(shot.picture(index), hinge)
-        assert np.linalg.norm(found - tip) < 2, f"t = {shot.film.times[index]} s"
-
-
-def test_the_pole_moves_in_the_picture(nominal: Shot) -> None:
-    tips = [ends_of_the_pole(nominal.board, index)[1] for index in range(len(nominal.frames))]
-    # Else the test above would be of a still.
+        drawn = drawn_tip(shot.picture(index), hinge)
+        assert np.linalg.norm(drawn - tip) < 2, f"t = {shot.film.times[index]} s"
+        tips.append(tip)
+    # Else it would be a still.
     assert np.ptp(tips, axis=0).max() > 10
-
-
-@pytest.mark.parametrize(("which", "length"), [("nominal", 1.0), ("edited", 4.0)])
-def test_the_pole_is_drawn_as_long_as_it_is(
-    which: str, length: float, request: pytest.FixtureRequest
-) -> None:
-    """Its pixels, carried back through the camera to the plane that it swings in."""
-    shot: Shot = request.getfixturevalue(which)
-    for index in range(len(shot.frames)):
-        data = pose(shot.board, index)
-        camera = camera_of(shot.board, data)
-        origin = data.xpos[shot.board.model.body("pole").id]
-        hinge = camera.project(origin)
-        picture = shot.picture(index)
-        tip = drawn_tip(picture, hinge)
-        seen = float(np.linalg.norm(camera.on_plane_of_the_pole(tip) - origin))
-        pixel = length / float(np.linalg.norm(tip - hinge))
-        assert seen == pytest.approx(length, abs=2 * pixel)
-        # And it is there all the way: blue, which has no red, then vermilion, which has no blue.
-        for part in np.linspace(0.3, 0.97, 30):
-            column, row = (hinge + part * (tip - hinge)).astype(int)
-            assert picture[row, column].min() < 120
-
-
-def test_the_longer_pole_is_seen_from_further_away(nominal: Shot, edited: Shot) -> None:
-    assert nominal.board.placement.back == 0 < edited.board.placement.back
-    # At the same distance it would be four times as long in the picture.
-    lengths = []
-    for shot in (nominal, edited):
-        hinge, tip = ends_of_the_pole(shot.board, 0)
-        lengths.append(np.linalg.norm(tip - hinge))
-    assert lengths[1] < 2 * lengths[0]
 
 
 # Ghosts
@@ -499,25 +441,6 @@ def test_the_ghost_stands_where_the_optimum_is(ghosted: Shot, edited: Shot) -> N
     assert with_it.mean() > 60
 
 
-def test_the_ghost_changes_nothing_but_the_pixels_behind_it(ghosted: Shot, edited: Shot) -> None:
-    hinge, tip = ends_of_the_pole(ghosted.board, ONE_SECOND, ghost=True)
-    difference = np.abs(ghosted.picture(ONE_SECOND) - edited.picture(ONE_SECOND)).max(axis=2)
-    rows, columns = np.nonzero(difference > 2)
-    pixels = np.column_stack([columns, rows]) + 0.5
-    along = (tip - hinge) / np.linalg.norm(tip - hinge)
-    across = (pixels - hinge) @ np.array([-along[1], along[0]])
-    assert len(pixels) > 100
-    assert np.abs(across).max() < 6
-    assert ((pixels - hinge) @ along).max() < np.linalg.norm(tip - hinge) + 2
-
-
-def test_without_a_ghost_there_is_only_the_pole(edited: Shot, ghosted: Shot) -> None:
-    _, tip = ends_of_the_pole(ghosted.board, ONE_SECOND, ghost=True)
-    around = edited.picture(ONE_SECOND)[max(0, int(tip[1]) - 3) : int(tip[1]) + 4]
-    column = int(tip[0])
-    assert around[:, column - 2 : column + 3].min() > 180
-
-
 # Disturbances
 
 
@@ -537,18 +460,6 @@ def test_the_arc_is_there_while_the_load_acts_and_only_then(loaded: Shot) -> Non
         assert count > 200 if 10 <= t < 13 else count == 0, f"t = {t} s"
 
 
-def test_the_arc_goes_round_the_shaft(loaded: Shot) -> None:
-    data = pose(loaded.board, 4)
-    shaft = camera_of(loaded.board, data).project(data.xipos[loaded.board.model.body("rotor").id])
-    rows, columns = np.nonzero(green(loaded.picture(4)))
-    angles = np.degrees(np.arctan2(rows + 0.5 - shaft[1], columns + 0.5 - shaft[0]))
-    seen = np.histogram(angles, bins=36, range=(-180, 180))[0] > 0
-    # 300 degrees of it, and its head.
-    assert 30 <= seen.sum() < 36
-    distances = np.hypot(rows + 0.5 - shaft[1], columns + 0.5 - shaft[0])
-    assert distances.min() > 0.5 * np.median(distances)
-
-
 def test_the_arrow_points_where_the_force_does(pushed: Shot) -> None:
     masks = [green(pushed.picture(index)) for index in range(len(pushed.frames))]
     np.testing.assert_array_equal(pushed.film.times, [0.0, 0.25, 0.5, 0.75])
@@ -562,14 +473,9 @@ def test_the_arrow_points_where_the_force_does(pushed: Shot) -> None:
         # From the centre of mass to the right, level.
         assert columns.min() + 0.5 == pytest.approx(centre[0], abs=2)
         assert rows.mean() + 0.5 == pytest.approx(centre[1], abs=2)
-        assert columns.max() > centre[0] + 20
-
-
-def test_the_largest_force_has_an_arrow_of_a_third_of_the_picture(pushed: Shot) -> None:
-    """0.30 of its height, as marks.py says of it."""
-    height = pushed.board.layout.picture(0).height
-    columns = np.nonzero(green(pushed.picture(2)))[1]
-    assert np.ptp(columns) + 1 == pytest.approx(0.3 * height, abs=4)
+        # The largest force is 0.30 of the picture's height long, as marks.py says of it.
+        height = pushed.board.layout.picture(0).height
+        assert np.ptp(columns) + 1 == pytest.approx(0.3 * height, abs=4)
 
 
 # Runs that end early
@@ -584,23 +490,8 @@ def ink_of_the_warning(shot: Shot, index: int, number: int) -> np.ndarray:
     return red & np.any(strip != still, axis=2)
 
 
-def test_a_run_that_ended_freezes_and_says_why(ended: Shot) -> None:
-    take = ended.film.takes[0]
-    assert take.ended == "law undefined at 0.09 s"
-    assert ended.film.takes[1].ended == ""
-    np.testing.assert_allclose(ended.film.times, [0, 0.05, 0.1, 0.15, 0.2])
-    for index in range(len(ended.frames)):
-        over = ended.film.times[index] > 0.092
-        assert ink_of_the_warning(ended, index, 0).any() == over
-        assert not ink_of_the_warning(ended, index, 1).any()
-    for index in (3, 4):
-        np.testing.assert_array_equal(ended.picture(index), ended.picture(2))
-    for before, after in itertools.pairwise(range(5)):
-        assert np.any(ended.picture(before, 1) != ended.picture(after, 1))
-    assert np.any(ended.picture(0) != ended.picture(1))
-
-
 def test_what_is_said_of_the_end_is_not_written_over_other_words(ended: Shot) -> None:
+    assert ended.film.takes[0].ended == "law undefined at 0.09 s"
     layout = ended.board.layout
     ink = np.flatnonzero(ink_of_the_warning(ended, 4, 0).any(axis=0))
     strip = layout.label(0)
@@ -618,7 +509,7 @@ def test_a_run_that_diverged_can_be_filmed(
     plant = gm.MujocoPlant.load("servo")
     law = gm.chapter_controller("lqr", plant.analytic())
     away = replace(law, parameters=replace(law.parameters, K=-10 * law.parameters.K))
-    with pytest.raises(gm.DivergenceError) as caught:
+    with pytest.raises(gm.errors.DivergenceError) as caught:
         gm.simulate(plant, away, [0.0, 0.0], duration=1.0)
     run = caught.value.trajectory
     takes = (

@@ -20,9 +20,9 @@ from grosmc_mj.films.camera import place
 from grosmc_mj.films.chart import draw_chart
 from grosmc_mj.films.film import FREE_CAMERA, Film, Format, camera_names
 from grosmc_mj.films.layout import Layout
-from grosmc_mj.films.sizes import distances, loads
+from grosmc_mj.films.marks import add_trace, trace_site
+from grosmc_mj.films.plots import distances, loads
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.traces import add_trace, trace_site
 from grosmc_mj.simulation.robots.robot import Robot
 
 pytestmark = pytest.mark.slow

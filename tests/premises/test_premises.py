@@ -24,11 +24,12 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.case import cases, find_case
 from grosmc_mj.experiments.designs import ARM_G, DESIGNS, chapter_controller
-from grosmc_mj.experiments.laboratory import Fault, Laboratory, physics_derivative, trial
+from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.audit import Audit, Premise, audit
 from grosmc_mj.premises.balance import Balance, balance, switching_rate
+from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
@@ -116,7 +117,7 @@ def pushed_away(law: Controller, true: AnalyticPlant, t: float, z: Array, w: Arr
 def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
     """By the equations of the perturbed plant, and by MuJoCo, which does not know them."""
     law, plant = robust(system), perturbed(system)
-    true, physics = plant.analytic(), physics_derivative(plant)
+    true, physics = plant.analytic(), plant.derivative
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
         u = law.law(t, x, beside_surface(law, t, z, 1e-9), law.parameters)
@@ -222,7 +223,7 @@ def rounding_of_u_c(law: Controller, t: float, x: Array, z: Array) -> float:
     most n times by half an epsilon; the difference rounds once more, a quotient as often as twice.
     """
     size, roundings = (np.abs(law.parameters.K) @ np.abs(z)).item(), len(z)
-    if law.linearizing:
+    if law.designed.linearizing:
         alpha, E = law.coordinates.dynamics(t, x, law.parameters)
         size, roundings = (size + abs(alpha.item())) / abs(E.item()), roundings + 3
     return 2 * roundings * (np.finfo(float).eps / 2) * size
@@ -245,7 +246,7 @@ def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
 ) -> None:
     """Through feedback linearization the nominal plant under u_c is z1'' = -K z, exactly."""
     law, plant = chapter_controller(name, nominal(system)), nominal(system)
-    assert law.linearizing is expected
+    assert law.designed.linearizing is expected
     velocity = law.coordinates.system.output + law.coordinates.system.degrees_of_freedom
     misses = []
     for t, z, _ in random_points(system, 10):
@@ -425,7 +426,7 @@ def test_law_without_gain_fails_with_advice_that_can_be_followed(
     assert failed.along is not None
     # Without a gain the margin is minus what is required.
     assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
-    json.dumps(audit_document(found), allow_nan=False)
+    json_text(audit_document(found))
     audit_table(found)
     assert list(worst_points(found))
     assert failed.restores
@@ -438,7 +439,7 @@ def test_law_without_gain_fails_with_advice_that_can_be_followed(
 def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) -> None:
     for case in cases(system):
         found = chapter_audit(system, case.name)
-        content = json.loads(json.dumps(audit_document(found), allow_nan=False))
+        content = json.loads(json_text(audit_document(found)))
         assert (content["system"], content["case"]) == (system, case.name)
         for written, each in zip(content["premises"], found.premises, strict=True):
             margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]

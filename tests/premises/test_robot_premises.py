@@ -17,8 +17,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, linearized_lqr, tracking_grosmc
-from grosmc_mj.control.references import FourierSeries, constant, fourier_series
+from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
+from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
+from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
 from grosmc_mj.experiments.case import Case, find_case
@@ -32,6 +33,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_case, run_on
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises
+from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.simulation.models import load_spec
@@ -116,7 +118,7 @@ def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")
     regulation = "two_link_arm regulation"
     theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, regulation)
-    task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     ours = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
     heavier = BodyEdit("payload", mass_scale=3.0)
     push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
@@ -182,8 +184,8 @@ def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
     x, error, p = np.array([0.3, -0.4, 0.0, 1.0]), controller.coordinates, controller.parameters
     for side in (-1.0, 1.0):
         x[3] = side
-        still, _ = error.moved(0.0, x, p, plant, u=np.zeros(N))  # pyright: ignore
-        without, gain = error.moved(0.0, x, p, arm().plant, u=np.zeros(N))  # pyright: ignore
+        still, _ = error.moved(0.0, x, p, plant, u=np.zeros(N))
+        without, gain = error.moved(0.0, x, p, arm().plant, u=np.zeros(N))
         # Sliding friction is against the motion, of its full size.
         np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
 
@@ -242,7 +244,7 @@ def test_a_robot_without_limits_keeps_them() -> None:
     free = ARM.replace(' limited="true" range="-2 2"', "").replace('ctrllimited="true"', "")
     free = free.replace('ctrlrange="-25 25"', "").replace('ctrlrange="-9 9"', "")
     robot = Robot.from_mjcf(free)
-    task = robot.task(constant(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
     result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
     assert all(each.holds for each in audited(result).premises)
@@ -258,7 +260,7 @@ def test_a_law_that_does_not_switch_has_the_premises_of_torques_and_joints_alone
 
 def test_table_and_document_have_every_premise() -> None:
     found = robot_audit(run(law(epsilon=0.5), LOAD))
-    content = json.loads(json.dumps(audit_document(found), allow_nan=False))
+    content = json.loads(json_text(audit_document(found)))
     assert [each["name"] for each in content["premises"]] == list(KEPT)
     assert [each["holds"] for each in content["premises"]] == [e.holds for e in found.premises]
     assert audit_table(found).row_count == len(KEPT)

@@ -85,9 +85,9 @@ def close_loop(
         disturbances=spec.disturbances,
     )
     optimal = controller(system, OPTIMAL[system])
-    assert optimal.lqr is not None
     z = optimal.coordinates.along(trajectory.time, trajectory.state, ctl.parameters)
-    return Run(trajectory, optimal.lqr, z, optimal.lqr.optimal_trajectory(z[0], trajectory.time))
+    design = optimal.designed.lqr
+    return Run(trajectory, design, z, design.optimal_trajectory(z[0], trajectory.time))
 
 
 # Physics and equations
@@ -237,7 +237,7 @@ def reaching_amplitude(run: Run, ctl: Controller) -> float:
         return float(p.epsilon + p.k * np.abs(run.sliding).max())
     error = ctl.coordinates
     gain = abs(p.GB.item())
-    if ctl.lqr is not None and ctl.lqr.B[1, 0] == 1:  # feedback-linearized: (ds/dx) g = G B E
+    if ctl.designed.lqr.B[1, 0] == 1:  # feedback-linearized: (ds/dx) g = G B E
         x = run.trajectory.state[:-1]
         E = [error.dynamics(0.0, row, p)[1] for row in x[::50]]
         gain = abs(p.GB.item()) * np.abs(E).max()

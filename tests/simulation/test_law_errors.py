@@ -182,7 +182,7 @@ def test_an_input_that_is_not_finite_ends_the_run_where_it_is(
     with pytest.raises(UndefinedLawError, match="the law returned no finite number") as told:
         run(later(value), "servo", kind, engine)
     assert told.value.time == pytest.approx(0.006, abs=1e-12)
-    assert told.value.trajectory.status is gm.Status.UNDEFINED_INPUT
+    assert told.value.trajectory.status is gm.simulation.Status.UNDEFINED_INPUT
     assert np.all(np.isfinite(told.value.trajectory.state))
 
 
@@ -195,7 +195,10 @@ def test_in_a_batch_it_is_a_status_and_harms_no_other(kind: str, engine: Engine)
     plant = physics("servo") if kind == "physics" else physics("servo").analytic()
     mine = gm.custom_controller("mine", beside, gm.chapter_controller("lqr", nominal()))
     runs = gm.simulate(plant, mine, [[0.0, 0.0], [1.0, 0.0]], duration=0.01, engine=engine)
-    assert list(runs.status) == [gm.Status.COMPLETED, gm.Status.UNDEFINED_INPUT]
+    assert list(runs.status) == [
+        gm.simulation.Status.COMPLETED,
+        gm.simulation.Status.UNDEFINED_INPUT,
+    ]
     assert runs.valid_until.tolist() == pytest.approx([0.01, 0.0])
 
 

@@ -15,8 +15,6 @@ import pytest
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import (
-    Realization,
-    Task,
     computed_torque_pd,
     linear_lqr,
     linearized_lqr,
@@ -29,10 +27,11 @@ from grosmc_mj.control.references import (
     FourierSeries,
     Setpoint,
     Setpoints,
-    constant,
     fourier_series,
+    setpoints,
 )
 from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.designs import TWO_LINK_JOINTS
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
@@ -101,7 +100,7 @@ def tree_task() -> Task:
 
 @cache
 def two_link_law() -> Controller:
-    task = two_link().task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    task = two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
     return tracking_grosmc(task, 10.0, 30.0)
 
 
@@ -193,7 +192,7 @@ def test_mujocos_dynamics_and_the_symbolic_ones_make_the_same_law() -> None:
         Setpoints(0.3, -0.4),
         *weights(2),
     )
-    task = two_link().task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    task = two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
     for design in (
         lambda t: tracking_grosmc(t, 10.0, 30.0),
         linearized_lqr,
@@ -209,7 +208,7 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     theirs, plant = TWO_LINK_JOINTS, MujocoPlant.load("two_link_arm")
     symbolic = replace(p, plant=plant.analytic().parameters)
     heavier = BodyEdit("payload", mass_scale=3.0)
-    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic().parameters
+    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()
     w = np.random.default_rng(1).uniform(-5, 5, 18)
     assert (ours.size, ours.units, ours.output_rows) == (4, theirs.units, theirs.output_rows)
     for x in states(2):
@@ -289,7 +288,7 @@ def one() -> Robot:
 @pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
 def test_one_joint_is_a_robot_in_both_engines_and_in_a_batch(integrator: Any) -> None:
     robot = Robot.from_mjcf(ONE, integrator=integrator)
-    law = tracking_grosmc(robot.task(constant(2), Setpoint(0.5), *weights(1)), 10.0, 5.0)
+    law = tracking_grosmc(robot.task(setpoints(2), Setpoint(0.5), *weights(1)), 10.0, 5.0)
     starts = [[0.0, 0.0], [0.3, -1.0]]
     batch = simulate(robot.plant, law, starts, duration=0.1)
     for engine in ("native", "python"):
@@ -340,12 +339,12 @@ def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> Non
     assert np.all(np.array(law.law(0.0, np.zeros(4), memory, law.parameters)) == 0)
     assert memory.undefined == 1
     with pytest.raises(UndefinedLawError):
-        simulate(two_link().plant, replace(law, error=None), np.zeros(4), duration=0.01)
+        simulate(two_link().plant, replace(law, design=None), np.zeros(4), duration=0.01)
 
 
 def test_no_address_is_among_a_laws_numbers() -> None:
     other = Robot.from_mjcf(model_path("two_link_arm"))
-    task = other.task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    task = other.task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
     assert task.feedback(np.zeros((2, 4))).plant == two_link_law().parameters.plant
 
 
@@ -361,7 +360,7 @@ def test_metrics_are_those_of_the_law_beside_its_optimum() -> None:
 
 
 def two_link_law_task() -> Task:
-    return two_link().task(constant(2, 2), Setpoints(0.3, -0.4), *weights(2))
+    return two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
 
 
 # --- what is converted ---

@@ -451,7 +451,8 @@ def test_run_ends_for_the_first_reason(kind):
 @each_engine
 def test_controller_is_refused_at_another_control_period_than_its_own(engine: Engine) -> None:
     """A discrete-time surface belongs to one sampling time; without one any will do."""
-    ctl = replace(controller("servo", "lqr"), control_period=2e-3)
+    ctl = controller("servo", "lqr")
+    ctl = replace(ctl, design=replace(ctl.designed, control_period=2e-3))
     for wrong in (1e-3, 4e-3):
         message = rf"lqr is designed for a control period of 0\.002 s, not {wrong:g} s"
         with pytest.raises(ArgumentError, match=message):

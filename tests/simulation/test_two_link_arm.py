@@ -19,11 +19,12 @@ from scipy.integrate import trapezoid
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import Task, computed_torque_pd, regulating_grosmc
+from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
 from grosmc_mj.control.gains import authority, switching_gains
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.references import constant
+from grosmc_mj.control.references import setpoints
 from grosmc_mj.control.switching import Implicit
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import (
@@ -581,8 +582,7 @@ def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
 def test_family_without_dominance_is_refused() -> None:
     """Up to 1 kg under G = B+: no gain helps, and none is given."""
     heavier, ctl = replace(TWO_LINK_UNCERTAINTY, scales={"mp": (1.0, 5.0)}), law("lqr", REGULATION)
-    assert ctl.lqr is not None
-    G, p = np.linalg.pinv(ctl.lqr.B), ctl.parameters
+    G, p = np.linalg.pinv(ctl.designed.lqr.B), ctl.parameters
     with pytest.raises(GainError, match="no switching gain can make up"):
         switching_gains(TWO_LINK_JOINTS, p, p.K, heavier, linearizing=True, G=G)
 
@@ -608,7 +608,7 @@ def test_pd_with_numbers_that_are_not_positive_is_refused(frequency: float, damp
 def test_pd_of_outputs_of_another_degree_is_refused() -> None:
     """The servo's rate is steered at once: relative degree 1."""
     plant = MujocoPlant.load("servo").analytic()
-    rate = ErrorCoordinates(SERVO, constant(1), outputs=(SERVO.equations.x[1],))
+    rate = ErrorCoordinates(SERVO, setpoints(1), outputs=(SERVO.equations.x[1],))
     task = Task(plant, rate, DESIGNS["servo"].task(plant).reference, np.eye(1), 1.0)
     with pytest.raises(GainError, match=r"relative degrees \(1,\) all 2"):
         computed_torque_pd(task, 5.0, 1.0)
@@ -617,7 +617,7 @@ def test_pd_of_outputs_of_another_degree_is_refused() -> None:
 @pytest.mark.parametrize("design", [SYSTEM, REGULATION])
 def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output(design: str) -> None:
     task = DESIGNS[design].task(nominal())
-    optimum = computed_torque_pd(task, 4.0, 0.6).lqr
+    optimum = computed_torque_pd(task, 4.0, 0.6).designed.lqr
     assert optimum is not None
     expected = -2.4 + 3.2j * np.array([-1, -1, 1, 1])
     np.testing.assert_allclose(np.sort_complex(optimum.poles), np.sort_complex(expected), rtol=1e-6)
@@ -632,20 +632,19 @@ def test_price_of_a_law_is_what_its_nominal_loop_costs(name: str) -> None:
     costs, price = [], math.nan
     for h in (1e-3, 5e-4):
         found, ctl = run(name, "regulation", h=h, duration=5.0)
-        assert ctl.lqr is not None
         z = compare_with_optimum(found, ctl).z
         v = found.weighed
-        of_state = trapezoid(np.einsum("ti,ij,tj->t", z, ctl.lqr.Q, z), found.time)
-        of_input = float(np.einsum("ti,ij,tj->t", v, ctl.lqr.R, v).sum() * h)
+        of_state = trapezoid(np.einsum("ti,ij,tj->t", z, ctl.designed.lqr.Q, z), found.time)
+        of_input = float(np.einsum("ti,ij,tj->t", v, ctl.designed.lqr.R, v).sum() * h)
         costs.append(0.5 * (of_state + of_input))
-        price = ctl.lqr.optimal_cost(z[0])
+        price = ctl.designed.lqr.optimal_cost(z[0])
     assert 2 * costs[1] - costs[0] == pytest.approx(price, rel=2e-5)
 
 
 def test_pd_costs_more_than_the_optimum() -> None:
     costs = [
         optimum.optimal_cost([-0.5, 0.0, -0.4, 0.0])
-        for optimum in (law("pd", REGULATION).lqr, law("lqr", REGULATION).lqr)
+        for optimum in (law("pd", REGULATION).designed.lqr, law("lqr", REGULATION).designed.lqr)
         if optimum is not None
     ]
     assert costs[0] > 1.05 * costs[1]

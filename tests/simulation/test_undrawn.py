@@ -16,7 +16,7 @@ from grosmc_mj.simulation import mujoco_plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
@@ -76,7 +76,7 @@ def test_what_is_drawn_does_not_move_the_plant(
     system: str, edited: bool, open_loop: OpenLoop
 ) -> None:
     full = MujocoPlant.load(system, edits=EDITS[system] if edited else ())
-    bare = undrawn(full)
+    bare = full.undrawn()
     model = bare.model
     # A load is drawn as a sphere.
     loads = sum(isinstance(edit, AddedMass) for edit in bare.edits)
@@ -91,7 +91,7 @@ def test_what_is_drawn_does_not_move_the_plant(
 
 def test_what_acts_stays() -> None:
     """Contacts, a fin in water, what sensors refer to, and the inertia of what is dropped."""
-    full, bare = falling().model, undrawn(falling()).model
+    full, bare = falling().model, falling().undrawn().model
     names = [bare.geom(i).name for i in range(bare.ngeom)]
     assert names == ["floor", "touching", "fin", "felt"]
     assert [bare.camera(i).name for i in range(bare.ncam)] == ["seen"]
@@ -111,13 +111,13 @@ def test_what_acts_stays() -> None:
 
 def test_geoms_stay_where_inertia_must_come_from_them() -> None:
     plant = falling('inertiafromgeom="true"')
-    assert undrawn(plant) is plant
+    assert plant.undrawn() is plant
 
 
 def test_the_plant_itself_stays_drawn() -> None:
     plant = MujocoPlant.load("arm")
     before = saved(compile_spec(plant.spec))
-    undrawn(plant)
+    plant.undrawn()
     np.testing.assert_array_equal(saved(compile_spec(plant.spec)), before)
 
 
@@ -126,7 +126,7 @@ def test_the_plant_itself_stays_drawn() -> None:
 def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, drawn: bool) -> None:
     """Whatever was compiled before, and kept."""
     plant = MujocoPlant.load(system)
-    plant = plant if drawn else undrawn(plant)
+    plant = plant if drawn else plant.undrawn()
     plant.edited(BodyEdit(plant.system.bodies[-1], 3.0, 0.7)).model_with_userdata(3)
     spec = apply_edits(plant.spec, EDITS[system])
     spec.nuserdata = 40
@@ -138,7 +138,7 @@ def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, draw
 def test_a_batch_compiles_each_plant_once(
     monkeypatch: pytest.MonkeyPatch, open_loop: OpenLoop
 ) -> None:
-    nominal = undrawn(MujocoPlant.load("servo"))
+    nominal = MujocoPlant.load("servo").undrawn()
     nominal.edited(BodyEdit("rotor", 2.0)).model  # noqa: B018  the nominal one, once for all
     compiled: list[mujoco.MjSpec] = []
 

@@ -25,12 +25,13 @@ from grosmc_mj.control.cart import (
     sliding_dynamics,
 )
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.switching import Implicit
+from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.designs import chapter_controller
+from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.runs import Settings, nominal_controller, run_case
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
@@ -43,7 +44,6 @@ from grosmc_mj.studies.cart.measure import (
     CART_BAND,
     SYSTEM,
     amplification,
-    cart_settling,
     gain_ratio,
     holding_case,
     measures_of,
@@ -76,8 +76,7 @@ def members(count: int) -> list[AnalyticPlant]:
 
 
 def optimum_of(law: Controller) -> LqrDesign:
-    assert law.lqr is not None
-    return law.lqr
+    return law.designed.lqr
 
 
 def force_for(plant: AnalyticPlant, x: Array, w: float) -> tuple[float, float]:
@@ -234,7 +233,7 @@ def test_mujocos_linear_model_gives_the_same_laws() -> None:
     for found, expected in zip(model, linear_model(NOMINAL), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
     for make in (holding_lqr, holding_ism):
-        ours, theirs = make(NOMINAL).gains, make(NOMINAL, model).gains
+        ours, theirs = make(NOMINAL).designed.gains, make(NOMINAL, model).designed.gains
         assert ours.keys() == theirs.keys()
         np.testing.assert_allclose(list(ours.values()), list(theirs.values()), rtol=1e-8)
 
@@ -294,11 +293,11 @@ def test_nothing_is_amplified_where_all_is_matched() -> None:
 
 def test_the_cart_settles_when_it_stays() -> None:
     time = np.arange(0.0, 10.001, 0.01)
-    assert cart_settling(time, np.zeros_like(time)).value == 0.0
+    assert settling_time(time, np.zeros_like(time), CART_BAND).value == 0.0
     once = np.where(time < 3.0 - 1e-9, 1.0, CART_BAND)
-    assert cart_settling(time, once).value == pytest.approx(3.0)
-    assert cart_settling(time, np.where(time < 9.5, 1.0, 0.0)).note == "not reached"
-    assert cart_settling(time, np.ones_like(time)).note == "not reached"
+    assert settling_time(time, once, CART_BAND).value == pytest.approx(3.0)
+    assert settling_time(time, np.where(time < 9.5, 1.0, 0.0), CART_BAND).note == "not reached"
+    assert settling_time(time, np.ones_like(time), CART_BAND).note == "not reached"
 
 
 def test_the_rail_is_the_models() -> None:

@@ -22,7 +22,6 @@ from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
 from grosmc_mj.experiments.case import find_case
 from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
 from grosmc_mj.plants import CART_PENDULUM, SERVO, find_system
-from grosmc_mj.simulation.mujoco_plant import undrawn
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.studies.region import measure as region
 from grosmc_mj.studies.region.axes import choose_axes, starts_on
@@ -102,7 +101,7 @@ def test_what_is_drawn_does_not_move_the_plant(system: str, case: str) -> None:
     named = find_case(system, edited if case == "edited" else case)
     full = case_plant(named, "physics", SETTINGS)
     law = nominal_controller(system, "grosmc", "corrected")
-    bare = undrawn(full)  # pyright: ignore[reportArgumentType]
+    bare = full.undrawn()
     assert bare.model.ngeom == 0
     runs = [simulate(each, law, named.x0, duration=0.5) for each in (full, bare)]
     np.testing.assert_array_equal(runs[0].state, runs[1].state)
@@ -135,8 +134,7 @@ def test_fl_lqr_converges_if_its_optimal_trajectory_stays_in_the_region() -> Non
     angles, rates = np.meshgrid(np.linspace(-80, 80, 9), np.linspace(-9, 9, 9))
     pairs = list(zip(angles.ravel().tolist(), rates.ravel().tolist(), strict=True))
     starts = pendulum_starts(*pairs)
-    design = law.controller.lqr
-    assert design is not None
+    design = law.controller.designed.lqr
     instants = np.arange(0, 6, 0.002)
     peaks = [np.abs(design.optimal_trajectory(x[[1, 3]], instants)[:, 0]).max() for x in starts]
     # Feedback linearization makes the optimum exact but for the hold between two samples.

@@ -31,10 +31,8 @@ from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.viewer import viewer
 from grosmc_mj.viewer.keys import KEYS, press
-from grosmc_mj.viewer.live import Live
+from grosmc_mj.viewer.live import LENGTH, STRONGEST, WEAKEST, Live, LiveRun, Push
 from grosmc_mj.viewer.playback import FASTEST, LONGEST, SLOWEST, STEP, Playback
-from grosmc_mj.viewer.playing import LiveRun
-from grosmc_mj.viewer.pushes import LENGTH, STRONGEST, WEAKEST, Push
 from grosmc_mj.viewer.replay import JUMP, RecordedRun
 from grosmc_mj.viewer.viewer import PICTURE, play, require_display
 
@@ -524,13 +522,12 @@ import os
 from grosmc_mj.films.offscreen.backends import without_graphics
 with without_graphics():
     import mujoco
-from grosmc_mj.viewer.live import Live
-from grosmc_mj.viewer.playing import Experiment
+from grosmc_mj.viewer.live import Live, LiveRun
 from grosmc_mj.viewer.viewer import open_window, play
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.control.cart import holding_lqr
 plant = MujocoPlant.load("cart_pendulum")
-live = Live(Experiment(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), 1.0))
+live = Live(LiveRun(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), 1.0))
 class Some:
     def __init__(self, window): self.window, self.left = window, 30
     def is_running(self): return self.left > 0 and self.window.is_running()

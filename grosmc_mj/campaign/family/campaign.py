@@ -14,15 +14,14 @@ from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.campaign.runs.meter import metered
-from grosmc_mj.campaign.runs.requirements import Requirement, afters, required
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.experiments.requirements import Limit, afters, required
 from grosmc_mj.experiments.runs import PlantName
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.problem import Plant
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +40,7 @@ class Campaign:
     experiment: Experiment
     family: Family
     laws: Mapping[str, Controller]
-    requirements: tuple[Requirement, ...]
+    requirements: tuple[Limit, ...]
 
     @classmethod
     def of(cls, specification: Specification) -> Campaign:
@@ -91,7 +90,7 @@ class Campaign:
             record=False,
         )
         last = (problem.steps - 1) // problem.stride * self.control_period
-        for after in afters(self.experiment.limits):
+        for after in afters(self.requirements):
             if after * (1 - 1e-12) > last:
                 raise ArgumentError(
                     f"stays_within after {after:g} s: the last sample of a run is at {last:g} s"
@@ -106,7 +105,7 @@ class Campaign:
     @cached_property
     def bare(self) -> Plant:
         """The same without what is only drawn, which costs most of compiling a model."""
-        return undrawn(self.plant) if isinstance(self.plant, MujocoPlant) else self.plant
+        return self.plant.undrawn()
 
     @property
     def control_period(self) -> float:

@@ -15,17 +15,18 @@ from scipy import stats
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.sampling import all_corners
-from grosmc_mj.campaign.runs.requirements import MARGIN, METRICS
+from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
+# How the columns of margins begin.
+MARGIN = "margin "
 # Columns of the results, beside the uncertain numbers.
 RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
 # What a physical plant has above zero, and what it has not below zero.
@@ -149,7 +150,7 @@ class Family:
         return self.nominal + scale * (values - self.nominal)
 
 
-def family_of(file: CaseFile, case: Case, plant: AnalyticPlant | MujocoPlant) -> Family:
+def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
     """The uncertainty that a case file declares.
 
     Args:
@@ -187,7 +188,7 @@ def _refuse_twice(names: Sequence[str], how: str) -> None:
             raise ArgumentError(f"uncertain: two are {how} {name!r}")
 
 
-def _quantity(table: UncertainTable, case: Case, plant: AnalyticPlant | MujocoPlant) -> Quantity:
+def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     """One uncertain number, with its unit and its nominal value."""
     unit, index = QUANTITIES[table.owner][table.quantity], -1
     if table.owner == "start":
@@ -270,7 +271,7 @@ def _of_start(table: UncertainTable, case: Case, plant: Any) -> float:
 
 
 def _of_parameter(table: UncertainTable, case: Case, plant: Any) -> float:
-    if isinstance(plant, MujocoPlant):
+    if plant.kind == "physics":
         raise ArgumentError("the plant has a model in MuJoCo: name a body or a joint instead")
     if not hasattr(plant.parameters, table.of):
         raise ArgumentError(unknown_name("parameter", table.of, vars(plant.parameters)))
@@ -286,9 +287,9 @@ _NOMINAL = {
 }
 
 
-def _model(plant: AnalyticPlant | MujocoPlant, owner: str) -> mujoco.MjModel:
+def _model(plant: Plant, owner: str) -> mujoco.MjModel:
     """The model of a plant that has one."""
-    if isinstance(plant, MujocoPlant):
+    if plant.kind == "physics":
         return plant.model
     raise ArgumentError(f"the plant has no model in MuJoCo, so no {owner}: name a parameter")
 

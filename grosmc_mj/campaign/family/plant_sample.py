@@ -8,11 +8,9 @@ from typing import Any
 
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 
 
 @dataclass(frozen=True)
@@ -29,11 +27,7 @@ class PlantSample:
 
     def plant(self, like: Plant) -> Plant:
         """The plant, from one without uncertainty."""
-        if isinstance(like, MujocoPlant):
-            return like.edited(*self.case.edits)
-        assert isinstance(like, AnalyticPlant)
-        changed = {name: factor * getattr(like.parameters, name) for name, factor in self.scales}
-        return like.with_parameters(**changed)
+        return like.changed(self.case.edits, dict(self.scales))
 
 
 def plant_sample_of(

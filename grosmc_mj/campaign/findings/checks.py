@@ -16,7 +16,7 @@ def checked_share(name: str, value: float) -> float:
     Raises:
       ArgumentError: If it is anything else.
     """
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not 0 < value < 1:
+    if not isinstance(value, (int, float)) or not 0 < value < 1:
         raise ArgumentError(f"{name} = {value!r}: give a number between 0 and 1, for instance 0.95")
     return float(value)
 

@@ -17,8 +17,7 @@ from grosmc_mj.campaign.findings.statistics import (
     pass_rate,
 )
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.part import EVERYTHING, Counts, margin_column
-from grosmc_mj.campaign.runs.requirements import COMPLETES
+from grosmc_mj.campaign.runs.part import COMPLETES, EVERYTHING, Counts, margin_column
 from grosmc_mj.errors import SetupError
 
 # Runs that distributions, differences and drivers are computed from; counts are of all.

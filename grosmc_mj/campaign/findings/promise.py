@@ -20,7 +20,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.premises.audit import REGIONS, least_margin
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # Scales are known to this part of themselves, up to the largest.
 _TOLERANCE, MOST = 0.01, 8.0
@@ -60,10 +59,10 @@ class PromisedFamily:
     def of(cls, campaign: Campaign, controller: str) -> PromisedFamily | str:
         """The premises of a controller, or in words why there are none."""
         law, case = campaign.laws[controller], campaign.experiment.case
-        if not law.switching:
+        if not law.designed.switching:
             return f"{controller} does not switch: it promises nothing about uncertainty"
         plant = campaign.plant
-        if not isinstance(plant, MujocoPlant) or plant.system.read_parameters is None:
+        if plant.kind != "physics" or plant.system.read_parameters is None:
             return "premises are computed for the package's own systems in MuJoCo only"
         if case.controllers not in REGIONS:
             return "no operating region is declared for this design"
@@ -80,7 +79,6 @@ class PromisedFamily:
             amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
         """
         plant = self.campaign.plant_sample(values).plant(self.campaign.bare)
-        assert isinstance(plant, MujocoPlant)
         return least_margin(self.law, plant.analytic(), self.bound, amplitude)
 
     def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:

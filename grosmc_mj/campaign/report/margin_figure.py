@@ -6,25 +6,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.checks import checked_margins
-from grosmc_mj.campaign.report.drawing import (
-    FAILED_SHADE,
-    WIDE_STYLE,
-    LawStyle,
-    board,
-    in_lines,
-    law_styles,
-    write,
-)
+from grosmc_mj.campaign.findings.findings import ALL, Findings
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.palette import OPTIMUM
+from grosmc_mj.report.figure import board, in_lines, write_figure
+from grosmc_mj.report.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
 
 _SIZE = (4.9, 3.2)
 # Of one law in the legend [inch].
@@ -51,32 +44,41 @@ class MarginPanel(NamedTuple):
     margins: Mapping[str, Array]
 
 
-def save_margins(
-    panels: Sequence[MarginPanel], title: str, footnote: str, files: Sequence[Path]
-) -> None:
-    """Draw the distributions and write them to each file, by its ending.
-
-    Args:
-      panels: One a requirement.
-      title: Of the figure: of what, and what was sampled.
-      footnote: What it does not prove.
-      files: PNG or SVG.
-
-    Raises:
-      ArgumentError: If there is nothing to draw, a margin is NaN or +inf, or an ending is unknown.
-      SetupError: If a file cannot be written.
-    """
-    write(draw_margins(panels, title, footnote), files)
+def write_margins(campaign: Campaign, found: Findings, files: Sequence[Path]) -> None:
+    """Draw the distribution of each requirement's margin into each file."""
+    requirements = list(dict.fromkeys(each.words for each in campaign.requirements)) or [ALL]
+    panels = [
+        MarginPanel(
+            words,
+            found.units[words],
+            {
+                law: each
+                for (requirement, law), each in found.margins.items()
+                if requirement == words
+            },
+        )
+        for words in requirements
+    ]
+    title = f"{campaign.experiment.case.title}: margins ({found.looked_at.words})"
+    write_figure(draw_margins(panels, title, found.sampled.footnote), files)
 
 
 def draw_margins(panels: Sequence[MarginPanel], title: str, footnote: str) -> Figure:
-    """The figure of :func:`save_margins`: a panel a requirement, a curve a law."""
+    """A panel a requirement, a curve a law.
+
+    Args:
+        panels: One a requirement.
+        title: Of the figure: of what, and what was sampled.
+        footnote: What it does not prove.
+
+    Raises:
+        ArgumentError: If there is nothing to draw, or a margin is NaN or +inf.
+    """
     if not panels or not all(panel.margins for panel in panels):
         raise ArgumentError("no margins to draw: give at least one requirement and one law for it")
     styles = law_styles(dict.fromkeys(law for panel in panels for law in panel.margins))
-    with mpl.rc_context(WIDE_STYLE):
-        size = (_SIZE[0], _SIZE[1] + _ENTRY_HEIGHT * len(styles))
-        found = board(len(panels), size, title, footnote)
+    size = (_SIZE[0], _SIZE[1] + _ENTRY_HEIGHT * len(styles))
+    with board(len(panels), size, title, footnote) as found:
         for axes, panel in zip(found.panels, panels, strict=True):
             _draw(axes, panel, styles)
     return found.figure

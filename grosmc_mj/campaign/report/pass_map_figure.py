@@ -7,7 +7,6 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -17,11 +16,20 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.campaign.findings.checks import checked_margins, checked_values
-from grosmc_mj.campaign.report.drawing import WIDE_STYLE, board, in_lines, law_styles, write
+from grosmc_mj.campaign.findings.findings import Findings
+from grosmc_mj.campaign.findings.promise import premise_grid, speaks_of
+from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.report.figure import board, in_lines, write_figure
+from grosmc_mj.report.palette import BLACK, SKY, VERMILION, law_styles
+from grosmc_mj.report.tables import shown_unit
 
 _SIZE = (4.4, 4.1)
+# Runs that a map shows, and points of the premise's margin along each axis.
+_MOST_POINTS, _GRID = 4096, 7
 _EDGE, _HATCH = "#117733", "//"
 BOUNDARY = "premise's boundary (other parameters at their worst)"
 
@@ -34,11 +42,11 @@ class PassMark(Enum):
     DIVERGED = "did not complete"
 
 
-# Okabe and Ito's colours and a marker each; the later lie above.
+# A colour and a marker each; the later lie above.
 _MARKS: Mapping[PassMark, tuple[str, str]] = {
-    PassMark.PASSED: ("#56B4E9", "o"),
-    PassMark.FAILED: ("#D55E00", "X"),
-    PassMark.DIVERGED: ("#222222", "^"),
+    PassMark.PASSED: (SKY, "o"),
+    PassMark.FAILED: (VERMILION, "X"),
+    PassMark.DIVERGED: (BLACK, "^"),
 }
 
 
@@ -107,25 +115,70 @@ def outcomes(margins: Any) -> dict[PassMark, NDArray[np.bool_]]:
     }
 
 
-def save_pass_map(shown: PassMap, title: str, footnote: str, files: Sequence[Path]) -> None:
-    """Draw the map and write it to each file, by its ending.
+def write_pass_map(
+    campaign: Campaign,
+    folder: Folder,
+    found: Findings,
+    axes: tuple[Quantity, Quantity],
+    files: Sequence[Path],
+) -> None:
+    """Draw which runs kept everything, over two uncertain numbers, into each file."""
+    shards = range(
+        min(campaign.specification.shards, -(-_MOST_POINTS // campaign.specification.shard))
+    )
+    (_, first), (_, second) = (shown_unit(each.unit) for each in axes)
+    laws, boundaries = {}, {}
+    names = [each.name for each in axes]
+    for law, columns in folder.columns(campaign, [*names, "relative"], shards).items():
+        x, y = columns[names[0]] * first, columns[names[1]] * second
+        laws[law] = Points(x, y, columns["relative"])
+        grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
+        if grid is not None:
+            boundaries[law] = Boundary(grid[0] * first, grid[1] * second, grid[2])
+    shown = PassMap(
+        AxisOf(axes[0].name, shown_unit(axes[0].unit)[0]),
+        AxisOf(axes[1].name, shown_unit(axes[1].unit)[0]),
+        laws,
+        boundaries,
+    )
+    drawn = found.looked_at._replace(runs=len(next(iter(laws.values())).x))
+    title = f"{campaign.experiment.case.title}: all requirements ({drawn.words})"
+    write_figure(draw_pass_map(shown, title, found.sampled.footnote), files)
 
-    Args:
-      shown: What to draw.
-      title: Of the figure: of what, and what was sampled.
-      footnote: What it does not prove.
-      files: PNG or SVG.
 
-    Raises:
-      ArgumentError: If there is nothing to draw, arrays do not fit each other, or an ending is
-        unknown.
-      SetupError: If a file cannot be written.
+def map_axes(
+    campaign: Campaign, found: Findings, names: Sequence[str] = ()
+) -> tuple[Quantity, Quantity] | None:
+    """The two numbers of the map: the named ones, or those that drive margins most.
+
+    Of the latter, those that premises speak of come first, since their boundary can be drawn over
+    these. None where only one number is uncertain.
     """
-    write(draw_pass_map(shown, title, footnote), files)
+    by_name = {each.name: each for each in campaign.family.quantities}
+    if names:
+        return by_name[names[0]], by_name[names[1]]
+    shares: dict[str, float] = {}
+    for several in found.sensitivities.values():
+        for each in several:
+            shares[each.parameter] = max(shares.get(each.parameter, 0.0), each.share or 0.0)
+    ordered = sorted(by_name, key=lambda name: (not speaks_of(by_name[name]), -shares[name]))
+    if len(ordered) < 2:
+        return None
+    first, second = sorted(ordered[:2], key=list(by_name).index)
+    return by_name[first], by_name[second]
 
 
 def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
-    """The figure of :func:`save_pass_map`: a panel a law, a mark a run."""
+    """A panel a law, a mark a run.
+
+    Args:
+        shown: What to draw.
+        title: Of the figure: of what, and what was sampled.
+        footnote: What it does not prove.
+
+    Raises:
+        ArgumentError: If there is nothing to draw, or arrays do not fit each other.
+    """
     if not shown.laws:
         raise ArgumentError("no runs to draw: give at least one law")
     for law in shown.boundary:
@@ -133,8 +186,7 @@ def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
             raise ArgumentError(unknown_name("law of a boundary", law, shown.laws))
     styles = law_styles(shown.laws)
     seen: set[PassMark] = set()
-    with mpl.rc_context(WIDE_STYLE):
-        found = board(len(shown.laws), _SIZE, title, footnote)
+    with board(len(shown.laws), _SIZE, title, footnote) as found:
         for axes, (law, points) in zip(found.panels, shown.laws.items(), strict=True):
             seen |= _draw(axes, law, points)
             if law in shown.boundary:

@@ -6,24 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.findings.basis import NO_PROOF
 from grosmc_mj.campaign.findings.checks import checked_margins, checked_values
-from grosmc_mj.campaign.report.drawing import (
-    FAILED_SHADE,
-    WIDE_STYLE,
-    LawStyle,
-    board,
-    in_lines,
-    law_styles,
-    write,
-)
+from grosmc_mj.campaign.findings.radius import Radius
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.palette import OPTIMUM
+from grosmc_mj.report.figure import board, in_lines, write_figure
+from grosmc_mj.report.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
 
 _SIZE = (5.2, 4.9)
 
@@ -49,32 +43,39 @@ class RadiusCurve(NamedTuple):
     promised_note: str
 
 
-def save_radius(
-    curves: Sequence[RadiusCurve], title: str, footnote: str, files: Sequence[Path]
-) -> None:
-    """Draw the searches and write them to each file, by its ending.
-
-    Args:
-      curves: One a law.
-      title: Of the figure: of what, and what was sampled.
-      footnote: What it does not prove.
-      files: PNG or SVG.
-
-    Raises:
-      ArgumentError: If there is nothing to draw, arrays do not fit each other, or an ending is
-        unknown.
-      SetupError: If a file cannot be written.
-    """
-    write(draw_radius(curves, title, footnote), files)
+def write_radius(campaign: Campaign, found: Sequence[Radius], files: Sequence[Path]) -> None:
+    """Draw the least margin over the scale of the uncertainty into each file."""
+    curves = [
+        RadiusCurve(
+            each.controller,
+            np.array([look.scale for look in each.looks]),
+            np.array([look.least for look in each.looks]),
+            each.found or None,
+            each.promised.scale,
+            each.promised.note,
+        )
+        for each in found
+    ]
+    plants = max(each.plants for each in found)
+    title = f"{campaign.experiment.case.title}: scale of the uncertainty ({plants} plants at each)"
+    write_figure(draw_radius(curves, title, NO_PROOF), files)
 
 
 def draw_radius(curves: Sequence[RadiusCurve], title: str, footnote: str) -> Figure:
-    """The figure of :func:`save_radius`: a panel a law, a mark a scale that was tried."""
+    """A panel a law, a mark a scale that was tried.
+
+    Args:
+        curves: One a law.
+        title: Of the figure: of what, and what was sampled.
+        footnote: What it does not prove.
+
+    Raises:
+        ArgumentError: If there is nothing to draw, or arrays do not fit each other.
+    """
     if not curves:
         raise ArgumentError("no radius to draw: give at least one law's search")
     styles = law_styles(curve.law for curve in curves)
-    with mpl.rc_context(WIDE_STYLE):
-        found = board(len(curves), _SIZE, title, footnote)
+    with board(len(curves), _SIZE, title, footnote) as found:
         for axes, curve in zip(found.panels, curves, strict=True):
             _draw(axes, curve, styles[curve.law])
     return found.figure

@@ -8,20 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from rich.markup import escape
 from rich.table import Table
 
-from grosmc_mj.campaign.findings.basis import Basis
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.findings.basis import NO_PROOF, Basis
 from grosmc_mj.campaign.findings.pairing import PairedDifference
+from grosmc_mj.campaign.findings.radius import Radius
 from grosmc_mj.campaign.findings.sensitivity import Sensitivity
 from grosmc_mj.campaign.findings.statistics import TAIL, MarginSummary, PassRate, runs_needed
+from grosmc_mj.campaign.findings.worst import Worst
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.palette import LABELS
-from grosmc_mj.report.tables import empty_table, number
+from grosmc_mj.report.palette import label_of
+from grosmc_mj.report.tables import names, number, numbers, shown_unit, table, text, words
 
-WIDTH = 100
-# The least width of a requirement, and the largest of a law.
-_REQUIREMENT, _LAW = 20, 20
 # A pass rate that one may want to state.
 _AIM = 0.99
 
@@ -42,31 +42,27 @@ def pass_rates_table(
       ArgumentError: If there are no rates.
     """
     confidence = _the_confidence([each.confidence for each in rates.values()])
-    table = _table("Runs that keep each requirement", ("requirement", "law"))
-    for header in (
-        "kept",
-        "of runs",
-        "rate %",
-        f"{_percent(confidence)} interval",
-        "not completed",
-    ):
-        table.add_column(header, justify="right", no_wrap=True)
-    shown = ""
+    rows = []
     for (requirement, law), rate in rates.items():
         # Rounded outwards, so that the interval shown covers the exact one.
         low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
-        cells = (str(rate.kept), str(rate.runs), _rate(rate))
-        interval = f"{low:.2f} .. {high:.2f}"
-        _row(table, shown, (requirement, law), *cells, interval, str(diverged.get(law, 0)))
-        shown = requirement
+        counts = (str(rate.kept), str(rate.runs), _rate(rate), f"{low:.2f} .. {high:.2f}")
+        rows.append((requirement, label_of(law), *counts, str(diverged.get(law, 0))))
     needed = runs_needed(_AIM, confidence)
-    return _captioned(
-        table,
-        sampled,
-        "Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To state "
-        f'"at least {_percent(_AIM)} of this distribution passes" with {_percent(confidence)} '
-        f"confidence takes {needed} independent runs without a failure.",
-    )
+    interval = f"{_percent(confidence)} interval"
+    return table(
+        "Runs that keep each requirement",
+        [
+            *text("requirement"), *names("law"),
+            *numbers("kept", "of runs", "rate %", interval, "not completed"),
+        ],
+        rows,
+        grouped=True,
+        legend="Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To "
+        f'state "at least {_percent(_AIM)} of this distribution passes" with '
+        f"{_percent(confidence)} confidence takes {needed} independent runs without a "
+        "failure." + _basis(sampled),
+    )  # fmt: skip
 
 
 def margins_table(
@@ -84,20 +80,23 @@ def margins_table(
     """
     if not summaries:
         raise ArgumentError("no margins for a table: give at least one requirement and law")
-    table = _table("Margins: limit less measured", ("requirement", "law"))
-    for header in ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "unit"):
-        table.add_column(header, justify="right", no_wrap=True)
-    shown = ""
+    rows = []
     for (requirement, law), each in summaries.items():
         values = (each.least, each.cvar, each.q01, each.q05, each.median, each.q95)
-        _row(table, shown, (requirement, law), *map(number, values), units.get(requirement, ""))
-        shown = requirement
-    return _captioned(
-        table,
-        sampled,
-        f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of the "
-        "margins (CVaR); then quantiles. -inf: a run that did not complete is among them.",
-    )
+        cells = (*map(number, values), units.get(requirement, ""))
+        rows.append((requirement, label_of(law), *cells))
+    return table(
+        "Margins: limit less measured",
+        [
+            *text("requirement"), *names("law"),
+            *numbers("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "unit"),
+        ],
+        rows,
+        grouped=True,
+        legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
+        "the margins (CVaR); then quantiles. -inf: a run that did not complete is among them."
+        + _basis(sampled),
+    )  # fmt: skip
 
 
 def paired_table(
@@ -116,28 +115,30 @@ def paired_table(
       ArgumentError: If there are no differences.
     """
     confidence = _the_confidence([each.confidence for each in differences.values()])
-    table = _table("Two laws on the same plants: second less first", ("requirement", "laws"))
-    table.add_column("only\nfirst", justify="right", no_wrap=True)
-    for header in ("only\nsecond", "pass rate\n[% points]", "McNemar\np", "median of\nmargins"):
-        table.add_column(escape(header), justify="right", no_wrap=True)
-    shown = ""
+    rows = []
     for (requirement, first, second), each in differences.items():
         points = _between("", *(100 * v for v in (each.difference, each.low, each.high)))
-        median = _between(
-            units.get(requirement, ""), each.median, each.median_low, each.median_high
-        )
-        laws = f"{LABELS.get(first, first)},\n{LABELS.get(second, second)}"
+        unit = units.get(requirement, "")
+        median = _between(unit, each.median, each.median_low, each.median_high)
+        laws = f"{label_of(first)},\n{label_of(second)}"
         counts = (str(each.only_first), str(each.only_second))
-        _row(table, shown, (requirement, laws), *counts, points, _p_value(each.p_value), median)
-        shown = requirement
-    return _captioned(
-        table,
-        sampled,
-        f"Only: plants on which one law alone keeps the requirement. In brackets: "
+        rows.append((requirement, laws, *counts, points, _p_value(each.p_value), median))
+    return table(
+        "Two laws on the same plants: second less first",
+        [
+            *text("requirement"), *names("laws"),
+            *numbers(
+                "only\nfirst", "only\nsecond", "pass rate\n[% points]", "McNemar\np",
+                "median of\nmargins",
+            ),
+        ],
+        rows,
+        grouped=True,
+        legend=f"Only: plants on which one law alone keeps the requirement. In brackets: "
         f"{_percent(confidence)} intervals, of the rates conservative (two Clopper-Pearson "
         "intervals together), of the median by order statistics. All requirements: of each law its "
-        "own.",
-    )
+        "own." + _basis(sampled),
+    )  # fmt: skip
 
 
 def sensitivity_table(
@@ -156,28 +157,72 @@ def sensitivity_table(
     """
     if not found:
         raise ArgumentError("no parameters for a table: give at least one")
-    title = f"What drives the margin of {requirement!r} under {LABELS.get(law, law)}"
-    table = _table(escape(title), ("parameter",))
-    for header in ("share %", "p", "rank correlation"):
-        table.add_column(header, justify="right", no_wrap=True)
-    table.add_column("")
+    rows = []
     for each in found:
         if each.share is None or each.p_value is None or each.correlation is None:
-            table.add_row(escape(each.parameter), "-", "", "-", each.note, style="dim")
+            rows.append((each.parameter, "-", "", "-", each.note))
             continue
         assert each.low is not None
         assert each.high is not None
         correlation = f"{each.correlation:+.2f} ({each.low:+.2f} .. {each.high:+.2f})"
         share, p_value = f"{100 * each.share:.0f}", _p_value(each.p_value)
-        table.add_row(escape(each.parameter), share, p_value, correlation, each.note)
-    return _captioned(
-        table,
-        sampled,
-        "Share of the variance of the margins' ranks that the parameter explains alone, less what "
-        "chance gives; p: of a share at least as large if it explained nothing. Correlation: "
-        "Spearman's, positive if more of the parameter leaves more margin. Shares of correlated "
-        "parameters overlap.",
+        rows.append((each.parameter, share, p_value, correlation, each.note))
+    return table(
+        f"What drives the margin of {requirement!r} under {label_of(law)}",
+        [*text("parameter"), *numbers("share %", "p", "rank correlation"), *words("")],
+        rows,
+        styles=["dim" if each.share is None else "" for each in found],
+        legend="Share of the variance of the margins' ranks that the parameter explains alone, "
+        "less what chance gives; p: of a share at least as large if it explained nothing. "
+        "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
+        "correlated parameters overlap." + _basis(sampled),
     )
+
+
+def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
+    """The worst plant under each controller, beside samples and as many random plants."""
+    rows = []
+    for each in found:
+        nearest = "none was found"
+        if each.shrunk is not None and each.shrunk_relative is not None:
+            nearest = f"{plant_words(campaign, each.shrunk)}: margin {number(each.shrunk_relative)}"
+        values = (each.samples, each.random, each.relative)
+        rows.append((label_of(each.controller), *map(number, values), nearest))
+    runs = found[0].evaluations
+    return table(
+        "The worst plant found: least margin in parts of its limit",
+        [
+            *names("law"), *numbers("samples", "random", "search"),
+            *text("the plant nearest to the nominal one that fails"),
+        ],
+        rows,
+        legend="Samples: the worst run of the campaign. Search: differential evolution from the "
+        f"worst samples, {runs} runs; random: {runs} random plants. Below zero something is not "
+        f"kept; numbers not named are nominal. {NO_PROOF}",
+    )  # fmt: skip
+
+
+def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
+    """How far the uncertainty may grow under each controller, beside what is promised."""
+    rows, notes = [], []
+    for each in found:
+        law, outside, promised = label_of(each.controller), each.outside, each.promised
+        plant = "none was found" if outside is None else plant_words(campaign, outside.values)
+        scales = (each.found, None if outside is None else outside.scale, promised.scale)
+        rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
+        notes.append(f"{law}: {promised.note}.")
+    return table(
+        "How far the uncertainty may grow: 1 is as declared",
+        [
+            *names("law"), *numbers("no failure up to", "failure at", "promised"),
+            *text("the failing plant just outside"),
+        ],
+        rows,
+        legend=f"{found[0].plants} plants at each scale, up to "
+        f"{max(each.largest for each in found):.3g}. Promised: scale up to which the premises hold "
+        "for every extreme plant, so that |s| does not grow in continuous time; of the "
+        f"requirements they say nothing. {' '.join(notes)} {NO_PROOF}",
+    )  # fmt: skip
 
 
 def _the_confidence(all_of_them: Sequence[float]) -> float:
@@ -187,31 +232,9 @@ def _the_confidence(all_of_them: Sequence[float]) -> float:
     return all_of_them[0]
 
 
-def _table(title: str, names: Sequence[str]) -> Table:
-    """An empty table of the full width, whose first columns are names."""
-    table = empty_table(title)
-    table.width = WIDTH
-    table.add_column(names[0], overflow="fold", ratio=1, min_width=_REQUIREMENT)
-    for header in names[1:]:
-        table.add_column(header, overflow="fold", max_width=_LAW)
-    return table
-
-
-def _row(table: Table, shown: str, names: tuple[str, str], *cells: str) -> None:
-    """A row; a requirement that the row above has is not said again."""
-    requirement, law = names
-    if shown and shown != requirement:
-        table.add_section()
-    said = "" if shown == requirement else requirement
-    table.add_row(escape(said), escape(LABELS.get(law, law)), *map(escape, cells))
-
-
-def _captioned(table: Table, sampled: Basis, legend: str) -> Table:
-    """The table over what it means, what was sampled and what that does not prove."""
-    table.caption = escape(f"{legend}\n{sampled.words}. {sampled.footnote}")
-    table.caption_justify = "left"
-    table.caption_style = "dim"
-    return table
+def _basis(sampled: Basis) -> str:
+    """What was sampled, and what that does not prove."""
+    return f"\n{sampled.words}. {sampled.footnote}"
 
 
 def _rate(rate: PassRate) -> str:
@@ -239,3 +262,13 @@ def _between(unit: str, value: float, low: float, high: float) -> str:
 def _signed(value: float) -> str:
     """A number with its sign."""
     return ("+" if value > 0 else "") + number(value)
+
+
+def plant_words(campaign: Campaign, values: Array) -> str:
+    """The uncertain numbers that are not nominal."""
+    parts = []
+    for each, value in zip(campaign.family.quantities, values.tolist(), strict=True):
+        unit, factor = shown_unit(each.unit)
+        if value != each.nominal:
+            parts.append(f"{each.name} {value * factor:.4g} {unit}".rstrip())
+    return ", ".join(parts) or "the nominal one"

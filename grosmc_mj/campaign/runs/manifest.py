@@ -8,16 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import mujoco
-import numpy as np
-
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.report.document import git_revision
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.versions import DECISIVE, installed
+from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"
 # Of manifests and parts. Parts of schema 1 have neither a checksum nor the manifest's hash.
@@ -47,7 +43,7 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
         "configuration": _configuration(campaign),
         "model": model_hash(campaign),
         "sources": sources_of(specification),
-        "versions": installed(DECISIVE),
+        "versions": versions(DECISIVE),
     }
     return {
         "schema_version": SCHEMA_VERSION,
@@ -184,12 +180,7 @@ def _changed(there: Mapping[str, Any], asked: Mapping[str, Any], keys: Sequence[
 
 def model_hash(campaign: Campaign) -> str:
     """SHA-256 of the plant without uncertainty: of its compiled model, or of its parameters."""
-    plant = campaign.plant
-    if not isinstance(plant, MujocoPlant):
-        return hashlib.sha256(repr(plant.parameters).encode()).hexdigest()
-    buffer = np.zeros(mujoco.mj_sizeModel(plant.model), np.uint8)
-    mujoco.mj_saveModel(plant.model, None, buffer)
-    return hashlib.sha256(buffer.tobytes()).hexdigest()
+    return campaign.plant.digest
 
 
 def _configuration(campaign: Campaign) -> dict[str, Any]:

@@ -1,13 +1,13 @@
 """Metrics measured while a run goes on: a law that also keeps the meters of its run.
 
 Nothing is recorded: the meters lie in the law's own memory, in Python and in compiled code alike,
-and say at the end what ``validation.metrics`` would measure on the recorded samples.
+and say at the end what ``experiments.metrics`` would measure on the recorded samples.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -19,64 +19,66 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.vectors import each, row_times
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.metrics import SETTLING_BAND
+from grosmc_mj.control.vectors import each, quadratic, row_times
+from grosmc_mj.experiments.metrics.folds import (
+    Costs,
+    MeterNumbers,
+    Meters,
+    larger,
+    note,
+    note_costs,
+    transient_end,
+)
+from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
 
-# Against this, a distance is a size.
-_NOWHERE = np.zeros(0)
+# The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
+# for those of the law.
+METRICS: Mapping[str, str] = {
+    "deviation": "output",
+    "settling_time": "s",
+    "max_sliding": "sliding",
+    "sliding_start": "sliding",
+    "max_input": "input",
+    "cart_travel": "m",
+}
 
 
 @dataclass
-class Meters:
-    """What has been measured up to the last sample.
+class LawMeters(Meters):
+    """Meters of a run that goes on; what the actuator makes of the input is not known to a law.
 
     Attributes:
         optimal: The optimal error state at this sample, (size,).
-        start: Error of the outputs at t = 0.
-        deviation: Largest distance of the outputs from the optimum.
-        outside: Last time at which the error was outside the 2 % band, in the transient [s]; -1 for
-            never.
-        error: Largest error from each of the wanted times on, (k,).
-        sliding: Largest entry of |s|.
-        sliding_start: The same at t = 0.
-        input: Largest entry of |u|, as commanded.
-        position: Of the cart at t = 0 [m].
-        travel: How far it went [m].
+        costs: The index up to this sample, if it is wanted.
     """
 
-    optimal: Array
-    error: Array
-    start: float = 0.0
-    deviation: float = 0.0
-    outside: float = -1.0
-    sliding: float = 0.0
-    sliding_start: float = 0.0
-    input: float = 0.0
-    position: float = 0.0
-    travel: float = 0.0
+    optimal: Array = field(default_factory=lambda: np.zeros(0))
+    costs: Costs = field(default_factory=Costs)
 
 
 @dataclass(frozen=True)
-class MeterNumbers:
-    """What meters need to know.
+class LawMeterNumbers(MeterNumbers):
+    """What they need to know.
 
     Attributes:
         transition: The optimal error state from one sample to the next, (size, size).
-        after: From when on errors are measured [s], (k,).
-        onset: End of the transient [s].
-        band: Part of the error at the start that counts as none.
+        Q: State weight of the index, (size, size).
+        R: Input weight, (m, m).
     """
 
-    transition: Array
-    after: Array
-    onset: float
-    band: float = SETTLING_BAND
+    transition: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    Q: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    R: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def metered(
-    controller: Controller, control_period: float, after: Sequence[float], onset: float
+    controller: Controller,
+    control_period: float,
+    after: Sequence[float],
+    onset: float,
+    *,
+    costs: bool = False,
 ) -> Controller:
     """The same controller with meters: its memory has ``meters`` besides.
 
@@ -86,26 +88,29 @@ def metered(
         after: From when on largest errors are wanted [s].
         onset: When the first disturbance begins; settling is measured up to it, unless it acts
             from the start [s].
+        costs: Whether the index is wanted.
 
     Raises:
         ArgumentError: If the controller follows no optimum.
     """
-    error, design = controller.error, controller.lqr
-    if error is None or design is None:
-        raise ArgumentError(f"{controller.name} has no error coordinates or no optimum")
-    numbers = MeterNumbers(
-        transition=_transition(design.closed_loop.tobytes(), error.size, control_period),
+    design = controller.designed
+    error, optimum = design.error, design.lqr
+    numbers = LawMeterNumbers(
         after=np.array(after or [0.0], float),
-        onset=onset if onset > 0 else math.inf,
+        onset=transient_end(onset),
+        transition=_transition(optimum.closed_loop.tobytes(), error.size, control_period),
+        Q=optimum.Q,
+        R=optimum.R,
     )
     law = _metered_law(
         controller.law,
         error.state,
         error.size,
         tuple(error.output_rows),
-        _magnitude if error.inputs == 1 else _largest_entry,
-        bool(controller.sliding_unit),
-        error.system.name == "cart_pendulum",
+        _one if error.inputs == 1 else _all,
+        bool(design.sliding_unit),
+        has_cart(error.system),
+        (_one if np.ndim(controller.memory().v) == 0 else _all) if costs else None,
     )
     return replace(
         controller,
@@ -123,8 +128,7 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
 
 def _memory(controller: Controller, errors: int) -> Memory:
     """The law's own memory with meters."""
-    assert controller.error is not None
-    meters = Meters(np.zeros(controller.error.size), np.zeros(errors))
+    meters = LawMeters(np.zeros(errors), optimal=np.zeros(controller.designed.error.size))
     return _with(controller.memory(), meters=meters)
 
 
@@ -155,37 +159,31 @@ def _metered_law(
     error_state: Any,
     size: int,
     outputs: tuple[int, ...],
-    largest: Callable[[Any], float],
+    entries: Callable[[Any], Any],
     surface: bool,
     cart: bool,
+    weighed: Callable[[Any], Any] | None,
 ) -> Law:
-    """The law, which notes at each sample what it finds."""
-    inner, distance, follow = jitable(law), _distance(outputs), _follower(size)
+    """The law, which notes at each sample what it finds, costs if told how v is a vector."""
+    costs, vector = weighed is not None, weighed or _all
+    inner, difference, follow = jitable(law), _difference(outputs), _follower(size)
+    nothing = (0.0,) * size
 
     def metered_law(t: float, x: Any, memory: Any, p: Any) -> Any:
         u = inner(t, x, memory, p)
         meters, known = memory.meters, p.meters
         z = error_state(t, x, p)
         follow(t, z, meters.optimal, known.transition)
-        error = distance(z, _NOWHERE)
-        if t == 0.0:
-            meters.start = error
-        meters.deviation = _larger(distance(z, meters.optimal), meters.deviation)
-        if error > known.band * meters.start and t <= known.onset:
-            meters.outside = t
-        for i in range(len(known.after)):
-            if t >= known.after[i] * (1 - 1e-12):
-                meters.error[i] = _larger(error, meters.error[i])
-        meters.input = _larger(largest(u), meters.input)
+        s, position = 0.0, 0.0
         if surface:
             s = _largest_entry(memory.s)
-            meters.sliding = _larger(s, meters.sliding)
-            if t == 0.0:
-                meters.sliding_start = s
         if cart:
-            if t == 0.0:
-                meters.position = x[0]
-            meters.travel = _larger(abs(x[0] - meters.position), meters.travel)
+            position = x[0]
+        error, deviation = difference(z, nothing), difference(z, meters.optimal)
+        note(t, error, deviation, _largest_entry(entries(u)), s, position, meters, known)
+        if costs:
+            v = vector(memory.v)
+            note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
         return u
 
     found: Any = metered_law
@@ -194,14 +192,14 @@ def _metered_law(
 
 
 @jitable
-def _larger(value: float, known: float) -> float:
-    """The larger of two; not a number is none, in both engines."""
-    return value if value > known else known
+def _one(value: float) -> Any:
+    """The entries of a number."""
+    return (value,)
 
 
 @jitable
-def _magnitude(u: float) -> float:
-    return abs(u)
+def _all(values: Any) -> Any:
+    return values
 
 
 @jitable
@@ -209,19 +207,19 @@ def _largest_entry(values: Any) -> float:
     """The largest magnitude of several numbers."""
     found = 0.0
     for value in values:
-        found = _larger(abs(value), found)
+        found = larger(abs(value), found)
     return found
 
 
 @cache
-def _distance(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
-    """Jitable (a, b) -> the distance of their outputs' entries; that to zero if b is empty."""
+def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
+    """Jitable (a, b) -> a - b of the one output, or the norm of that of several."""
     if len(outputs) == 1:
         only = outputs[0]
 
         @jitable
         def single(a: Any, b: Any) -> float:
-            return abs(a[only] - b[only]) if len(b) else abs(a[only])
+            return a[only] - b[only]
 
         return single
 
@@ -229,8 +227,7 @@ def _distance(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
     def several(a: Any, b: Any) -> float:
         total = 0.0
         for i in outputs:
-            difference = a[i] - b[i] if len(b) else a[i]
-            total += difference * difference
+            total += (a[i] - b[i]) * (a[i] - b[i])
         return math.sqrt(total)
 
     return several
@@ -252,3 +249,27 @@ def _follower(size: int) -> Callable[[float, Any, Any, Any], None]:
                 optimal[i] = after[i]
 
     return follow
+
+
+def cost_ratios(
+    controller: Controller, costs: Any, starts: Array, ends: Array, duration: float
+) -> Array:
+    """J with the whole input over the least, J*, of n runs, (n,); infinite where J* is zero.
+
+    Args:
+        controller: Their controller.
+        costs: ``Costs`` of each at its last sample, (n,).
+        starts: States at t = 0, (n, states).
+        ends: States at the end, (n, states).
+        duration: [s].
+    """
+    error, design = controller.designed.error, controller.designed.lqr
+    first, last = (
+        error.along(np.full(len(states), t), states, controller.parameters)
+        for t, states in ((0.0, starts), (duration, ends))
+    )
+    ended = costs.copy().view(np.recarray)
+    note_costs(duration, np.array([quadratic(z, design.Q) for z in last]), 0.0, ended)
+    least = np.array([design.optimal_cost(z) for z in first])
+    whole = 0.5 * (ended.of_state + ended.of_input)
+    return np.divide(whole, least, out=np.full(len(least), np.inf), where=least != 0)

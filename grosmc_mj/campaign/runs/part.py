@@ -13,8 +13,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.family import MARGIN
 from grosmc_mj.campaign.runs.manifest import SCHEMA_VERSION
-from grosmc_mj.campaign.runs.requirements import COMPLETES, MARGIN, METRICS
+from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.campaign.runs.shard import Outcomes
 from grosmc_mj.errors import SetupError
 
@@ -22,6 +23,8 @@ _OURS = b"grosmc_mj"
 _CHECKSUM = "sha256"
 # Bytes of a column's texts, and of each row's.
 _TEXTS, _TEXT = 2**14, 2**7
+# What is asked of every run, beside the file's requirements.
+COMPLETES = "completes"
 # The count of runs that keep everything.
 EVERYTHING = "everything"
 # Counts by controller and requirement.
@@ -159,8 +162,7 @@ def _noted(bound_to: str, index: int, ids: range) -> dict[str, Any]:
 
 def _schema(campaign: Campaign) -> pa.Schema:
     """Columns of a part, with their types and units."""
-    error = next(iter(campaign.laws.values())).error
-    assert error is not None
+    error = next(iter(campaign.laws.values())).designed.error
     units = {
         "output": error.units[error.output_rows[0]],
         "input": error.system.inputs[0].unit,
@@ -169,7 +171,7 @@ def _schema(campaign: Campaign) -> pa.Schema:
     real, text = pa.float64(), pa.string()
     columns: list[tuple[str, pa.DataType, str]] = [("id", pa.int64(), ""), ("controller", text, "")]
     columns += [(each.name, real, each.unit) for each in campaign.family.quantities]
-    columns += [(name, real, units.get(unit, unit)) for name, (unit, _) in METRICS.items()]
+    columns += [(name, real, units.get(unit, unit)) for name, unit in METRICS.items()]
     columns += [(margin_column(each.key), real, each.unit) for each in campaign.requirements]
     columns += [("relative", real, "1"), ("status", text, ""), ("ended", real, "s")]
     return pa.schema(

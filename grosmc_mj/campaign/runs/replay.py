@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.report.document import FOUND, found_values
+from grosmc_mj.campaign.findings.promise import MOST
 from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.manifest import read_json
+from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.campaign.runs.part import margin_column
-from grosmc_mj.campaign.runs.requirements import METRICS
 from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
-from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
+from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
-from grosmc_mj.experiments.runs import PlantName, RunResult
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.simulate import Engine, simulate
+
+WORST, RADIUS = "worst.json", "radius.json"
+# Plants that are not samples, by what they are called.
+FOUND = {"worst": WORST, "shrunk": WORST, "outside": RADIUS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +91,50 @@ def _number(campaign: Campaign, which: str) -> int | None:
     return int(which)
 
 
+def found_values(campaign: Campaign, folder: Path, which: str, controller: str) -> Array:
+    """The uncertain numbers of a plant that was searched for, (d,).
+
+    Args:
+        campaign: The campaign.
+        folder: Its folder.
+        which: ``worst``, ``shrunk`` or ``outside``.
+        controller: For whom it was found.
+
+    Raises:
+        SetupError: If there is no such plant, or one that the family cannot have.
+    """
+    path = folder / FOUND[which]
+    how = {WORST: "--worst", RADIUS: "--radius"}[FOUND[which]]
+    try:
+        found = read_json(path).get("controllers")
+    except FileNotFoundError:
+        raise SetupError(f"{folder} has no {path.name}: run the campaign with {how}") from None
+    for key, absent in ((controller, {}), (which, None)):
+        if not isinstance(found, dict):
+            raise SetupError(f"{path}: cannot be read: it has no table of {controller}")
+        found = found.get(key, absent)
+    if found is None:
+        raise SetupError(f"{path}: no plant was found that fails under {controller}")
+    if not isinstance(found, dict) or set(found) != set(campaign.family.names):
+        raise SetupError(
+            f"{path}: cannot be read: {which} of {controller} must have the numbers "
+            f"{', '.join(campaign.family.names)} and no others"
+        )
+    # Nothing was searched for farther from the nominal plant than that.
+    scale = min(MOST, campaign.family.largest_scale) if which == "outside" else 1.0
+    for quantity in campaign.family.quantities:
+        value, ends = found[quantity.name], (quantity.nominal, *quantity.ends(scale))
+        slack = 1e-9 * (1 + max(abs(end) for end in ends if math.isfinite(end)))
+        least, most = min(ends) - slack, max(ends) + slack
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (number and least <= value <= most and quantity.physical(value)):
+            raise SetupError(
+                f"{path}: cannot be read: {which} of {controller}: {quantity.name} = "
+                f"{str(value)[:40]} must be a number from {min(ends):g} to {max(ends):g}"
+            )
+    return np.array([float(found[name]) for name in campaign.family.names])
+
+
 def _run(
     campaign: Campaign, controller: str, values: Array, which: str, engine: Engine
 ) -> tuple[RunResult, Outcomes]:
@@ -108,9 +158,8 @@ def _run(
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, plant_sample.case.onset)
     case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
-    physics: PlantName = "physics" if isinstance(plant, MujocoPlant) else "corrected"
-    result = RunResult(case, physics, law, run, comparison, metrics, ended, plant)
-    ends = (run.memory[-1:], [run.status], [run.valid_until])
+    result = RunResult(case, plant.kind, law, run, comparison, metrics, ended, plant)
+    ends = (run.memory[-1:], run.state[-1:], [run.status], [run.valid_until])
     return result, outcomes(campaign, controller, values[None], [plant_sample], *ends)
 
 

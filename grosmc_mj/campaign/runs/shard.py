@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.plant_sample import PlantSample
-from grosmc_mj.campaign.runs.meter import metered
-from grosmc_mj.campaign.runs.requirements import METRICS, Recording, afters, relative
+from grosmc_mj.campaign.runs.meter import METRICS, cost_ratios, metered
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.experiments.metrics.folds import Recording, folded
+from grosmc_mj.experiments.requirements import afters, margins_of
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 
@@ -31,7 +32,8 @@ class Outcomes:
         margins: By the requirement's key, (n,) each; NaN where it is not this controller's.
         status: How each run ended, in lower case, (n,).
         ended: Up to when it is valid [s], (n,).
-        relative: See ``requirements.relative``, (n,).
+        relative: The least margin in parts of its limit, (n,): at most 1, which is all of a limit;
+            -inf for runs that ended early.
     """
 
     controller: str
@@ -81,7 +83,7 @@ def evaluate_all(
             record=False,
             threads=threads,
         )
-        ends = (run.memory[:, -1], run.status, run.valid_until)
+        ends = (run.memory[:, -1], run.state[:, -1], run.status, run.valid_until)
         found.append(outcomes(campaign, controller, values, plant_samples, *ends))
     return found
 
@@ -92,6 +94,7 @@ def outcomes(
     values: Array,
     plant_samples: Sequence[PlantSample],
     memory: Any,
+    last: Array,
     status: Iterable[Any],
     valid_until: Any,
 ) -> Outcomes:
@@ -103,38 +106,40 @@ def outcomes(
         values: (n, d).
         plant_samples: n of them.
         memory: The law's memory at the last sample of each, (n,).
+        last: Their last states, (n, states).
         status: How each ended, ``Status`` values, (n,).
         valid_until: Up to when each is valid [s], (n,).
     """
-    meters = memory["meters"]
-    recording = Recording(
+    meters, duration = memory["meters"], campaign.duration
+    recording = Recording.sampled(
         campaign.control_period,
-        campaign.duration,
+        duration,
         np.array([plant_sample.case.onset for plant_sample in plant_samples]),
+        afters(campaign.requirements),
     )
     words = [each.name.lower() for each in status]
     completed = np.array(words) == Status.COMPLETED.name.lower()
-    ended = np.where(completed, campaign.duration, np.asarray(valid_until, float))
+    ended = np.where(completed, duration, np.asarray(valid_until, float))
+    found = folded(meters, recording)
+    metrics = {name: np.where(completed, found[name], np.nan) for name in METRICS}
+    if costs_wanted(campaign):
+        starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
+        law = campaign.laws[controller]
+        # What a run ended early at may be out of all bounds.
+        ends = np.where(completed[:, None], last, starts)
+        found["cost_ratio"] = cost_ratios(law, meters["costs"], starts, ends, duration)
+    own = [each for each in campaign.requirements if controller in each.of]
+    margins = margins_of(own, found, completed)
+    shares = [np.ones(len(values)), *(margins[each.key] / each.value for each in own)]
     nothing = np.full(len(values), np.nan)
-    margins = {
-        each.key: each.margins(meters, completed, recording) if controller in each.of else nothing
-        for each in campaign.requirements
-    }
     return Outcomes(
         controller=controller,
         values=values,
-        metrics={
-            name: np.where(completed, measured(meters, recording), np.nan)
-            for name, (_, measured) in METRICS.items()
-        },
-        margins=margins,
+        metrics=metrics,
+        margins={each.key: margins.get(each.key, nothing) for each in campaign.requirements},
         status=words,
         ended=ended,
-        relative=relative(
-            np.stack([nothing, *margins.values()], axis=1),
-            np.array([1.0, *(each.limit for each in campaign.requirements)]),
-            completed,
-        ),
+        relative=np.where(completed, np.min(shares, axis=0), -np.inf),
     )
 
 
@@ -152,5 +157,15 @@ def plants_of(
 
 def with_meters(campaign: Campaign, law: Controller, plant_sample: PlantSample) -> Controller:
     """A law with the meters that the requirements need."""
-    after = afters(campaign.experiment.limits)
-    return metered(law, campaign.control_period, after, plant_sample.case.onset)
+    return metered(
+        law,
+        campaign.control_period,
+        afters(campaign.requirements),
+        plant_sample.case.onset,
+        costs=costs_wanted(campaign),
+    )
+
+
+def costs_wanted(campaign: Campaign) -> bool:
+    """Whether a requirement is of the index."""
+    return any(each.metric == "cost_ratio" for each in campaign.requirements)

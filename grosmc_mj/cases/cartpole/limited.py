@@ -15,9 +15,9 @@ from typing import Any
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.design import BoundedParameters
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.task import BoundedParameters
 from grosmc_mj.control.vectors import norm, row_times
 from grosmc_mj.errors import GainError
 
@@ -43,7 +43,8 @@ def limited(controller: Controller, limit: float) -> Controller:
     Raises:
         GainError: If the limit is not positive, or the law is another.
     """
-    p, error = controller.parameters, controller.error
+    p, design = controller.parameters, controller.designed
+    error = design.error
     if not (isinstance(p, BoundedParameters) and isinstance(error, StateCoordinates)):
         raise GainError(f"{controller.name}: only the law (12) on the state can be limited")
     if not (math.isfinite(limit) and limit > 0) or len(p.K) != 1:
@@ -52,10 +53,13 @@ def limited(controller: Controller, limit: float) -> Controller:
     return replace(
         controller,
         law=with_reach(p.switching.reach(1)),
-        with_reach=with_reach,
         parameters=LimitedParameters(**vars(p), limit=float(limit)),
-        source="eqs. (8)+(12) with a limited nominal input",
-        gains={**controller.gains, "limit": float(limit)},
+        design=replace(
+            design,
+            with_reach=with_reach,
+            source="eqs. (8)+(12) with a limited nominal input",
+            gains={**design.gains, "limit": float(limit)},
+        ),
     )
 
 

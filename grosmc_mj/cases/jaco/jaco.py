@@ -10,14 +10,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import (
-    AS_PRINTED,
-    Realization,
-    computed_torque_pd,
-    linearized_lqr,
-    tracking_grosmc,
-)
+from grosmc_mj.control.design import computed_torque_pd, linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, ReferenceFunction, fourier_series
+from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.edits import AddedMass

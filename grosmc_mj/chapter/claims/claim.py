@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import PlantName
 
@@ -18,6 +19,10 @@ class Verdict(Enum):
     SUPPORTED = "supported"
     REFUTED = "refuted"
     INCONCLUSIVE = "inconclusive"
+
+
+class NeedsSlidingModeError(GrosmcError):
+    """A measurement that asks a controller for what only a sliding mode law has."""
 
 
 class Measured(NamedTuple):
@@ -63,7 +68,7 @@ class Claim:
     """One statement of the chapter, and how it is judged.
 
     Attributes:
-        id: Name on the command line and in JSON.
+        id: Name on the command line, in JSON and in the system's file.
         system: System that it is about.
         statement: The chapter's words, in short and paraphrased.
         source: Section, figure and equation.
@@ -73,7 +78,8 @@ class Claim:
         sense: Whether the value must be at most or at least the threshold.
         threshold: In ``unit``.
         unit: Of value and threshold.
-        plants: Plants that it can be asked of; the last one decides.
+        verdicts: What is expected on each plant that it can be asked of; the last one decides.
+        reason: Why that is expected.
         untested: What the measurement leaves open.
         defect: Whether the statement is a suspected misprint or gap of the chapter.
         exact: Whether no time step enters, so that there is nothing to refine.
@@ -92,13 +98,19 @@ class Claim:
     sense: Literal["at most", "at least"]
     threshold: float
     unit: str
-    plants: tuple[PlantName, ...]
+    verdicts: Mapping[PlantName, Verdict]
+    reason: str
     untested: str
     defect: bool = False
     exact: bool = False
     premise: Callable[[Laboratory], str] | None = None
     equation: str = ""
     drawing: Callable[[Laboratory], Drawing] | None = None
+
+    @property
+    def plants(self) -> tuple[PlantName, ...]:
+        """Plants that it can be asked of; the last one decides."""
+        return tuple(self.verdicts)
 
     def holds(self, measured: Measured) -> bool:
         """Whether a measurement meets the criterion; one without a value doesn't."""

@@ -19,10 +19,10 @@ from grosmc_mj.experiments.designs import chapter_controller
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import PlantName, Settings
 from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 
 
 class Caught(NamedTuple):
@@ -52,8 +52,7 @@ def _negated(law: Law, m: int) -> Law:
 
 
 def _wrong_sign(law: Controller, _case: Case, _plant: PlantName) -> Controller:
-    m = law.error.inputs if law.error else 1
-    return replace(law, law=_negated(law.law, m))
+    return replace(law, law=_negated(law.law, law.designed.error.inputs))
 
 
 def _no_switching(law: Controller, _case: Case, _plant: PlantName) -> Controller:
@@ -115,7 +114,7 @@ def _no_inertia(plant: Plant, case: Case, _name: PlantName) -> Plant:
 
 
 def _no_edit(plant: Plant, _case: Case, _name: PlantName) -> Plant:
-    return plant.edited() if isinstance(plant, MujocoPlant) else plant
+    return plant.changed()
 
 
 def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
@@ -127,8 +126,6 @@ def _gravity_up(plant: Plant, _case: Case, _name: PlantName) -> Plant:
 
 
 def _printed_physics(plant: Plant, _case: Case, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant):
-        return plant
     return plant.analytic(plant.system.variants[0])
 
 
@@ -182,19 +179,19 @@ def self_test(
     """
     sound = _verdicts(Laboratory(settings), claims)
     for fault in faults:
-        found = _verdicts(Laboratory(settings, fault), claims)
-        yield Caught(fault, tuple(c.id for c in claims if found[c.id] != sound[c.id]))
+        verdicts = _verdicts(Laboratory(settings, fault), claims)
+        yield Caught(fault, tuple(c.id for c in claims if verdicts[c.id] != sound[c.id]))
         advance(fault.name)
 
 
 def _verdicts(lab: Laboratory, claims: Sequence[Claim]) -> dict[str, dict[str, Verdict]]:
     """Every claim's verdict on every plant."""
-    found = {}
+    verdicts = {}
     for claim in claims:
         try:
             judged = judge(lab, claim, refine=False)
-            found[claim.id] = {name: each.verdict for name, each in judged.plants.items()}
+            verdicts[claim.id] = {name: each.verdict for name, each in judged.plants.items()}
         except (ValueError, RuntimeError) as error:
             # A laboratory so wrong that it cannot measure has been noticed as well.
-            found[claim.id] = {"error": type(error).__name__}
-    return found
+            verdicts[claim.id] = {"error": type(error).__name__}
+    return verdicts

@@ -1,29 +1,19 @@
-"""All claims, judged."""
+"""All claims, and how they are judged."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 
-from grosmc_mj.chapter.claims import arm, cart, cart_pendulum, servo, theory, two_link_arm
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import SYSTEMS, find_system
 
-CLAIMS: tuple[Claim, ...] = tuple(
-    sorted(
-        (
-            *servo.CLAIMS,
-            *cart_pendulum.CLAIMS,
-            *cart.CLAIMS,
-            *arm.CLAIMS,
-            *two_link_arm.CLAIMS,
-            *theory.CLAIMS,
-        ),
-        key=lambda claim: list(SYSTEMS).index(claim.system),
-    )
-)
+CLAIMS = read_claims(Path(__file__).with_name(f"{system}.toml") for system in SYSTEMS)
 
 
 def select_claims(system: str | None = None) -> list[Claim]:
@@ -44,10 +34,10 @@ def find_claim(name: str) -> Claim:
     Raises:
         ArgumentError: If there is none of that name.
     """
-    found = {claim.id: claim for claim in CLAIMS}
-    if name not in found:
-        raise ArgumentError(unknown_name("claim", name, found))
-    return found[name]
+    claims = {claim.id: claim for claim in CLAIMS}
+    if name not in claims:
+        raise ArgumentError(unknown_name("claim", name, claims))
+    return claims[name]
 
 
 def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
@@ -67,6 +57,16 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
     return Finding(claim, plants, claim.premise(lab))
 
 
+def verdict_differences(findings: Sequence[Finding]) -> list[str]:
+    """One line for each verdict that is not the expected one."""
+    return [
+        f"claim {finding.claim.id} on {plant}: {found.verdict.value}, expected {wanted.value}"
+        for finding in findings
+        for plant, found in finding.plants.items()
+        if found.verdict is not (wanted := finding.claim.verdicts[plant])
+    ]
+
+
 def _on(lab: Laboratory, claim: Claim, plant: PlantName, *, refine: bool) -> PlantFinding:
     """What is found on one plant."""
     measured = claim.measure(lab, plant)
@@ -77,8 +77,11 @@ def _on(lab: Laboratory, claim: Claim, plant: PlantName, *, refine: bool) -> Pla
 def _verdict(claim: Claim, measured: Measured, refined: Measured | None) -> Verdict:
     """Supported or refuted if both measurements say so; otherwise there is no telling."""
     both = [measured] if refined is None else [measured, refined]
-    answers = {claim.holds(each) for each in both}
-    strange = any(each.value is not None and not math.isfinite(each.value) for each in both)
-    if strange or len(answers) > 1 or any(each.broken for each in both):
+    answers = {claim.holds(measurement) for measurement in both}
+    strange = any(
+        measurement.value is not None and not math.isfinite(measurement.value)
+        for measurement in both
+    )
+    if strange or len(answers) > 1 or any(measurement.broken for measurement in both):
         return Verdict.INCONCLUSIVE
     return Verdict.SUPPORTED if answers.pop() else Verdict.REFUTED

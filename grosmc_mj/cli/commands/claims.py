@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,7 +73,7 @@ class ClaimsCommand(Command):
         from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.report.document import origin, write_json
+        from grosmc_mj.report.document import json_text, origin, write_json
 
         self._check()
         if self.premises:
@@ -92,7 +91,7 @@ class ClaimsCommand(Command):
         name = "claims" if self.explain is None else f"claims/{findings[0].claim.id}"
         write_json(self.out / f"{name}.json", content)
         if self.json:
-            print(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False))
+            print(json_text(content), end="")
             return _code(findings)
         console = screen.console()
         _say_verdict(console, findings, full=self.verbose)
@@ -142,10 +141,9 @@ class ClaimsCommand(Command):
     def _write_page(self, console: Console, findings: Sequence[Finding], lab: Laboratory) -> None:
         """The page on the chapter's defects."""
         from grosmc_mj.chapter.claims_page import write_page
-        from grosmc_mj.chapter.expected_verdicts import load_expectations
 
         assert self.page is not None
-        for path in write_page(findings, load_expectations(), lab, self.page):
+        for path in write_page(findings, lab, self.page):
             screen.say_files(console, path)
 
     def _self_test(self, settings: Settings, chosen: Sequence[Claim]) -> int:
@@ -195,10 +193,8 @@ def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Findin
 def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:
     """Findings as plain values."""
     from grosmc_mj.chapter.claims_document import claim_document
-    from grosmc_mj.chapter.expected_verdicts import load_expectations
 
-    expected = load_expectations()
-    return [claim_document(finding, expected.get(finding.claim.id), lab) for finding in findings]
+    return [claim_document(finding, lab) for finding in findings]
 
 
 def verdicts_table(findings: Sequence[Finding]) -> Table:
@@ -247,7 +243,7 @@ def _ledger(console: Console, findings: Sequence[Finding]) -> None:
 
 def _say_verdict(console: Console, findings: Sequence[Finding], *, full: bool) -> None:
     """Whether the verdicts are the expected ones, and which are not."""
-    from grosmc_mj.chapter.expected_verdicts import verdict_differences
+    from grosmc_mj.chapter.claims.ledger import verdict_differences
 
     differing = verdict_differences(findings)
     words = "All verdicts are as expected."
@@ -259,7 +255,7 @@ def _say_verdict(console: Console, findings: Sequence[Finding], *, full: bool) -
 
 def _code(findings: Sequence[Finding]) -> int:
     """The exit code."""
-    from grosmc_mj.chapter.expected_verdicts import verdict_differences
+    from grosmc_mj.chapter.claims.ledger import verdict_differences
 
     return screen.DIFFERS if verdict_differences(findings) else screen.DONE
 
@@ -268,9 +264,8 @@ def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> 
     """The story of one claim, and its figure."""
     from grosmc_mj.chapter.claims_figures import write_picture
     from grosmc_mj.chapter.claims_tables import story
-    from grosmc_mj.chapter.expected_verdicts import load_expectations
 
-    for line in story(finding, load_expectations().get(finding.claim.id), lab):
+    for line in story(finding, lab):
         console.print(line, soft_wrap=True)
     path = write_picture(finding, lab, out / "claims" / f"{finding.claim.id}.png")
     console.print(f"  {'figure':<12}{path}", soft_wrap=True)

@@ -162,7 +162,6 @@ class FilmCommand(Command):
         """A case file."""
         from grosmc_mj.experiments.experiment import prepare
         from grosmc_mj.films.film import MOST_TAKES, camera_names
-        from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
         if self.switching != "sign" or self.surface != "printed":
             raise ArgumentError(
@@ -170,7 +169,7 @@ class FilmCommand(Command):
             )
         experiment = prepare(path)
         plant = experiment.subject.plants.get("physics")
-        if not isinstance(plant, MujocoPlant):
+        if plant is None:
             raise ArgumentError(
                 f"{self.target}: it does not run in MuJoCo: there is nothing to see"
             )

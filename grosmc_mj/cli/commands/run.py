@@ -233,8 +233,7 @@ def runs_table(results: Sequence[RunResult]) -> Table:
     """The main numbers of runs of one case, physics first."""
     from grosmc_mj.experiments.tables import metric_cell
 
-    system, error = results[0].trajectory.system, results[0].controller.error
-    assert error is not None
+    system, error = results[0].trajectory.system, results[0].controller.designed.error
     output = error.units[error.output_rows[0]]
     rows, styles = [], []
     for result in sorted(results, key=lambda each: each.plant != "physics"):

@@ -80,9 +80,8 @@ class ValidateCommand(Command):
     def execute(self) -> int:
         """Run, write, compare, print."""
         from grosmc_mj.chapter import expected_results as expected
-        from grosmc_mj.chapter.claims.ledger import CLAIMS, judge
+        from grosmc_mj.chapter.claims.ledger import CLAIMS, judge, verdict_differences
         from grosmc_mj.chapter.document import document
-        from grosmc_mj.chapter.expected_verdicts import verdict_differences
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings, plan, run_all
         from grosmc_mj.report.document import write_json

@@ -17,7 +17,8 @@ from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.case import Case
-    from grosmc_mj.viewer.playing import LiveRun, Motion
+    from grosmc_mj.viewer.live import LiveRun
+    from grosmc_mj.viewer.playback import Motion
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,7 @@ class ViewCommand(Command):
     def _case(self, case: Case) -> tuple[LiveRun, str]:
         """A case of a system of the package, and the command that films it."""
         from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
-        from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-        from grosmc_mj.viewer.playing import LiveRun
+        from grosmc_mj.viewer.live import LiveRun
 
         settings = Settings(
             switching=self.switching,
@@ -75,7 +75,6 @@ class ViewCommand(Command):
         realization = settings.realization(case.controllers)
         law = nominal_controller(case.system, name, "corrected", realization, case.controllers)
         plant = case_plant(case, "physics", settings)
-        assert isinstance(plant, MujocoPlant)
         experiment = LiveRun(
             plant, law, case.x0, case.duration, case.disturbances, settings.control_period
         )
@@ -89,8 +88,7 @@ class ViewCommand(Command):
     def _file(self, path: Path) -> tuple[LiveRun, str]:
         """A case file, and the command that films it."""
         from grosmc_mj.experiments.experiment import prepare
-        from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-        from grosmc_mj.viewer.playing import LiveRun
+        from grosmc_mj.viewer.live import LiveRun
 
         if self.switching != "sign" or self.surface != "printed":
             raise ArgumentError(
@@ -98,7 +96,7 @@ class ViewCommand(Command):
             )
         found = prepare(path)
         plant = found.subject.plants.get("physics")
-        if not isinstance(plant, MujocoPlant):
+        if plant is None:
             raise ArgumentError(f"{self.target}: it does not run in MuJoCo: nothing to see")
         laws = {name: law for (on, name), law in found.laws.items() if on == "physics"}
         name = self.controller or list(laws)[-1]

@@ -17,7 +17,7 @@ from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.vectors import Vector
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
-from grosmc_mj.plants import System
+from grosmc_mj.plants import Plant, System
 
 _PER_SECOND = ("", "/s", "/s²", "/s³")
 
@@ -59,7 +59,7 @@ class OutputCoordinates(ABC):
         if not callable(self.reference):
             raise ArgumentError(
                 f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
-                "derivatives, such as constant(2)"
+                "derivatives, such as setpoints(2)"
             )
         if isinstance(self.sign, bool) or not isinstance(self.sign, int) or abs(self.sign) != 1:
             raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")
@@ -115,7 +115,13 @@ class OutputCoordinates(ABC):
 
     @abstractmethod
     def moved(
-        self, t: float, x: Array, p: Any, plant: Any, w: ArrayLike | None = None
+        self,
+        t: float,
+        x: Array,
+        p: Any,
+        plant: Plant,
+        w: ArrayLike | None = None,
+        u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """(drift, gain) of z' = drift + gain u on a true plant, as the law sees it: eq. (24).
 
@@ -125,8 +131,10 @@ class OutputCoordinates(ABC):
             t: Time [s].
             x: State, (n,).
             p: The law's parameters, with ``plant`` and ``reference``.
-            plant: The true plant, as these coordinates take it.
+            plant: The true plant.
             w: Wrenches on it, (6 * bodies,); None for none.
+            u: Input to which friction, limits and contacts answer, (m,); None for none.
+                Equations have no use for it.
 
         Returns:
             drift (size,) and gain (size, m).

@@ -55,6 +55,9 @@ class StateCoordinates:
         entries = each(self.size, lambda i, x: x[i])
         return jitable(lambda t, x, p: entries(x))
 
+    def workspace(self, p: Any) -> None:
+        """Nothing that a run computes in."""
+
     def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
         """z at every sample of a trajectory: x (N, n); returns (N, n)."""
         return np.asarray(x, float)

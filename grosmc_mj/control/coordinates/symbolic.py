@@ -19,6 +19,7 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
 from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.jitable import jitable
+from grosmc_mj.plants import Plant
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,14 +130,20 @@ class ErrorCoordinates(OutputCoordinates):
         return alpha, np.reshape(self.decoupling_matrix(x, p), (self.inputs, self.inputs))
 
     def moved(
-        self, t: float, x: Array, p: Any, plant: Any, w: ArrayLike | None = None
+        self,
+        t: float,
+        x: Array,
+        p: Any,
+        plant: Plant,
+        w: ArrayLike | None = None,
+        u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """As for every coordinates; ``plant`` has the parameters of the true plant."""
-        equations = self.system.equations
-        f = np.array(equations.drift(x, plant))
+        """As for every coordinates, by the equations with the true plant's parameters."""
+        equations, true = self.system.equations, plant.parameters
+        f = np.array(equations.drift(x, true))
         if w is not None:
-            f = f + np.array(equations.disturbance(x, np.asarray(w, float), plant))
-        g = np.reshape(equations.input_matrix(x, plant), (len(f), -1))
+            f = f + np.array(equations.disturbance(x, np.asarray(w, float), true))
+        g = np.reshape(equations.input_matrix(x, true), (len(f), -1))
         slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(f)))
         raised = np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
         return self.sign * (slope @ f - raised), self.sign * slope @ g

@@ -9,11 +9,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.trajectory import Status
 
 # State, step under held input and wrench (False if it diverged), and the physics state.
@@ -94,12 +92,12 @@ class ClosedLoop:
 
 def _stepper(plant: Plant, x0: Array, h: float) -> Stepper:
     """How to move one simulation of a plant."""
-    if isinstance(plant, AnalyticPlant):
-        return _analytic_stepper(plant, x0, h)
-    return _physics_stepper(plant, x0)
+    if plant.kind == "physics":
+        return _physics_stepper(plant, x0)
+    return _analytic_stepper(plant, x0, h)
 
 
-def _analytic_stepper(plant: AnalyticPlant, x0: Array, h: float) -> Stepper:
+def _analytic_stepper(plant: Plant, x0: Array, h: float) -> Stepper:
     x, scratch = x0.copy(), np.zeros((3, len(x0)))
     rk4 = runge_kutta_step(plant.system)
 
@@ -113,7 +111,7 @@ def _analytic_stepper(plant: AnalyticPlant, x0: Array, h: float) -> Stepper:
     return x, step, lambda: None
 
 
-def _physics_stepper(plant: MujocoPlant, x0: Array) -> Stepper:
+def _physics_stepper(plant: Plant, x0: Array) -> Stepper:
     model, system = plant.model_with_userdata(0), plant.system
     data, x, n = mujoco.MjData(model), x0.copy(), system.degrees_of_freedom
     data.qpos, data.qvel = x0[:n], x0[n:]

@@ -189,3 +189,15 @@ def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
         compiled._cache = _FingerprintCache(function)
     compiled.compile()
     return compiled
+
+
+def compile_python(function: Callable[..., Any]) -> Any:
+    """Compile a function that Python calls, for whatever types it is called with.
+
+    Raises:
+        SetupError: If the folder of the cache is not the user's own.
+    """
+    compiled: Any = numba.njit(function)
+    if _cache() is not None:
+        compiled._cache = _FingerprintCache(function)
+    return compiled

@@ -28,7 +28,7 @@ def analytic_kernel(problem: Problem) -> Callable[..., None]:
     return _kernel(
         problem.system,
         problem.controller.law,
-        record_dtype(problem.plants[0].parameters),  # pyright: ignore
+        record_dtype(problem.plants[0].parameters),
         record_dtype(problem.controller.parameters),
         problem.memory_dtype,
     )

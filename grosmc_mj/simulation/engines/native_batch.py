@@ -22,7 +22,6 @@ from grosmc_mj.simulation.engines.control_callback import (
 from grosmc_mj.simulation.engines.native_pushes import PUSH, most_pushes, packed
 from grosmc_mj.simulation.engines.records import pack
 from grosmc_mj.simulation.law_errors import compiling
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Problem, Record, refuse_failed
 from grosmc_mj.simulation.trajectory import Status
 
@@ -54,11 +53,9 @@ class NativeBatch:
         if not problem.record:
             size = _ROOM * math.ceil(size / _ROOM)
         compiled = {
-            plant: plant.model_with_userdata(size)
-            for plant in dict.fromkeys(problem.plants)
-            if isinstance(plant, MujocoPlant)
+            plant: plant.model_with_userdata(size) for plant in dict.fromkeys(problem.plants)
         }
-        models = [compiled[plant] for plant in problem.plants if isinstance(plant, MujocoPlant)]
+        models = [compiled[plant] for plant in problem.plants]
         self._batch = Batch(models[0], nsim, problem.threads)
         if len(compiled) > 1:
             self._batch.set_models(models)

@@ -9,7 +9,6 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own
-from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.native_analytic import analytic_kernel
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
@@ -39,9 +38,9 @@ def run_native(problem: Problem) -> Record:
         with np.errstate(all="ignore"):
             ask(controller, 0.0, problem.x0[0].copy(), memory, np.zeros(len(problem.system.inputs)))
     try:
-        if isinstance(problem.plants[0], AnalyticPlant):
-            return _run_analytic(problem)
-        return NativeBatch(problem).run()
+        if problem.plants[0].kind == "physics":
+            return NativeBatch(problem).run()
+        return _run_analytic(problem)
     except FailedInCompiledCodeError as failed:
         # Python says where.
         run_python(problem.alone(failed.run))
@@ -61,7 +60,6 @@ def _run_analytic(problem: Problem) -> Record:
             problem.controllers[run],
             problem.wrench(run),
         )
-        assert isinstance(plant, AnalyticPlant)
         memory, _kept_alive = controller.begin()
         arrays = (
             problem.x0[run].copy(),

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
 from grosmc_mj.jitable import jitable
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
 
 
@@ -128,11 +128,11 @@ class RobotCoordinates(OutputCoordinates):
         t: float,
         x: Array,
         p: Any,
-        plant: MujocoPlant,
+        plant: Plant,
         w: ArrayLike | None = None,
         u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """As for every coordinates; ``plant`` is the true one.
+        """As for every coordinates, of a plant in MuJoCo.
 
         The drift is MuJoCo's own forward dynamics less what the input does to the free bodies:
         joint friction, limits and contacts are in it as they answer to the input u, (m,), none by

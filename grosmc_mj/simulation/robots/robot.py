@@ -8,12 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import mujoco
-import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.design import AS_PRINTED, Realization, Task
 from grosmc_mj.control.references import ReferenceFunction
+from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.simulation.models import compile_spec
@@ -80,9 +79,7 @@ class Robot:
     @property
     def limits(self) -> Array:
         """Least and largest torque of each joint [N m or N], (n, 2); infinite for none."""
-        model = self.plant.model_with_userdata(0)
-        free = np.tile([-np.inf, np.inf], (self.joints, 1))
-        return np.where(model.actuator_ctrllimited[:, None] != 0, model.actuator_ctrlrange, free)
+        return self.plant.input_limits.T
 
     @cached_property
     def nominal(self) -> mujoco.MjModel:

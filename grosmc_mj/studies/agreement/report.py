@@ -5,25 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rich.markup import escape
 from rich.table import Table
 
 from grosmc_mj.report.document import origin
-from grosmc_mj.report.tables import empty_table
+from grosmc_mj.report.tables import numbers, table, words
 from grosmc_mj.studies.agreement.measure import AGREEMENT_BOUND, Agreement
 
 
 def agreement_table(rows: Sequence[Agreement]) -> Table:
     """Analytic plants against MuJoCo."""
-    table = empty_table()
-    for header in ("system", "equations", "model"):
-        table.add_column(header, no_wrap=True)
-    for header in ("acceleration difference\nover largest term", "trajectory difference\n[m, rad]"):
-        table.add_column(escape(header), justify="right", no_wrap=True)
-    for row in rows:
-        numbers = (f"{row.acceleration:.1e}", f"{row.trajectory:.1e}")
-        table.add_row(row.system, row.variant, row.edit, *numbers)
-    return table
+    return table(
+        "",
+        [
+            *words("system", "equations", "model"),
+            *numbers(
+                "acceleration difference\nover largest term", "trajectory difference\n[m, rad]"
+            ),
+        ],
+        [
+            (row.system, row.variant, row.edit, f"{row.acceleration:.1e}", f"{row.trajectory:.1e}")
+            for row in rows
+        ],
+    )
 
 
 def comparison_document(

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.report.figure import figure_written, labelled_below
-from grosmc_mj.report.palette import COLOURS, DISTURBANCE, OPTIMUM
-from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.experiments.figure import shade_disturbances
+from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps, labelled_below
+from grosmc_mj.report.palette import COLOURS, OPTIMUM
 from grosmc_mj.studies.cart.measure import ALONE, LAWS, Study, holding_case, run_of
 
 NAME = "cart"
@@ -34,7 +34,7 @@ _LINEAR = 2.0
 
 
 def write_holding_figure(found: Study, folder: Path) -> Path:
-    """Write hold.png and hold.svg.
+    """Write cart.png and cart.svg.
 
     Returns:
         The PNG; the SVG lies beside it.
@@ -55,7 +55,7 @@ def write_holding_figure(found: Study, folder: Path) -> Path:
         figure.suptitle(
             f"Cart-pendulum in MuJoCo from −10°: laws that hold pole and cart "
             f"({found.settings.switching} switching, {found.settings.surface} surface)",
-            fontsize=11.5,
+            fontsize=TITLE_SIZE,
         )
     return path
 
@@ -67,8 +67,8 @@ def _draw_case(axes: list[Axes], found: Study, name: str) -> None:
         run = run_of(found, name, law)
         forces = run.time[:-1], run.input
         curves = ((run.time, run.state[:, 1]), (run.time, run.state[:, 0]), forces)
-        jumps = _chatters(run)
-        for panel, (x, y), thin in zip(axes, curves, (False, False, jumps), strict=True):
+        chatters = jumps(run.input)
+        for panel, (x, y), thin in zip(axes, curves, (False, False, chatters), strict=True):
             panel.plot(
                 x,
                 y,
@@ -82,13 +82,7 @@ def _draw_case(axes: list[Axes], found: Study, name: str) -> None:
             )
     axes[0].set_title(f"{name}: {case.title}")
     for panel in axes:
-        for disturbance in case.disturbances:
-            start, stop = disturbance.window
-            panel.axvspan(
-                start, min(stop, case.duration), color=DISTURBANCE, alpha=0.13, lw=0,
-                label=disturbance.label,
-            )  # fmt: skip
-        panel.set_xlim(0, case.duration)
+        shade_disturbances(panel, case)
         panel.set_xticks(np.arange(0.0, case.duration + 1, 5.0))
     axes[1].set_yscale("symlog", linthresh=_LINEAR, linscale=1.6)
     axes[1].set_ylim(-0.5, 1.6 * found.rail)
@@ -123,11 +117,6 @@ def _close_up(axes: Axes, found: Study, name: str, row: int, label: str) -> None
     inset.set_xlim(case.onset - 1, case.duration)
     inset.set_title(label, fontsize=8, pad=2)
     inset.tick_params(labelsize=7.5)
-
-
-def _chatters(run: Trajectory) -> bool:
-    """Whether the force jumps at every sample."""
-    return float(np.abs(np.diff(run.input)).sum()) > 20 * float(np.ptp(run.input))
 
 
 def _share(row: list[Axes]) -> None:

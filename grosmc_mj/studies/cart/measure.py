@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.cart import holding_ism, holding_lqr, sliding_dynamics
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import Realization, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.case import Case, find_case
-from grosmc_mj.experiments.document import case_document
-from grosmc_mj.experiments.metrics import Metric, settled
+from grosmc_mj.experiments.metrics import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, case_plant, run_case, run_on
-from grosmc_mj.report.document import origin
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 SYSTEM = "cart_pendulum"
@@ -157,7 +155,7 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
     deviation = None if found is None or start == 0 else float(100 * found / start)
     return {
         "angle_settling": result.metrics["settling_time"],
-        "cart_settling": cart_settling(run.time[calm], cart[calm]),
+        "cart_settling": settling_time(run.time[calm], cart[calm], CART_BAND),
         "travel": Metric(travel, "m"),
         "rail_margin": Metric(rail - travel, "m", "" if travel <= rail else "off the rail"),
         "max_input": result.metrics["max_input"],
@@ -170,30 +168,16 @@ def measures_of(result: RunResult, rail: float) -> dict[str, Metric]:
     }
 
 
-def cart_settling(time: Array, position: Array) -> Metric:
-    """When |p| enters ``CART_BAND`` for good."""
-    return settled(time, position, CART_BAND)
-
-
 def _largest(values: Array, unit: str) -> Metric:
     if len(values) == 0:
         return Metric(None, unit, "no disturbance")
     return Metric(float(np.abs(values).max()), unit)
 
 
-def linear_model_of(plant: Plant) -> tuple[Array, Array]:
-    """(A, B) of a plant about upright: by MuJoCo's differences or in symbols."""
-    if isinstance(plant, MujocoPlant):
-        return linearize(plant)
-    return plant.jacobian(np.zeros(4), np.zeros(1))
-
-
 def _nominal_lqr() -> LqrDesign:
     """The optimum that cart-lqr and cart-ism share."""
     physics = MujocoPlant.load(SYSTEM)
-    optimum = holding_lqr(physics.analytic(), linearize(physics)).lqr
-    assert optimum is not None
-    return optimum
+    return holding_lqr(physics.analytic(), linearize(physics)).designed.lqr
 
 
 def projections_of(optimum: LqrDesign) -> dict[str, Array | None]:
@@ -225,7 +209,7 @@ def projections(
     """Each G under case 1 on physics: what the linear model says, and what is measured."""
     case = holding_case("case1")
     plant = case_plant(case, "physics", settings)
-    model, optimum = linear_model_of(plant), _nominal_lqr()
+    model, optimum = plant.linearization(), _nominal_lqr()
     rows = []
     for name, G in projections_of(optimum).items():
         law = projected_law(G, settings.realization(SYSTEM))
@@ -294,46 +278,6 @@ def parts() -> list[Parts]:
         found = uncertainty(optimum, linearize(nominal.edited(edit)))
         rows.append(Parts(name, *(float(np.linalg.norm(part, 2)) for part in found)))
     return rows
-
-
-def document(found: Study) -> dict[str, Any]:
-    """The content of hold.json."""
-    return {
-        **origin(None),
-        "configuration": {
-            **asdict(found.settings),
-            "cases": [case_document(holding_case(name)) for name in HORIZONS],
-            "rail_half_length": {"value": found.rail, "unit": "m"},
-            "cart_band": {"value": CART_BAND, "unit": "m"},
-        },
-        "runs": [
-            {
-                "case": each.result.case.name,
-                "plant": each.result.plant,
-                "controller": each.result.controller.name,
-                "equations": each.result.controller.source,
-                "gains": dict(each.result.controller.gains),
-                "declared": each.result.controller.declared,
-                "status": each.result.status.name.lower(),
-                "ended": each.result.ended,
-                "measures": {name: metric._asdict() for name, metric in each.measures.items()},
-            }
-            for each in found.held
-        ],
-        "projections": [
-            {
-                "name": row.name,
-                "G": None if row.G is None else row.G[0].tolist(),
-                "amplification": row.amplification,
-                "gain_ratio": row.gain_ratio,
-                "pole": {"value": row.pole, "unit": "1/s"},
-                "deviation": row.deviation._asdict(),
-                "max_input": row.max_input._asdict(),
-            }
-            for row in found.projections
-        ],
-        "uncertainties": [row._asdict() for row in found.parts],
-    }
 
 
 def run_of(found: Study, case: str, law: str) -> Trajectory:

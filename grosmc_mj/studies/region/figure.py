@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -17,42 +15,43 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
-from grosmc_mj.report.figure import STYLE, save
-from grosmc_mj.report.palette import LABELS
+from grosmc_mj.report.figure import figure_written, in_lines
+from grosmc_mj.report.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
 from grosmc_mj.studies.region.axes import Axis
 from grosmc_mj.studies.region.measure import Region, RegionMap
 from grosmc_mj.studies.region.outcome import Outcome
 
-# Okabe and Ito's colours, which differ in lightness too.
+# They differ in lightness too.
 OUTCOME_COLOURS: Mapping[Outcome, str] = {
-    Outcome.CONVERGED: "#0072B2",
-    Outcome.LEFT: "#E69F00",
-    Outcome.SINGULAR: "#CC79A7",
-    Outcome.NOT_CONVERGED: "#F0E442",
-    Outcome.DIVERGED: "#222222",
+    Outcome.CONVERGED: BLUE,
+    Outcome.LEFT: ORANGE,
+    Outcome.SINGULAR: PURPLE,
+    Outcome.NOT_CONVERGED: YELLOW,
+    Outcome.DIVERGED: BLACK,
 }
 # White on a dark rim, which shows on every outcome.
-_OUTLINE: list[AbstractPathEffect] = [withStroke(linewidth=3.2, foreground="#222222")]
+_OUTLINE: list[AbstractPathEffect] = [withStroke(linewidth=3.2, foreground=BLACK)]
 
 
-def save_figure(region: Region, maps: Sequence[RegionMap], files: Sequence[Path]) -> None:
-    """Draw the maps and write them to each file, by its ending.
+def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -> None:
+    """Draw the maps, as PNG and SVG.
 
     Args:
         region: What the maps are of.
         maps: All of them.
-        files: PNG or SVG.
+        path: The PNG; the SVG lies beside it.
+
+    Raises:
+        SetupError: If a file cannot be written.
     """
-    with mpl.rc_context(STYLE):
-        figure = _draw(region, maps)
-        for file in files:
-            save(figure, file)
+    size = (1.2 + 3.3 * len(region.controllers), 1.5 + 3.1 * len(region.cases))
+    with figure_written(path, size) as figure:
+        _draw(figure, region, maps)
 
 
-def _draw(region: Region, maps: Sequence[RegionMap]) -> Figure:
-    """The figure with its title and legend."""
+def _draw(figure: Figure, region: Region, maps: Sequence[RegionMap]) -> None:
+    """The maps with their title and legend."""
     rows, columns = len(region.cases), len(region.controllers)
-    figure = Figure(figsize=(1.2 + 3.3 * columns, 1.5 + 3.1 * rows))
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     by_name = {(each.case.name, each.controller): each for each in maps}
     nominal = region.cases[0]
@@ -65,7 +64,7 @@ def _draw(region: Region, maps: Sequence[RegionMap]) -> Figure:
         plant = "Nominal plant" if case is nominal else f"{case.name}: {case.title}"
         row[0].set_ylabel(region.axes[1].label)
         row[-1].yaxis.set_label_position("right")
-        row[-1].set_ylabel(_broken(plant), rotation=270, va="bottom", fontsize=12)
+        row[-1].set_ylabel(in_lines(plant, 34), rotation=270, va="bottom", fontsize=12)
     for panel in panels[-1]:
         panel.set_xlabel(region.axes[0].label)
     how = f"{region.question.settings.switching} switching"
@@ -76,7 +75,6 @@ def _draw(region: Region, maps: Sequence[RegionMap]) -> Figure:
         loc="outside lower center",
         ncols=4 if columns > 2 else 2,
     )
-    return figure
 
 
 def _panel(panel: Axes, each: RegionMap, axes: tuple[Axis, Axis]) -> None:
@@ -95,8 +93,7 @@ def _panel(panel: Axes, each: RegionMap, axes: tuple[Axis, Axis]) -> None:
         rasterized=True,
     )
     part = each.fractions()[Outcome.CONVERGED]
-    law = LABELS.get(each.controller, each.controller)
-    panel.set_title(f"{law}: {100 * part:.1f} % converge")
+    panel.set_title(f"{label_of(each.controller)}: {100 * part:.1f} % converge")
     if axes[0].unit == "rad":
         panel.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 3, 4.5, 9, 10]))
 
@@ -123,8 +120,3 @@ def _entries(maps: Sequence[RegionMap], *, outlined: bool) -> list[Artist]:
         label = "edge of what converges on the nominal plant"
         entries.append(Line2D([], [], color="white", lw=1.6, label=label, path_effects=_OUTLINE))
     return entries
-
-
-def _broken(title: str) -> str:
-    """A title in lines that fit beside a panel."""
-    return "\n".join(textwrap.wrap(title, 34))

@@ -18,8 +18,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.runs import Settings, case_plant, nominal_controller
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import System
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant, undrawn
+from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -53,11 +52,9 @@ class Loop:
         return cls(system, case, guarded(law, system), settings)
 
     @cached_property
-    def plant(self) -> MujocoPlant:
+    def plant(self) -> Plant:
         """The case's plant without what is only drawn."""
-        plant = case_plant(self.case, "physics", self.settings)
-        assert isinstance(plant, MujocoPlant)
-        return undrawn(plant)
+        return case_plant(self.case, "physics", self.settings).undrawn()
 
     def run(self, starts: Array, duration: float) -> Trajectory:
         """Start and end of the runs from the starts (nsim, n)."""
@@ -100,8 +97,8 @@ class Loop:
         Raises:
             ArgumentError: If the law regulates something that is no state.
         """
-        error = self.controller.error
-        if error is None or error.outputs is not None:
+        error = self.controller.designed.error
+        if error.outputs is not None:
             raise ArgumentError(
                 f"{self.controller.name} in {self.case.name} of {self.system.name} regulates "
                 "outputs that are no states: take another --case"

@@ -1,18 +1,19 @@
-"""region_SYSTEM.json: the maps, and all that is needed to compute them again."""
+"""The maps of one system as a document, to compute them again, and as a table."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+from rich.table import Table
+
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.document import case_document
 from grosmc_mj.report.document import origin
+from grosmc_mj.report.tables import numbers, table, words
 from grosmc_mj.studies.region.axes import Axis
 from grosmc_mj.studies.region.measure import Region, RegionMap
 from grosmc_mj.studies.region.outcome import Outcome
-
-REGION_SCHEMA_VERSION = 1
 
 
 def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]:
@@ -24,7 +25,6 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
     question = region.question
     return {
         **origin(None),
-        "schema_version": REGION_SCHEMA_VERSION,
         "system": region.system.name,
         "configuration": {
             "duration": {"value": question.duration, "unit": "s"},
@@ -84,3 +84,46 @@ def _map(region: Region, each: RegionMap) -> dict[str, Any]:
         "seconds": each.seconds,
         "grid": ["".join(row) for row in each.grid.tolist()],
     }
+
+
+def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
+    """One row a map: its counts, and how far on the first axis alone it converges."""
+    axis = region.axes[0]
+    rows = []
+    for each in maps:
+        interval = each.rest_interval()
+        whole = interval == (float(each.line_starts[0]), float(each.line_starts[-1]))
+        ends = [f"{axis.shown(end):+.1f}" for end in interval or ()]
+        converged, *others = (str(count) for count in each.counts().values())
+        share = f"{100 * each.fractions()[Outcome.CONVERGED]:.1f} %"
+        rows.append(
+            (
+                each.case.name, each.controller, f"{converged} ({share})", *others,
+                "all of them" if whole else " to ".join(ends) or "none", f"{each.seconds:.1f} s",
+            )
+        )  # fmt: skip
+    outcomes = ("\n".join(outcome.title.rsplit(" ", 1)) for outcome in Outcome)
+    return table(
+        f"{region.system.title}: outcomes of the starts",
+        [
+            *words("plant", "controller"),
+            *numbers(*outcomes, f"at rest [{axis.shown_unit}]", "time"),
+        ],
+        rows,
+        grouped=True,
+    )
+
+
+def legend(region: Region) -> str:
+    """What the words of the table mean."""
+    axis = region.axes[0]
+    bounds = {
+        f"|error of {symbol}| <= {value:.3g} {unit}"
+        for controller in region.controllers
+        for symbol, (value, unit) in region.tolerances(controller).items()
+    }
+    return (
+        f"converged: {' and '.join(sorted(bounds))} after {region.question.duration:g} s; left the "
+        f"region: a sample of the law not in the region ({region.system.region}); at rest: the "
+        f"widest interval of starts of {axis.symbol} alone, about zero, that all converge."
+    )

@@ -13,21 +13,21 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 from grosmc_mj.plants import find_system
 from grosmc_mj.report.figure import figure_written
-from grosmc_mj.report.palette import OPTIMUM
+from grosmc_mj.report.palette import BLUE, GREEN, OPTIMUM, ORANGE, PURPLE, SKY, VERMILION
 from grosmc_mj.report.tables import number
 from grosmc_mj.studies.switching.measure import GAIN, OWN_VARIATION, PUSH, SLOPE, Benchmark, CaseRow
 
 NAME = "switching"
 
-# Okabe and Ito's colours, a marker each for those who see none, and a width: where laws do the
+# A colour, a marker each for those who see none, and a width: where laws do the
 # same, the wider lines show beside the narrower ones above them.
 _LAWS: dict[str, tuple[str, str, float]] = {
-    "sign": ("#D55E00", "o", 1.3),
-    "boundary-layer": ("#E69F00", "s", 2.6),
-    "implicit": ("#0072B2", "D", 1.9),
-    "implicit-estimate": ("#009E73", "v", 1.1),
-    "super-twisting": ("#CC79A7", "^", 2.6),
-    "adaptive": ("#56B4E9", "P", 3.4),
+    "sign": (VERMILION, "o", 1.3),
+    "boundary-layer": (ORANGE, "s", 2.6),
+    "implicit": (BLUE, "D", 1.9),
+    "implicit-estimate": (GREEN, "v", 1.1),
+    "super-twisting": (PURPLE, "^", 2.6),
+    "adaptive": (SKY, "P", 3.4),
 }
 # The cases of the figure where every system is measured: what the chapter promises, and its
 # hardest test.

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.switching import (
     SWITCHINGS,
@@ -23,6 +22,7 @@ from grosmc_mj.control.switching import (
 )
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import find_case
+from grosmc_mj.experiments.metrics.recorded import crossings, root_mean_square, variation_rate
 from grosmc_mj.experiments.runs import RunResult, Settings, Surface, run_case
 from grosmc_mj.plants import find_system
 
@@ -154,16 +154,10 @@ def benchmark(law: Switching, h: float, gain_ratio: float = 1.0) -> Benchmark:
         h=h,
         gain_ratio=gain_ratio,
         max_sliding=float(np.abs(s).max()),
-        rms_sliding=float(np.sqrt(np.mean(s**2))),
+        rms_sliding=root_mean_square(s),
         crossings=crossings(s) / seconds,
-        total_variation=float(np.abs(np.diff(phi)).sum() / seconds),
+        total_variation=variation_rate(phi, seconds),
     )
-
-
-def crossings(s: Array) -> int:
-    """How often s changes its sign; a zero in between counts once."""
-    signs = np.sign(s[s != 0.0])
-    return int(np.count_nonzero(np.diff(signs)))
 
 
 def order(h: Sequence[float], values: Sequence[float]) -> float:

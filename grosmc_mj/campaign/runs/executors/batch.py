@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from loky import cpu_count
 
-from grosmc_mj.campaign.runs.executors.interface import Finished, Notice, Work
-from grosmc_mj.campaign.runs.executors.outcome import unexpected
+from grosmc_mj.campaign.runs.executors.interface import Finished, Notice, Work, unexpected
 from grosmc_mj.errors import GrosmcError, SetupError
 
 

@@ -17,8 +17,7 @@ from distributed.comm import connect
 from distributed.utils import silence_logging_cmgr
 from distributed.versions import VersionMismatchWarning
 
-from grosmc_mj.campaign.runs.executors.interface import ATTEMPTS
-from grosmc_mj.campaign.runs.executors.outcome import one_line
+from grosmc_mj.campaign.runs.executors.interface import ATTEMPTS, one_line
 from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import SetupError
 

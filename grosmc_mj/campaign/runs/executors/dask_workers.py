@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
+import platform
 import queue
 import socket
 import uuid
@@ -16,10 +18,16 @@ from typing import Any
 from distributed import Client, Future, KilledWorker
 
 from grosmc_mj.campaign.runs.executors.dask_cluster import cluster_client
-from grosmc_mj.campaign.runs.executors.interface import Finished, Notice, Work
-from grosmc_mj.campaign.runs.executors.outcome import ShardOutcome, attempt, one_line
-from grosmc_mj.campaign.runs.executors.versions import differences, versions
+from grosmc_mj.campaign.runs.executors.interface import (
+    Finished,
+    Notice,
+    ShardOutcome,
+    Work,
+    attempt,
+    one_line,
+)
 from grosmc_mj.errors import SetupError
+from grosmc_mj.versions import DECISIVE, versions
 
 # Shards with the scheduler, for each thread of its workers: enough to keep them busy while
 # reports travel, few enough that a million of them do not sit there.
@@ -129,7 +137,7 @@ class _Flow:
         key = (self._name, index)
         try:
             future = self._client.submit(
-                _attempt, self._work, index, versions(), key=key, pure=False
+                _attempt, self._work, index, decisive_versions(), key=key, pure=False
             )
         except Exception as error:
             if self._client.status == "running":
@@ -212,9 +220,20 @@ def _root(error: BaseException) -> BaseException:
     return error
 
 
+@functools.cache
+def decisive_versions() -> dict[str, str]:
+    """What decides what a shard computes, here and on a worker; of Python 3.11, not 3.11.2."""
+    return {"python": platform.python_version().rpartition(".")[0], **versions(DECISIVE)}
+
+
 def _attempt(work: Work, index: int, wanted: dict[str, str]) -> ShardOutcome:
     """On a worker: run a shard, if this worker computes what the others do."""
-    differ = differences(wanted)
+    found = decisive_versions()
+    differ = [
+        f"{name} {found.get(name, 'not installed')} instead of {value}"
+        for name, value in wanted.items()
+        if found.get(name) != value
+    ]
     if differ:
         message = (
             f"the Dask worker on {socket.gethostname()} has {', '.join(differ)}: its results would "

@@ -109,7 +109,7 @@ def say_tables(console: Console, asked: Campaign, found: Findings) -> None:
 
 def say_worst(console: Console, asked: Campaign, found: Sequence[Worst], *, full: bool) -> None:
     """The worst plant under each law, the worst first."""
-    from grosmc_mj.campaign.report.search_tables import plant_words, worst_table
+    from grosmc_mj.campaign.report.tables import plant_words, worst_table
     from grosmc_mj.report.tables import number
 
     lines = []
@@ -126,7 +126,7 @@ def say_worst(console: Console, asked: Campaign, found: Sequence[Worst], *, full
 
 def say_radius(console: Console, asked: Campaign, found: Sequence[Radius], *, full: bool) -> None:
     """How far the uncertainty may grow under each law, the least first."""
-    from grosmc_mj.campaign.report.search_tables import radius_table
+    from grosmc_mj.campaign.report.tables import radius_table
 
     lines = []
     for each in sorted(found, key=lambda each: each.found):

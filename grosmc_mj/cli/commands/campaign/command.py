@@ -125,10 +125,11 @@ class CampaignCommand(Command):
         from grosmc_mj.campaign.family.campaign import Campaign
         from grosmc_mj.campaign.family.specification import specification_of
         from grosmc_mj.campaign.findings.findings import findings
-        from grosmc_mj.campaign.report.document import RADIUS, RESULTS, results_document
+        from grosmc_mj.campaign.report.document import RESULTS, results_document
         from grosmc_mj.campaign.runs.executors import make_executor
         from grosmc_mj.campaign.runs.folder import Folder
         from grosmc_mj.campaign.runs.manifest import read_manifest, refuse_other_code
+        from grosmc_mj.campaign.runs.replay import RADIUS
         from grosmc_mj.report.document import write_json
 
         self._refuse_idle()
@@ -193,7 +194,8 @@ class CampaignCommand(Command):
     def _search(self, console: Console, asked: Campaign, folder: Folder, found: Findings) -> Path:
         """Search for the worst plants."""
         from grosmc_mj.campaign.findings.worst import worst
-        from grosmc_mj.campaign.report.document import WORST, worst_document
+        from grosmc_mj.campaign.report.document import worst_document
+        from grosmc_mj.campaign.runs.replay import WORST
         from grosmc_mj.report.document import write_json
 
         searched = []
@@ -216,7 +218,8 @@ class CampaignCommand(Command):
     def _grow(self, console: Console, asked: Campaign, folder: Folder) -> list[Radius]:
         """Look how far the uncertainty may grow."""
         from grosmc_mj.campaign.findings.radius import radius
-        from grosmc_mj.campaign.report.document import RADIUS, radius_document
+        from grosmc_mj.campaign.report.document import radius_document
+        from grosmc_mj.campaign.runs.replay import RADIUS
         from grosmc_mj.report.document import write_json
 
         reached = []
@@ -239,23 +242,22 @@ class CampaignCommand(Command):
         self, asked: Campaign, folder: Folder, found: Findings, reached: Sequence[Radius]
     ) -> list[Path]:
         """Draw the figures; returns one file of each."""
-        from grosmc_mj.campaign.report.figures import (
-            both,
-            draw_map,
-            draw_margins,
-            draw_radius,
-            map_axes,
-        )
+        from grosmc_mj.campaign.report.margin_figure import write_margins
+        from grosmc_mj.campaign.report.pass_map_figure import map_axes, write_pass_map
+        from grosmc_mj.campaign.report.radius_figure import write_radius
 
-        margins, plane, grown = (both(folder.path / name) for name in ("margins", "map", "radius"))
-        draw_margins(asked, found, margins)
+        margins, plane, grown = (
+            [folder.path / f"{name}.{suffix}" for suffix in ("png", "svg")]
+            for name in ("margins", "map", "radius")
+        )
+        write_margins(asked, found, margins)
         files = [margins[0]]
         axes = map_axes(asked, found, self.axes)
         if axes is not None:
-            draw_map(asked, folder, found, axes, plane)
+            write_pass_map(asked, folder, found, axes, plane)
             files.append(plane[0])
         if reached:
-            draw_radius(asked, reached, grown)
+            write_radius(asked, reached, grown)
             files.append(grown[0])
         return files
 

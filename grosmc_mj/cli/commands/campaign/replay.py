@@ -114,7 +114,7 @@ def _draw(
 
 def _plant(campaign: Campaign, found: ReplayedRun) -> list[str]:
     """The plant's uncertain numbers, a line each."""
-    from grosmc_mj.campaign.report.figures import shown_unit
+    from grosmc_mj.report.tables import shown_unit
 
     lines = []
     for each in campaign.family.quantities:

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 
 def say_integrator(asked: Campaign) -> None:
     """One line if the physics steps otherwise than its model says."""
-    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-
-    plant = asked.plant
-    if not isinstance(plant, MujocoPlant):
-        return
-    if int(plant.model.opt.integrator) != int(plant.spec.option.integrator):
+    if asked.plant.restepped:
         notice(
             f"Steps by {asked.experiment.settings.integrator} instead of the model's own "
             "integrator, which may judge some plants otherwise."

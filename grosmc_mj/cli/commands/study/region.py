@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
 import time
 from collections.abc import Sequence
@@ -21,7 +19,6 @@ from grosmc_mj.files import written_aside
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
     from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion
 
@@ -83,9 +80,10 @@ class RegionCommand(Command):
 
     def execute(self) -> int:
         """Compute, write, print, draw."""
-        from grosmc_mj.studies.region.figure import save_figure
+        from grosmc_mj.report.document import json_text
+        from grosmc_mj.studies.region.figure import write_region_figure
         from grosmc_mj.studies.region.measure import Region
-        from grosmc_mj.studies.region.report import region_document
+        from grosmc_mj.studies.region.report import legend, region_document, region_table
 
         began = time.perf_counter()
         question = self._question()
@@ -98,18 +96,13 @@ class RegionCommand(Command):
             maps: list[RegionMap] = []
             with screen.progress(asked.batches, "batches") as advance:
                 maps.extend(asked.maps(advance))
-            content = region_document(asked, maps)
-            text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
-            part.write_text(text + "\n", encoding="utf-8")
+            part.write_text(json_text(region_document(asked, maps)), encoding="utf-8")
         console = screen.console()
         _answer(console, asked, maps)
-        console.print(_legend(asked), style="dim")
+        console.print(legend(asked), style="dim")
         if self.verbose:
-            screen.wide_console().print(_table(asked, maps))
-        with contextlib.ExitStack() as files:
-            save_figure(
-                asked, maps, [files.enter_context(written_aside(each)) for each in targets[1:]]
-            )
+            screen.wide_console().print(region_table(asked, maps))
+        write_region_figure(asked, maps, targets[1])
         console.print(
             f"{len(maps)} maps of {question.points} x {question.points} starts in "
             f"{time.perf_counter() - began:.1f} s"
@@ -173,46 +166,3 @@ def _answer(console: Console, asked: Region, maps: Sequence[RegionMap]) -> None:
     )
     columns = ("plant", "law", "converged %", *_OTHERS, f"at rest [{asked.axes[0].shown_unit}]")
     console.print(screen.brief_table("", columns, rows, words=2, most=16))
-
-
-def _table(asked: Region, maps: Sequence[RegionMap]) -> Table:
-    """One row a map: its counts, and how far on the first axis alone it converges."""
-    from rich.table import Table
-
-    from grosmc_mj.studies.region.outcome import Outcome
-
-    axis, gap = asked.axes[0], "\N{NO-BREAK SPACE}"
-    table = Table(title=f"{asked.system.title}: outcomes of the starts", title_justify="left")
-    words = ["\n".join(outcome.title.rsplit(" ", 1)) for outcome in Outcome]
-    for column in ("plant", "controller", *words, f"at rest [{axis.shown_unit}]", "time"):
-        table.add_column(column, justify="left" if column in ("plant", "controller") else "right")
-    for each in maps:
-        interval = each.rest_interval()
-        whole = interval == (float(each.line_starts[0]), float(each.line_starts[-1]))
-        ends = [f"{axis.shown(end):+.1f}" for end in interval or ()]
-        converged, *others = (str(count) for count in each.counts().values())
-        table.add_row(
-            each.case.name,
-            each.controller,
-            f"{converged} ({100 * each.fractions()[Outcome.CONVERGED]:.1f} %)".replace(" ", gap),
-            *others,
-            "all of them" if whole else gap.join((ends[0], "to", ends[1])) if ends else "none",
-            f"{each.seconds:.1f}{gap}s",
-            end_section=each.controller == asked.controllers[-1],
-        )
-    return table
-
-
-def _legend(asked: Region) -> str:
-    """What the words of the table mean."""
-    axis = asked.axes[0]
-    bounds = {
-        f"|error of {symbol}| <= {value:.3g} {unit}"
-        for controller in asked.controllers
-        for symbol, (value, unit) in asked.tolerances(controller).items()
-    }
-    return (
-        f"converged: {' and '.join(sorted(bounds))} after {asked.question.duration:g} s; left the "
-        f"region: a sample of the law not in the region ({asked.system.region}); at rest: the "
-        f"widest interval of starts of {axis.symbol} alone, about zero, that all converge."
-    )

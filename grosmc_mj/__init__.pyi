@@ -1,0 +1,51 @@
+from . import campaign, control, environments, errors, films, plants, simulation
+from .control.controller import Controller, custom_controller
+from .control.coordinates.feedback_linearization import feedback_linearization
+from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
+from .control.gains import Uncertainty
+from .control.lqr import lqr
+from .control.task import Realization, Task
+from .errors import GrosmcError
+from .experiments.designs import chapter_controller
+from .plants import AnalyticPlant, affine_plant
+from .simulation.disturbances import Disturbance, Pulse
+from .simulation.edits import AddedMass, BodyEdit, JointEdit
+from .simulation.mujoco_plant import MujocoPlant
+from .simulation.robots.robot import Robot
+from .simulation.simulate import simulate
+from .simulation.trajectory import Trajectory
+
+__version__: str
+
+__all__ = [
+    "AddedMass",
+    "AnalyticPlant",
+    "BodyEdit",
+    "Controller",
+    "Disturbance",
+    "GrosmcError",
+    "JointEdit",
+    "MujocoPlant",
+    "Pulse",
+    "Realization",
+    "Robot",
+    "Task",
+    "Trajectory",
+    "Uncertainty",
+    "affine_plant",
+    "campaign",
+    "chapter_controller",
+    "control",
+    "custom_controller",
+    "environments",
+    "errors",
+    "feedback_linearization",
+    "films",
+    "linearized_lqr",
+    "lqr",
+    "plants",
+    "regulating_grosmc",
+    "simulate",
+    "simulation",
+    "tracking_grosmc",
+]

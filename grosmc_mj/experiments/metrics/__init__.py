@@ -1,0 +1,21 @@
+"""Metrics: their folds, the recorded run beside its optimum, and all that is measured on it."""
+
+from grosmc_mj.experiments.metrics.folds import SETTLING_BAND
+from grosmc_mj.experiments.metrics.recorded import (
+    Comparison,
+    Metric,
+    compare_with_optimum,
+    measure,
+    overshoot,
+    settling_time,
+)
+
+__all__ = [
+    "SETTLING_BAND",
+    "Comparison",
+    "Metric",
+    "compare_with_optimum",
+    "measure",
+    "overshoot",
+    "settling_time",
+]

@@ -1,0 +1,163 @@
+"""A plant whose motion its own equations give."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arguments import real, require
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
+from grosmc_mj.plants.plant import Integrator, Kind, Plant
+from grosmc_mj.plants.system import System, Variant
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True)
+class AnalyticPlant(Plant):
+    """A system with numbers: the equations of one variant and their frozen parameters.
+
+    Attributes:
+        system: Its equations and names.
+        parameters: Its numbers, a frozen dataclass of the system's own file.
+        variant: ``corrected`` (energy-true) or ``printed`` (as in the chapter).
+    """
+
+    system: System
+    parameters: Any
+    variant: Variant = "corrected"
+
+    def __post_init__(self) -> None:
+        require("system", self.system, System, "a System", ModelError)
+        if not isinstance(self.variant, str) or self.variant not in get_args(Variant):
+            raise ModelError(unknown_name("variant", self.variant, get_args(Variant)))
+
+    @classmethod
+    def from_model(
+        cls, system: System, model: mujoco.MjModel, variant: Variant = "corrected"
+    ) -> AnalyticPlant:
+        """The analytic twin of a compiled model, edited or not.
+
+        Raises:
+            ModelError: If the model is not of this system, or the system has no such variant.
+        """
+        if variant not in system.variants:
+            raise ModelError(
+                f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
+            )
+        if not system.symbolic:
+            raise ModelError(f"{system.name} has no equations in symbols, and no analytic twin")
+        if system.read_parameters is None:
+            raise ModelError(f"{system.name} has no model in MuJoCo to read its numbers from")
+        try:
+            parameters = system.read_parameters(model, variant)
+        except KeyError as error:
+            raise ModelError(f"not a model of {system.name}: {error.args[0]}") from error
+        return cls(system, parameters, variant)
+
+    @property
+    def kind(self) -> Kind:
+        """The variant of its equations."""
+        return self.variant
+
+    @property
+    def step_length(self) -> None:
+        """None: each run of it chooses its own timestep."""
+        return
+
+    @property
+    def stepped_by(self) -> Integrator:
+        """The classical Runge-Kutta method."""
+        return "RK4"
+
+    @property
+    def input_limits(self) -> Array:
+        """(2, m), all of them infinite."""
+        return np.full((2, len(self.system.inputs)), [[-np.inf], [np.inf]])
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of its parameters."""
+        return hashlib.sha256(repr(self.parameters).encode()).hexdigest()
+
+    def derivative(
+        self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
+    ) -> Array:
+        """x' = f(x) + g(x) u + d(x, w), (n,)."""
+        x, u, w = self.checked(x, u, wrench)
+        p = self.parameters
+        g = np.reshape(self.system.input_matrix(x, p), (len(x), len(u)))
+        return (
+            np.array(self.system.drift(x, p)) + g @ u + np.array(self.system.disturbance(x, w, p))
+        )
+
+    def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
+        """Itself: it is one variant of its equations."""
+        return self
+
+    def changed(
+        self, edits: Sequence[Any] = (), scales: Mapping[str, float] | None = None
+    ) -> AnalyticPlant:
+        """The same equations with some parameters times a factor.
+
+        Raises:
+            ModelError: If there is an edit of a model, or no such parameter.
+        """
+        if edits:
+            raise ModelError(
+                f"{self.system.name} as equations has no model in MuJoCo: scale a parameter instead"
+            )
+        if not scales:
+            return self
+        p = self.parameters
+        return self.with_parameters(
+            **{name: factor * getattr(p, name, math.nan) for name, factor in scales.items()}
+        )
+
+    def with_parameters(self, **changes: float) -> AnalyticPlant:
+        """The same equations with other numbers.
+
+        Raises:
+            ModelError: If a name is unknown or a number does not fit.
+        """
+        names = [each.name for each in fields(self.parameters)]
+        for name, value in changes.items():
+            if name not in names:
+                raise ModelError(unknown_name(f"parameter of {self.system.name}", name, names))
+            if not math.isfinite(real(value)):
+                raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
+        return replace(self, parameters=replace(self.parameters, **changes))
+
+    def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
+        """The exact ``jacobian`` about an equilibrium."""
+        state, inputs = self.operating_point(x, u)
+        self.require_rest(state, inputs, self.derivative(state, inputs))
+        return self.jacobian(state, inputs)
+
+    def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact.
+
+        Args:
+            x: State, (n,).
+            u: Input, (m,).
+
+        Returns:
+            A (n, n) and B (n, m).
+        """
+        x, p, n = np.asarray(x, float), self.parameters, len(self.system.states)
+        u = np.atleast_1d(np.asarray(u, float))
+        if x.shape != (n,) or u.shape != (len(self.system.inputs),):
+            raise ArgumentError(
+                f"{self.system.name}: x has shape {x.shape} and u {u.shape}, must be ({n},) and "
+                f"({len(self.system.inputs)},)"
+            )
+        A = np.reshape(self.system.equations.jacobian(x, u, p), (n, n))
+        return A, np.reshape(self.system.input_matrix(x, p), (n, -1))

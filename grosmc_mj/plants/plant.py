@@ -1,0 +1,224 @@
+"""What every plant answers, whether equations or MuJoCo move it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arguments import reals
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, ModelError, shown
+from grosmc_mj.plants.system import System, Variant
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from grosmc_mj.plants.analytic import AnalyticPlant
+
+# Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
+# by a root finder passes, a state that is merely near one does not.
+AT_REST = 1e-6
+
+Kind = Literal["printed", "corrected", "physics"]
+Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+
+
+class Plant(ABC):
+    """A system with numbers, which a run is simulated on.
+
+    A robot's is its ``Robot.plant``.
+
+    Attributes:
+        system: Its signals and names.
+        parameters: The numbers of its equations; None where it has none in symbols.
+    """
+
+    system: System
+    parameters: Any
+
+    @property
+    @abstractmethod
+    def kind(self) -> Kind:
+        """The equations that it is, or ``physics`` for a model in MuJoCo."""
+
+    @property
+    @abstractmethod
+    def step_length(self) -> float | None:
+        """Physics timestep [s]; None where each run chooses its own."""
+
+    @property
+    @abstractmethod
+    def stepped_by(self) -> Integrator:
+        """Name of the integrator that steps it."""
+
+    @property
+    def restepped(self) -> bool:
+        """Whether another integrator steps it than its own model says."""
+        return False
+
+    @property
+    @abstractmethod
+    def input_limits(self) -> Array:
+        """Least and largest of each input in the units of ``system.inputs``, (2, m).
+
+        It is infinite for an input without limits.
+        """
+
+    @property
+    @abstractmethod
+    def digest(self) -> str:
+        """SHA-256 of its numbers."""
+
+    @abstractmethod
+    def derivative(
+        self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
+    ) -> Array:
+        """x' under an input and a wrench.
+
+        Args:
+            x: State, (n,).
+            u: Input in the units of ``system.inputs``, (m,), or one number for one input.
+            wrench: [force, torque] in N and N m of each of ``system.bodies``, in world axes at
+                the centre of mass, (6 * len(bodies),); None for no wrench.
+
+        Returns:
+            x', (n,).
+
+        Raises:
+            ArgumentError: If a shape is wrong.
+        """
+
+    @abstractmethod
+    def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
+        """A = dx'/dx, (n, n), and B = dx'/du, (n, m), about an equilibrium.
+
+        Args:
+            x: The equilibrium, (n,), in the units of ``system.states``; the origin by default.
+            u: The input that holds it there, in the units of ``system.inputs``, (m,) or one
+                number for all.
+
+        Raises:
+            ArgumentError: If x or u has a wrong shape or is not finite, or the plant does not
+                rest there.
+        """
+
+    @abstractmethod
+    def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
+        """Its equations with its numbers: of a model in MuJoCo those of a variant.
+
+        Raises:
+            ModelError: If it has no such equations.
+        """
+
+    @abstractmethod
+    def changed(self, edits: Sequence[Any] = (), scales: Mapping[str, float] | None = None) -> Self:
+        """The nominal plant with these edits of its model, or factors on its parameters.
+
+        Raises:
+            ModelError: If it has no such bodies, joints or parameters.
+        """
+
+    def undrawn(self) -> Self:
+        """The same plant without what is only drawn."""
+        return self
+
+    @classmethod  # noqa: B027  nothing can change equations
+    def require_unchanged(cls, plants: Sequence[Any]) -> None:
+        """Refuse plants whose models were changed in place.
+
+        Args:
+            plants: Of this class.
+
+        Raises:
+            ModelError: If one was.
+        """
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """Its compiled model in MuJoCo, to look at.
+
+        Raises:
+            ModelError: If it has none.
+        """
+        return self.model_with_userdata(0)
+
+    @property
+    def any_model(self) -> mujoco.MjModel:
+        """Its compiled model with whatever room in mjData.userdata there is.
+
+        Raises:
+            ModelError: As ``model``.
+        """
+        return self.model_with_userdata(0)
+
+    def model_with_userdata(self, size: int) -> mujoco.MjModel:
+        """Its compiled model with room for ``size`` numbers in mjData.userdata.
+
+        Raises:
+            ModelError: As ``model``.
+        """
+        raise ModelError(f"{self.system.name} as equations has no model in MuJoCo")
+
+    def checked(
+        self, x: ArrayLike, u: ArrayLike, wrench: ArrayLike | None
+    ) -> tuple[Array, Array, Array]:
+        """The arguments of ``derivative``: (n,), (m,) and (6 * bodies,).
+
+        Raises:
+            ArgumentError: If a shape is wrong.
+        """
+        system = self.system
+        n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
+        x, u = np.asarray(x, float), np.asarray(u, float)
+        w = np.zeros(nw) if wrench is None else np.asarray(wrench, float).ravel()
+        if x.shape != (n,) or w.shape != (nw,):
+            raise ArgumentError(
+                f"{system.name}: x has shape {x.shape} and the wrench {w.shape}, "
+                f"must be ({n},) and ({nw},)"
+            )
+        if u.shape not in {(m,), () if m == 1 or not np.any(u) else (m,)}:
+            wanted = "one number" if m == 1 else f"({m},)"
+            raise ArgumentError(f"{system.name}: u has shape {u.shape}, must be {wanted}")
+        return x, np.broadcast_to(u, (m,)), w
+
+    def operating_point(self, x: ArrayLike | None, u: ArrayLike) -> tuple[Array, Array]:
+        """State (n,) and input (m,) that ``linearization`` is given.
+
+        Raises:
+            ArgumentError: If one has a wrong shape or is not finite.
+        """
+        system, n, m = self.system, len(self.system.states), len(self.system.inputs)
+        state = np.zeros(n) if x is None else reals(x)
+        if state.shape != (n,) or not np.all(np.isfinite(state)):
+            names = ", ".join(f"{signal.symbol} [{signal.unit}]" for signal in system.states)
+            raise ArgumentError(
+                f"x = {shown(x)} must be {n} finite numbers for {system.name}: {names}"
+            )
+        inputs = reals(u)
+        if inputs.shape not in {(), (m,)} or not np.all(np.isfinite(inputs)):
+            units = ", ".join(signal.unit for signal in system.inputs)
+            raise ArgumentError(f"u = {shown(u)} must be {m} finite numbers [{units}]")
+        return state, np.broadcast_to(inputs, (m,))
+
+    def require_rest(self, x: Array, u: Array, rates: Array) -> None:
+        """Refuse what is no equilibrium, where x' = A x + B u lacks a constant.
+
+        Args:
+            x: State, (n,).
+            u: Input, (m,).
+            rates: x' there, (n,).
+
+        Raises:
+            ArgumentError: With x' at that state.
+        """
+        if np.abs(rates).max() > AT_REST:
+            given = np.concatenate([x, u]).tolist()
+            raise ArgumentError(
+                f"{self.system.name}: [x, u] = {given} is no equilibrium: x' = {rates.tolist()}, "
+                f"must be zero within {AT_REST:g}"
+            )

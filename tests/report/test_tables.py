@@ -1,0 +1,50 @@
+"""The one table builder: groups, width, and texts that look like markup."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+from grosmc_mj.report.tables import WIDTH, names, number, numbers, table, text, words
+
+
+def lines(shown: Table) -> list[str]:
+    """What a wide terminal shows."""
+    console = Console(width=160, color_system=None)
+    with console.capture() as found:
+        console.print(shown)
+    return [line.rstrip() for line in found.get().splitlines()]
+
+
+def test_a_group_is_named_once_and_set_apart() -> None:
+    rows = [("a", "1"), ("a", "2"), ("b", "3")]
+    columns = [*words("case"), *numbers("value")]
+    found = lines(table("", columns, rows, grouped=True))
+    assert [line.split() for line in found[2:]] == [["a", "1"], ["2"], [], ["b", "3"]]
+    plain = lines(table("", columns, rows))
+    assert [line.split() for line in plain[2:]] == [["a", "1"], ["a", "2"], ["b", "3"]]
+
+
+def test_brackets_are_shown_as_they_are() -> None:
+    shown = lines(table("[bold]t[/]", words("u [rad]"), [("[/] [red]x",)], legend="in [deg]"))
+    assert [line.strip() for line in shown if set(line) - {"─", " "}] == [
+        "[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]",
+    ]  # fmt: skip
+
+
+def test_only_text_is_wrapped_and_fills_the_width() -> None:
+    long = "of several words " * 12
+    columns = [*names("law"), *text("statement"), *numbers("found")]
+    found = lines(table("", columns, [("a_law_of_my_own_with_a_long_name", long, "1.25e-3")]))
+    assert max(map(len, found)) == WIDTH
+    assert "…" not in "".join(found)
+    assert "".join(found).count("1.25e-3") == 1
+    assert "a_law_of_my_own_with" in found[2]
+
+
+def test_a_number_has_six_characters_at_most() -> None:
+    values = (0.0, 0.01234, 12.345, 9999.0, 12345.0, -1.23456e-7, float("-inf"))
+    assert [*map(number, values)] == [
+        "0", "0.0123", "12.3", "9999", "1.2e4", "-1.2e-7", "-inf",
+    ]  # fmt: skip
+    assert number(None) == "-"
