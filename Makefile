@@ -25,7 +25,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery page clean
+.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -84,6 +84,9 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	$(BIN)/grosmc-mj film cart_pendulum --controllers grosmc cart-pfl --switching implicit --surface discrete \
 	  --camera wide --duration 7 --size 600x400 --fps 8 --gif -o $(GALLERY)/hold.mp4
 	mv $(GALLERY)/hold.gif renders/gallery/cart_pendulum_hold.gif
+
+results: $(INSTALLED)  ## Write the table of results from renders/validation.json anew
+	$(BIN)/python -m grosmc_mj.chapter.results_table README.md renders/validation.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

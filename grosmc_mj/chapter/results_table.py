@@ -1,8 +1,12 @@
-"""The README's table of results, written from a validation.json."""
+"""The table of results in a page, written from a validation.json.
+
+``python -m grosmc_mj.chapter.results_table PAGE.md validation.json`` is what ``make results`` runs.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -60,3 +64,10 @@ def write_table(readme: Path, results: Path) -> None:
         raise SetupError(f"{readme} has no {BEGIN} ... {END}")
     table = results_table(json.loads(results.read_text(encoding="utf-8")))
     readme.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    try:
+        write_table(*map(Path, sys.argv[1:3]))
+    except (SetupError, TypeError) as error:
+        sys.exit(f"PAGE.md and validation.json: {error}")

@@ -1,40 +1,31 @@
-"""From the arguments to the command: parsing, dispatch, and wrong use in one line."""
+"""From the arguments to the command: parsing, old names, and wrong use in one line."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib
+import functools
 import io
+import operator
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 import tyro
+from tyro.conf import subcommand
 
-from grosmc_mj.cli.commands import ABOUT, Command
+from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.commands import ABOUT, COMMANDS, STUDIES, STUDY, Studies
 from grosmc_mj.cli.entry import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
 
-# Where each command is carried out: module and function.
-_ACTIONS = {
-    "Validate": ("validate", "validate"),
-    "Run": ("run", "run"),
-    "New": ("run", "new"),
-    "Campaign": ("campaign", "campaign"),
-    "Replay": ("replay", "replay"),
-    "Claims": ("claims", "claims"),
-    "Premises": ("claims", "premises"),
-    "Film": ("films", "film"),
-    "View": ("view", "view"),
-    "List": ("show", "list_systems"),
-    "Compare": ("measure", "compare"),
-    "Region": ("region", "region"),
-    "Switching": ("switching", "switching"),
-    "Hold": ("hold", "hold"),
-    "Bench": ("measure", "bench"),
-    "Doctor": ("films", "doctor"),
-    "Readme": ("show", "readme"),
+# What commands were called, and how they begin and end now.
+_RENAMED = {
+    "compare": ("study agreement", ""),
+    "switching": ("study switching", ""),
+    "region": ("study region", ""),
+    "hold": ("study cart", ""),
+    "premises": ("claims", "--premises"),
 }
 
 
@@ -47,13 +38,87 @@ def execute(arguments: Sequence[str]) -> int:
     Raises:
         GrosmcError: If something is wrong with them, or on the way.
     """
-    command = _parse(arguments)
+    command = parse(arguments)
     _import_mujoco()
     from grosmc_mj.simulation.quiet import warnings_counted_only
 
-    module, action = _ACTIONS[type(command).__name__]
     with warnings_counted_only():
-        return getattr(importlib.import_module(f"grosmc_mj.cli.{module}"), action)(command)
+        return command.execute()
+
+
+def parse(arguments: Sequence[str]) -> Command:
+    """The command that the arguments describe.
+
+    Raises:
+        ArgumentError: If they describe none, in one line.
+    """
+    if now := _name_now(arguments):
+        raise ArgumentError(now)
+    given, said = list(arguments) or ["--help"], io.StringIO()
+    # The first help has a line of each command, not its whole text.
+    brief = given[0] in ("-h", "--help")
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.cli(
+                _one_of(COMMANDS, brief=brief),
+                prog=PROGRAM,
+                description=ABOUT,
+                args=given,
+                config=(tyro.conf.OmitArgPrefixes,),
+            )
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        raise ArgumentError(_condense(said.getvalue())) from None
+
+
+def _one_of(commands: Mapping[str, type[Command] | Studies], *, brief: bool) -> Any:
+    """The type of any of these commands."""
+    kinds = []
+    for name, each in commands.items():
+        if isinstance(each, Mapping):
+            kinds.append(Annotated[_one_of(each, brief=False), subcommand(name, description=STUDY)])
+        else:
+            words = (each.__doc__ or "").partition("\n")[0] if brief else None
+            kinds.append(Annotated[each, subcommand(name, description=words)])
+    return functools.reduce(operator.or_, kinds)
+
+
+def _name_now(arguments: Sequence[str]) -> str:
+    """What an old name of a command or an option is now, in words; empty if there is none."""
+    first, *rest = arguments or [""]
+    if first == "readme":
+        return "readme is now: make results"
+    if first == "replay":
+        folder, run, *more = [*rest, "CAMPAIGN", "RUN"][: max(2, len(rest))]
+        return _now(first, ["campaign", folder, "--replay", run, *more])
+    if first in _RENAMED:
+        begin, end = _RENAMED[first]
+        return _now(first, [*begin.split(), *_with_case(rest), *end.split()])
+    if "--case" in rest and first in COMMANDS:
+        return _now("--case", [first, *_with_case(rest)])
+    return ""
+
+
+def _now(old: str, words: Sequence[str]) -> str:
+    return f"{old} is now: {PROGRAM} {' '.join(words)}"
+
+
+def _with_case(arguments: Sequence[str]) -> list[str]:
+    """The arguments with ``--case NAME`` as part of the target."""
+    words = list(arguments)
+    if "--case" not in words:
+        return words
+    at = words.index("--case")
+    (case,) = words[at + 1 : at + 2] or ["CASE"]
+    del words[at : at + 2]
+    # The target stands after the name of a study, and before the options.
+    first = 1 if words[:1] and words[0] in STUDIES else 0
+    if first < len(words) and not words[first].startswith("-"):
+        words[first] += f"/{case}"
+    else:
+        words.insert(first, f"SYSTEM/{case}")
+    return words
 
 
 def _import_mujoco() -> None:
@@ -67,24 +132,6 @@ def _import_mujoco() -> None:
             import mujoco  # noqa: F401
     except Exception as error:
         raise SetupError(f"MuJoCo cannot be imported: {error}") from error
-
-
-def _parse(arguments: Sequence[str]) -> Any:
-    """The command that the arguments describe, or one line about what is wrong with them."""
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(said):
-            return tyro.cli(
-                Command,
-                prog=PROGRAM,
-                description=ABOUT,
-                args=list(arguments) or ["--help"],
-                config=(tyro.conf.OmitArgPrefixes,),
-            )
-    except SystemExit as stop:
-        if not stop.code:
-            raise
-        raise ArgumentError(_condense(said.getvalue())) from None
 
 
 def _condense(box: str) -> str:

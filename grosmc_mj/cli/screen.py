@@ -1,28 +1,117 @@
-"""What the commands share: exit codes, the console, the progress bar."""
+"""What the commands share: exit codes, the console, brief tables, the progress bar."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from typing import Any
-
-from rich.console import Console
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.cli.entry import DIFFERS as DIFFERS
 from grosmc_mj.cli.entry import DONE as DONE
 
-# Wide enough for the table of results when standard output is no terminal.
-_WIDTH = 120
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console
+    from rich.table import Table
+
+# An answer fits in a screen: forty lines of so many columns.
+WIDTH = 100
+# The tables of --verbose may be as wide.
+_FULL_WIDTH = 120
+# Of one kind, such as results that differ.
+_MOST_LINES = 5
 
 
 def console() -> Console:
-    """Standard output, never narrower than the table of results."""
-    return Console(highlight=False, width=max(_WIDTH, Console().width))
+    """Standard output, as wide as an answer."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=WIDTH)
+
+
+def wide_console() -> Console:
+    """Standard output, never narrower than the widest table."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=max(_FULL_WIDTH, Console().width))
+
+
+def say_verdict(to: Console, words: str, *, good: bool) -> None:
+    """Print the line that an answer begins with."""
+    to.print(words, style=f"bold {'green' if good else 'red'}", markup=False)
+
+
+def say_lines(to: Console, lines: Sequence[str], style: str = "red", *, all: bool) -> None:
+    """Print lines of one kind: all of them, or the first ones and how many there are more."""
+    shown = lines if all else lines[:_MOST_LINES]
+    for line in shown:
+        to.print(line, style=style, markup=False, soft_wrap=all)
+    if left := len(lines) - len(shown):
+        to.print(f"... and {left} more: --verbose has them", style=style)
+
+
+def say_files(to: Console, *files: Path) -> None:
+    """Print where everything is, in a line or a line each; paths are not folded."""
+    words = ", ".join(map(str, files))
+    for line in [words] if len(words) <= WIDTH else map(str, files):
+        to.print(line, soft_wrap=True, markup=False)
+
+
+def brief_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    words: int = 1,
+    most: int = 12,
+    styles: Sequence[str] = (),
+) -> Table:
+    """A table of at most so many rows, each a line, for an answer.
+
+    Args:
+        title: Above it.
+        columns: Their headers.
+        rows: A text for each column, the worst first.
+        words: So many columns hold words; those after them hold numbers.
+        most: Rows that are shown; the caption says how many there are more.
+        styles: Of the rows; none for plain ones.
+    """
+    from rich.cells import cell_len
+
+    from grosmc_mj.report.tables import Column, table
+
+    shown = [columns, *rows[:most]]
+    widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
+    # Of the words, the longest give way.
+    widest = widths.index(max(widths[:words]))
+    widths[widest] -= max(0, sum(widths) + len(widths) - WIDTH)
+    # A title is as wide as its table at most.
+    widths[0] += max(0, cell_len(title) - sum(widths) - len(widths))
+    return table(
+        title,
+        [
+            Column(
+                header,
+                {
+                    "justify": "left" if i < words else "right",
+                    "no_wrap": True,
+                    "overflow": "ellipsis",
+                    "width": max(widths[i], 1),
+                },
+            )
+            for i, header in enumerate(columns)
+        ],
+        rows[:most],
+        styles=styles,
+        legend=f"... and {len(rows) - most} more: --verbose has them" if len(rows) > most else "",
+    )
 
 
 @contextlib.contextmanager
 def progress(total: int, unit: str = "") -> Iterator[Any]:
     """A progress bar on standard error, where that is a terminal; advance it by calling."""
+    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -1,4 +1,4 @@
-"""grosmc-mj campaign and replay: what they write, their exit codes, wrong use in one line."""
+"""grosmc-mj campaign and its replays: what they write, their exit codes, wrong use in one line."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, LQR, forged, replaced, servo
 
 from grosmc_mj import cli
-from grosmc_mj.cli.campaign import campaign as do_campaign
-from grosmc_mj.cli.campaign_commands import Campaign as CampaignCommand
-from grosmc_mj.cli.campaign_commands import Replay as ReplayCommand
-from grosmc_mj.cli.replay import replay as do_replay
+from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 
 
 def run(*arguments: str | Path) -> int:
@@ -179,7 +176,9 @@ def test_the_folder_of_another_campaign_is_refused(
 
 @pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
 def test_replays(folder: Path, which: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("replay", folder, which, "--engine", "python", "--no-figures") == cli.DONE
+    assert (
+        run("campaign", folder, "--replay", which, "--engine", "python", "--no-figures") == cli.DONE
+    )
     said = capsys.readouterr().out
     assert ("bit for bit" in said) == (which == "3")
     assert (folder / "replays" / f"{which}_lqr.json").exists()
@@ -192,11 +191,11 @@ def test_a_tampered_run_is_no_replay(
     part = tmp_path / "parts" / "part-0000000.parquet"
     table = replaced(pq.read_table(part), "ended", 1, 0.049)
     forged(part, table)
-    assert run("replay", tmp_path, "0", "--no-figures") == cli.DONE
-    assert run("replay", tmp_path, "1", "--no-figures") == cli.DIFFERS
+    assert run("campaign", tmp_path, "--replay", "0", "--no-figures") == cli.DONE
+    assert run("campaign", tmp_path, "--replay", "1", "--no-figures") == cli.DIFFERS
     assert "differs: ended: 0.049 was stored, 0.05 is found" in capsys.readouterr().out
     pq.write_table(replaced(table, "ended", 1, 0.048), part)
-    assert run("replay", tmp_path, "0", "--no-figures") == cli.WRONG
+    assert run("campaign", tmp_path, "--replay", "0", "--no-figures") == cli.WRONG
     said = capsys.readouterr().err
     assert said.endswith(
         f"{part}: has rows that its checksum is not of: remove it, and --resume runs it again\n"
@@ -214,14 +213,14 @@ def test_a_tampered_run_is_no_replay(
 def test_what_cannot_be_replayed(
     folder: Path, arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run("replay", folder, *arguments) == cli.WRONG
+    assert run("campaign", folder, "--replay", *arguments) == cli.WRONG
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
 
 
 def test_a_folder_that_is_no_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("replay", tmp_path, "0") == cli.WRONG
+    assert run("campaign", tmp_path, "--replay", "0") == cli.WRONG
     assert "is no campaign: it has no manifest.json" in capsys.readouterr().err
 
 
@@ -243,7 +242,7 @@ def test_an_interrupt_says_how_to_go_on(
 ) -> None:
     monkeypatch.setattr("grosmc_mj.campaign.runs.running.run_missing", interrupted)
     with pytest.raises(KeyboardInterrupt) as stop:
-        do_campaign(asked(file, tmp_path))
+        asked(file, tmp_path).execute()
     assert str(stop.value) == (
         "interrupted: 0 of 1 parts are done; the same command with --resume runs the others"
     )
@@ -271,14 +270,14 @@ def test_results_are_written_before_they_are_shown(
 ) -> None:
     monkeypatch.setattr(shown, interrupted)
     with pytest.raises(KeyboardInterrupt):
-        do_campaign(asked(file, tmp_path, worst=True, evaluations=128, radius=True, at_least=0.99))
+        asked(
+            file, tmp_path, worst=True, evaluations=128, radius=True, at_least=0.99, verbose=True
+        ).execute()
     assert {path.name for path in tmp_path.glob("*.json")} - {"manifest.json"} == written
     assert not list(tmp_path.glob("*.png"))
-    said = capsys.readouterr().out
-    assert bool(said) == (shown != "rich.console.Console.print")
-    # Figures come after the verdict.
-    assert ("99 % are asked for" in said) == (
-        shown == "grosmc_mj.campaign.report.margin_figure.write_margins"
+    # The verdict comes before searches and figures.
+    assert ("99 % are asked for" in capsys.readouterr().out) == (
+        shown != "rich.console.Console.print"
     )
 
 
@@ -290,9 +289,9 @@ def test_a_replay_is_written_before_it_is_shown(
 ) -> None:
     monkeypatch.setattr("grosmc_mj.experiments.tables.results_table", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        do_replay(ReplayCommand(folder, "2", out=tmp_path))
+        CampaignCommand(str(folder), replay="2", out=tmp_path, verbose=True).execute()
     assert [path.name for path in tmp_path.iterdir()] == ["2_lqr.json"]
-    assert "margin" not in capsys.readouterr().out
+    assert "max|u|" in capsys.readouterr().out
 
 
 # ---- a folder that is read only
@@ -344,14 +343,16 @@ def test_a_replay_of_what_cannot_be_written_is_judged(
     if not stored:
         forged(part, replaced(pq.read_table(part), "ended", 3, 0.049))
     how(copy, monkeypatch)
-    assert run("replay", copy, "3", "--film") == code
+    assert run("campaign", copy, "--replay", "3", "--film") == code
     said = capsys.readouterr().out
     assert ("bit for bit" in said) == stored
     assert ("differs: ended" in said) == (not stored)
     assert "Nothing is written: " in said
     assert "--out DIR keeps it." in said
     assert not list(tmp_path.rglob("3_lqr*"))
-    assert run("replay", copy, "3", "--no-figures", "--out", tmp_path / "kept") == code
+    assert (
+        run("campaign", copy, "--replay", "3", "--no-figures", "--out", tmp_path / "kept") == code
+    )
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["3_lqr.json"]
 
 
@@ -360,7 +361,7 @@ def test_a_place_that_was_asked_for_must_be_written(
 ) -> None:
     (tmp_path / "kept").touch()
     capsys.readouterr()
-    assert run("replay", folder, "3", "--out", tmp_path / "kept") == cli.WRONG
+    assert run("campaign", folder, "--replay", "3", "--out", tmp_path / "kept") == cli.WRONG
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.startswith("grosmc-mj: cannot write ")
@@ -372,7 +373,7 @@ def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
     file.write_text(servo(AMPLITUDE, laws=laws, limits=DEVIATION))
     out = tmp_path / "deep" / "er" / "out"
     assert run("campaign", file, "--runs", "1", "--out", out, "--no-figures") == cli.DONE
-    assert run("replay", out, "0", "--no-figures") == cli.DONE
+    assert run("campaign", out, "--replay", "0", "--no-figures") == cli.DONE
     assert [path.name for path in out.rglob("0_*")] == ["0__.._.._.._up_.._a.b.json"]
 
 

@@ -117,12 +117,12 @@ def test_a_replay_imports_nothing_of_its_own(
     folder: Folder, file: Path, trace: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
-    assert run("replay", folder.path, "0", "--no-figures") == cli.WRONG
+    assert run("campaign", folder.path, "--replay", "0", "--no-figures") == cli.WRONG
     line = refused(capsys)
     assert "its case file names Python, canary_law:bump" in line
     assert "--case-file" in line
     assert not trace.exists()
-    with_it = ("replay", folder.path, "0", "--no-figures", "--case-file", file)
+    with_it = ("campaign", folder.path, "--replay", "0", "--no-figures", "--case-file", file)
     assert run(*with_it) == cli.DONE
     assert trace.exists()
 
@@ -137,7 +137,7 @@ def test_python_that_is_not_the_recorded_one_is_not_imported(
     (folder.path / "results.json").unlink()
     capsys.readouterr()
     again = ("campaign", file, *SIZE, "--out", folder.path, "--resume", "--no-figures")
-    for arguments in (("replay", folder.path, "0", "--case-file", file), again):
+    for arguments in (("campaign", folder.path, "--replay", "0", "--case-file", file), again):
         assert run(*arguments) == cli.WRONG
         assert f"was begun with other Python: sources.{changed}: " in refused(capsys)
     manifest = read_manifest(folder.path)
@@ -221,7 +221,7 @@ def test_a_model_is_read_from_where_it_was_or_from_beside_the_case_file(tmp_path
     (case.parent / "arm.xml").write_text(MODEL)
     asked = ("campaign", case, "--runs", "1", "--out", tmp_path / "out", "--no-figures")
     assert run(*asked) == cli.DONE
-    replayed = ("replay", tmp_path / "out", "0", "--no-figures")
+    replayed = ("campaign", tmp_path / "out", "--replay", "0", "--no-figures")
     assert run(*replayed) == cli.DONE
     moved = shutil.move(tmp_path / "there", tmp_path / "moved")
     assert run(*replayed) == cli.WRONG

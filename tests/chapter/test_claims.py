@@ -632,11 +632,11 @@ def test_claims_that_look_at_the_law_look_at_the_faulty_one() -> None:
         (("claims", "servo", "--explain", "arm-epsilon"), "--explain names one claim"),
         (("claims", "servo", "--page", "page.md"), "--page is about all claims"),
         (("claims", "--explain"), "--explain"),
-        (("premises", "leg"), "valid: servo, cart_pendulum, arm"),
-        (("premises", "armm"), "did you mean 'arm'?"),
-        (("premises", "arm", "--case", "case9"), "valid: nominal, case1, case2"),
-        (("premises", "arm", "--controller", "grosmk"), "did you mean 'grosmc'?"),
-        (("premises",), "SYSTEM"),
+        (("claims", "leg", "--premises"), "valid: servo, cart_pendulum, arm"),
+        (("claims", "armm", "--premises"), "did you mean 'arm'?"),
+        (("claims", "arm/case9", "--premises"), "valid: nominal, case1, case2"),
+        (("claims", "arm", "--premises", "--controller", "grosmk"), "did you mean 'grosmc'?"),
+        (("claims", "--premises"), "SYSTEM"),
     ],
 )
 def test_wrong_use_gets_one_line_and_exit_code_2(

@@ -136,7 +136,7 @@ def test_a_result_that_is_not_as_recorded_is_named_and_exits_1(
     moved = tmp_path / "expected.json"
     moved.write_text(json.dumps(recorded), encoding="utf-8")
     monkeypatch.setattr(expected, "EXPECTED_FILE", moved)
-    arguments = ("servo", "--case", "nominal", "--no-figures", "--out", str(tmp_path))
+    arguments = ("servo/nominal", "--no-figures", "--out", str(tmp_path))
     assert run("validate", *arguments) == cli.DIFFERS
     said = capsys.readouterr().out
     assert "servo/nominal/physics/lqr: deviation is" in said
@@ -150,7 +150,7 @@ def test_other_settings_are_not_compared_with_the_record(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options = ("--control-period", "0.004", "--no-figures", "--out", str(tmp_path))
-    assert run("validate", "servo", "--case", "nominal", *options) == cli.DONE
+    assert run("validate", "servo/nominal", *options) == cli.DONE
     assert "Not compared" in capsys.readouterr().out
     document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
     assert document["as_recorded"] is None

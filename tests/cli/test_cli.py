@@ -25,7 +25,7 @@ def run(*arguments: str) -> int:
     ("arguments", "says"),
     [
         (("validate", "servoo"), "did you mean 'servo'?"),
-        (("validate", "--case", "case9"), "valid: nominal, case1, case2"),
+        (("validate", "arm/case9"), "valid: nominal, case1, case2"),
         (("validate", "--engine", "fortran", "servo"), "valid: native, python"),
         (("validate", "--integrator", "heun", "servo"), "valid: Euler, RK4"),
         (("validate", "servo", "--control-period", "0.0015"), "no multiple of the timestep 0.001"),
@@ -36,22 +36,24 @@ def run(*arguments: str) -> int:
         (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
         (("validate", "--colour", "red"), "--colour"),
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
-        (("frobnicate",), "validate, run, new, campaign, replay, claims, premises, film, list"),
-        (("compare",), "SYSTEM"),
-        (("compare", "arm", "--states", "0"), "must be from 1 to 1000000"),
-        (("compare", "arm", "--edits", "-1"), "must be from 0 to"),
-        (("compare", "arm", "--seed", "-1"), "must be from 0 to"),
-        (("compare", "leg"), "valid: servo, cart_pendulum, arm"),
+        (
+            ("frobnicate",),
+            "new, run, campaign, film, view, validate, claims, study, list",
+        ),
+        (("study", "agreement"), "SYSTEM"),
+        (("study", "agreement", "arm", "--states", "0"), "must be from 1 to 1000000"),
+        (("study", "agreement", "arm", "--edits", "-1"), "must be from 0 to"),
+        (("study", "agreement", "arm", "--seed", "-1"), "must be from 0 to"),
+        (("study", "agreement", "leg"), "valid: servo, cart_pendulum, arm"),
         (("bench", "--rounds", "0"), "must be from 1 to 10000"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
         (("claims", "--json", "--self-test"), "--json is for the ledger"),
         (("claims", "servo", "--explain", "proof-3"), "leave out the system"),
-        (("premises", "arm", "--case", "case7"), "did you mean 'case2'"),
+        (("claims", "arm/case7", "--premises"), "did you mean 'case2'"),
         (("bench", "--integrator", "heun"), "valid: Euler, RK4"),
-        (("readme", "--readme", "nowhere.md"), "nowhere.md is missing"),
         (("film",), "SYSTEM"),
         (("film", "leg"), "unknown system 'leg': valid: servo, cart_pendulum, arm"),
-        (("film", "servo", "--case", "case9"), "valid: nominal, case1, case2"),
+        (("film", "servo/case9"), "valid: nominal, case1, case2"),
         (("film", "servo", "--size", "banana"), "--size banana must be WIDTHxHEIGHT"),
         (("film", "servo", "--size", "641x480"), "width 641 of the film must be even"),
         (("film", "servo", "--size", "10x10"), "from 320 to 3840"),
@@ -117,7 +119,7 @@ def test_an_output_folder_that_cannot_be_written_is_one_line_after_the_results(
 ) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
-    arguments = ("servo", "--case", "nominal", "--out", str(blocked / "renders"))
+    arguments = ("servo/nominal", "--out", str(blocked / "renders"))
     assert run("validate", *arguments) == cli.WRONG
     said = capsys.readouterr()
     assert "cannot write" in said.err
@@ -129,13 +131,19 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
     assert run("--help") == cli.DONE
     summary = capsys.readouterr().out
     for command, words in {
-        "validate": ("SYSTEM", "--case", "--engine", "--control-period", "--timestep", "--out"),
-        "film": ("SYSTEM", "--case", "--controllers", "--camera", "--size", "--from", "-o"),
+        "validate": (
+            "SYSTEM/CASE",
+            "--verbose",
+            "--engine",
+            "--control-period",
+            "--timestep",
+            "--out",
+        ),
+        "film": ("FILE.toml", "--controllers", "--camera", "--size", "--from", "-o"),
         "doctor": ("Exit code 1",),
         "list": (),
-        "compare": ("SYSTEM", "--states", "--edits", "--seed"),
+        "study": ("agreement", "switching", "region", "cart"),
         "bench": ("--integrator", "--rounds"),
-        "readme": ("--readme", "--results"),
     }.items():
         assert command in summary
         assert run(command, "--help") == cli.DONE
@@ -147,20 +155,21 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
 def test_list_shows_systems_cases_plants_and_controllers(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert run("list") == cli.DONE
+    assert run("list", "--verbose") == cli.DONE
     text = capsys.readouterr().out
     for word in ("servo", "cart_pendulum", "arm", "case1", "physics", "fl-lqr", "grosmc"):
         assert word in text
 
 
-def test_compare_agrees_and_shows_that_the_printed_equations_do_not(
+def test_agreement_holds_and_shows_that_the_printed_equations_do_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run("compare", "arm", "--states", "50", "--edits", "1", "--out", str(tmp_path)) == 0
+    few = ("--states", "50", "--edits", "1", "--out", str(tmp_path))
+    assert run("study", "agreement", "arm", *few) == cli.DONE
     text = capsys.readouterr().out
     assert "printed" in text
     assert "differ by up to" in text
-    document = json.loads((tmp_path / "compare_arm.json").read_text(encoding="utf-8"))
+    document = json.loads((tmp_path / "agreement_arm.json").read_text(encoding="utf-8"))
     assert document["schema_version"] == 1
     assert document["disagreements"] == []
     worst = {row["variant"]: row["acceleration"] for row in document["agreement"]}
@@ -172,7 +181,7 @@ def test_a_closed_pipe_is_no_error() -> None:
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {program}"], capture_output=True, text=True, check=False
     )
-    assert done.stdout.startswith("servo")
+    assert done.stdout.startswith("4 systems")
     assert "Traceback" not in done.stderr
 
 
@@ -181,7 +190,7 @@ def test_a_graphics_backend_that_is_not_there_hinders_no_more_than_films() -> No
     for arguments, code, said in (
         (("list",), cli.DONE, ""),
         (
-            ("compare", "servo", "--states", "5", "--out", os.devnull + "/x"),
+            ("study", "agreement", "servo", "--states", "5", "--out", os.devnull + "/x"),
             cli.WRONG,
             "cannot write",
         ),

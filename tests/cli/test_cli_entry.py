@@ -108,7 +108,7 @@ def test_exit_code_1_is_a_verdict(case: Path, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", ["numpy", "mujoco", "tyro", "grosmc_mj.cli.run"])
+@pytest.mark.parametrize("moment", ["numpy", "mujoco", "tyro", "grosmc_mj.cli.commands.run"])
 def test_an_interrupt_of_an_import_is_answered(moment: str, case: Path):
     """Ctrl-C comes when it comes; most of the time of a short command goes into imports."""
     program = f"""
@@ -134,7 +134,7 @@ main(["run", {str(case)!r}])
 # What becomes of the results.
 
 # Of the documents of the commands that judge.
-SCHEMAS = {"run": 1, "compare": 1, "premises": 1, "claims": 1, "campaign": 2}
+SCHEMAS = {"run": 1, "agreement": 1, "premises": 1, "claims": 1, "campaign": 2}
 
 
 def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path, int]]:
@@ -145,13 +145,13 @@ def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path,
     few = ("--runs", 4, "--shard", 2)
     return {
         "run": (("run", case, *out), folder / "out" / "small.json", 0),
-        "compare": (
-            ("compare", "servo", "--states", 2, "--edits", 0, *out),
-            folder / "out" / "compare_servo.json",
+        "agreement": (
+            ("study", "agreement", "servo", "--states", 2, "--edits", 0, *out),
+            folder / "out" / "agreement_servo.json",
             0,
         ),
         "premises": (
-            ("premises", "servo", "--case", "nominal", *out),
+            ("claims", "servo/nominal", "--premises", *out),
             folder / "out" / "premises_servo.json",
             0,
         ),
@@ -164,7 +164,7 @@ def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path,
     }
 
 
-@pytest.mark.parametrize("name", ["run", "compare", "premises", "claims", "campaign"])
+@pytest.mark.parametrize("name", ["run", "agreement", "premises", "claims", "campaign"])
 def test_results_are_written_before_anything_is_printed(
     name: str, tmp_path: Path, case: Path, monkeypatch, capsys
 ):
@@ -189,7 +189,7 @@ def test_a_full_disk_at_the_figure_leaves_results_and_verdict(
     assert said.out
 
 
-@pytest.mark.parametrize("name", ["run", "compare", "campaign"])
+@pytest.mark.parametrize("name", ["run", "agreement", "campaign"])
 @pytest.mark.parametrize("reader", ["has gone", "has a full disk"])
 def test_the_verdict_does_not_depend_on_who_reads_it(
     name: str, reader: str, tmp_path: Path, case: Path, monkeypatch, capsys
@@ -259,9 +259,9 @@ def test_output_that_failed_is_not_asked_again():
 @pytest.mark.parametrize(
     "name", ["a\0b", "a\x1b[31mb.toml", "\udcff", "x" * 5000, "a/" * 1000 + "x"]
 )
-@pytest.mark.parametrize("command", ["run", "campaign", "view", "new", "replay"])
+@pytest.mark.parametrize("command", ["run", "campaign", "view", "new", "--replay"])
 def test_odd_names_are_one_line(command: str, name: str, capsys):
-    arguments = (command, name, "0") if command == "replay" else (command, name)
+    arguments = ("campaign", name, command, "0") if command == "--replay" else (command, name)
     assert run(*arguments) == cli.WRONG
     line = capsys.readouterr().err
     assert line.startswith("grosmc-mj: ")

@@ -591,7 +591,7 @@ def test_command_writes_what_it_measured(tmp_path, capsys):
     from grosmc_mj.cli import main
 
     with pytest.raises(SystemExit) as left:
-        main(["switching", "arm", "--out", str(tmp_path)])
+        main(["study", "switching", "arm", "--out", str(tmp_path)])
     assert left.value.code == 0
     content = json.loads((tmp_path / "switching.json").read_text())
     assert content["schema_version"] == 1

@@ -510,7 +510,7 @@ def test_a_robot_of_one_joint_is_run_and_audited(folder: Path, capsys: pytest.Ca
     (folder / "own.py").write_text(
         "def law(t, x, memory, p):\n    return -p.stiffness * x[0] - x[1]\n"
     )
-    assert run("run", path, "--no-figures") in (0, 1)
+    assert run("run", path, "--no-figures", "--verbose") in (0, 1)
     said = capsys.readouterr()
     assert "torque headroom" in said.out
     assert not said.err

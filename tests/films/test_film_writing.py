@@ -44,7 +44,7 @@ PATIENCE = 60.0
 # once a second.
 SOON = 10.0
 SMALL = Format(width=320, height=240, fps=10, stop=1.2)
-FILM = ("cart_pendulum", "--case", "nominal", "--controllers", "lqr", "--size", "320x240")
+FILM = ("cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240")
 SHORT = (*FILM, "--fps", "10", "--to", "0.3", "--workers", "1")
 # Long enough to be interrupted.
 LONG = (*FILM, "--fps", "60")

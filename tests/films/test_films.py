@@ -531,7 +531,7 @@ def test_a_run_that_diverged_can_be_filmed(
 
 def test_film_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "f.mp4"
-    arguments = "film cart_pendulum --case nominal --size 320x240 --fps 4 --from 0 --to 1 --gif"
+    arguments = "film cart_pendulum/nominal --size 320x240 --fps 4 --from 0 --to 1 --gif"
     with pytest.raises(SystemExit) as stop:
         cli.main([*arguments.split(), "-o", str(path)])
     assert stop.value.code == cli.DONE

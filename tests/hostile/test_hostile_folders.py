@@ -208,7 +208,7 @@ def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[s
             DAMAGES[kind](damaged, rng, str(hostile.canary))
             (damaged / "results.json").unlink(missing_ok=True) if rng.random() < 0.5 else None
             resumed = [*asked(file, damaged), "--resume"]
-            replayed = ["replay", damaged, rng.randrange(_RUNS), "--no-figures"]
+            replayed = ["campaign", damaged, "--replay", rng.randrange(_RUNS), "--no-figures"]
             for arguments in (replayed, resumed):
                 what = f"{kind} {index} {arguments[0]}"
                 end = attempt(hostile, what, arguments, truth, damaged)

@@ -461,13 +461,13 @@ def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
 def test_command_says_where_the_premise_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ("premises", "arm", "--case", "case1", "--out", str(tmp_path))
+    arguments = ("claims", "arm/case1", "--premises", "--out", str(tmp_path))
     with pytest.raises(SystemExit) as stop:
         cli.main(arguments)
     assert stop.value.code == cli.DONE
     said = capsys.readouterr().out
     assert "FAILS" in said
-    assert "epsilon: worst in the region at t =" in said
+    assert "case1: epsilon: worst in the region at t =" in said
     written = json.loads((tmp_path / "premises_arm.json").read_text(encoding="utf-8"))
     (document,) = written["premises"]
     failed = [each["name"] for each in document["premises"] if not each["holds"]]

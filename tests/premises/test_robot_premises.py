@@ -283,11 +283,11 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
         run=lambda: iter(results),
         document=dict,
         file=SimpleNamespace(uncertain=[]),
+        path=Path("robot.toml"),
     )
-    monkeypatch.setattr(experiment, "find_file", Path)
-    monkeypatch.setattr(experiment, "prepare", lambda _path: prepared)
+    monkeypatch.setattr(experiment, "find_experiments", lambda _target: [prepared])
     with pytest.raises(SystemExit) as stop:
-        cli.main(("run", "robot.toml", "--out", str(tmp_path)))
+        cli.main(("run", "robot.toml", "--verbose", "--out", str(tmp_path)))
     assert stop.value.code == cli.DONE
     said = capsys.readouterr().out
     assert said.count("torque headroom") == 1

@@ -436,7 +436,7 @@ def test_mass_leaves_the_optimum_and_length_does_not() -> None:
         assert low * start <= astray <= high * start
 
 
-# grosmc-mj hold
+# grosmc-mj study cart
 
 
 def test_hold_refuses_wrong_names(capsys: pytest.CaptureFixture[str]) -> None:
@@ -445,7 +445,7 @@ def test_hold_refuses_wrong_names(capsys: pytest.CaptureFixture[str]) -> None:
         (("--surface", "smooth"), "unknown surface 'smooth'"),
     ):
         with pytest.raises(SystemExit) as stop:
-            cli.main(["hold", *arguments])
+            cli.main(["study", "cart", *arguments])
         assert stop.value.code == cli.WRONG
         assert message in capsys.readouterr().err
 
@@ -453,13 +453,13 @@ def test_hold_refuses_wrong_names(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.slow
 def test_hold_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
-        cli.main(["hold", "--out", str(tmp_path)])
+        cli.main(["study", "cart", "--verbose", "--out", str(tmp_path)])
     assert stop.value.code == cli.DONE
     said = capsys.readouterr().out
     assert all(word in said for word in ("cart-ism", "G = [0 0 1 0]", "settled [s]", "unmatched"))
-    document = json.loads((tmp_path / "hold.json").read_text(encoding="utf-8"))
+    document = json.loads((tmp_path / "cart.json").read_text(encoding="utf-8"))
     assert document["schema_version"] == 1
     assert len(document["runs"]) == 12
     assert [row["name"] for row in document["uncertainties"]] == ["4m", "4L", "4m, 4L"]
-    assert (tmp_path / "hold.png").stat().st_size > 50_000
-    assert (tmp_path / "hold.svg").is_file()
+    assert (tmp_path / "cart.png").stat().st_size > 50_000
+    assert (tmp_path / "cart.svg").is_file()

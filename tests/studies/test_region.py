@@ -295,16 +295,19 @@ def run(*arguments: str) -> int:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("region",), "SYSTEM"),
-        (("region", "leg"), "unknown system 'leg': valid: servo, cart_pendulum, arm"),
-        (("region", "arm", "--points", "1"), "must be from 2 to 1000"),
-        (("region", "arm", "--points", "2.5"), "--points"),
-        (("region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
-        (("region", "arm", "--rate", "inf"), "--rate inf must be finite and positive"),
-        (("region", "arm", "--duration", "-1"), "duration -1 s must be positive"),
-        (("region", "arm", "--axes", "q"), "--axes"),
-        (("region", "arm", "--integrator", "heun"), "valid: Euler, RK4"),
-        (("region", "arm", "--points", "2", "--out", "/dev/null/x"), "cannot write /dev/null/x"),
+        (("study", "region"), "SYSTEM"),
+        (("study", "region", "leg"), "unknown system 'leg': valid: servo, cart_pendulum, arm"),
+        (("study", "region", "arm", "--points", "1"), "must be from 2 to 1000"),
+        (("study", "region", "arm", "--points", "2.5"), "--points"),
+        (("study", "region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
+        (("study", "region", "arm", "--rate", "inf"), "--rate inf must be finite and positive"),
+        (("study", "region", "arm", "--duration", "-1"), "duration -1 s must be positive"),
+        (("study", "region", "arm", "--axes", "q"), "--axes"),
+        (("study", "region", "arm", "--integrator", "heun"), "valid: Euler, RK4"),
+        (
+            ("study", "region", "arm", "--points", "2", "--out", "/dev/null/x"),
+            "/dev/null/x",
+        ),
     ],
 )
 def test_wrong_use_gets_one_line_and_exit_code_2(
@@ -320,7 +323,10 @@ def test_wrong_use_gets_one_line_and_exit_code_2(
 def test_the_command_writes_figure_and_grids(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run("region", "arm", "--points", "5", "--duration", "6", "--out", str(tmp_path)) == 0
+    assert (
+        run("study", "region", "arm", "--points", "5", "--duration", "6", "--out", str(tmp_path))
+        == 0
+    )
     names = {f"region_arm.{suffix}" for suffix in ("json", "png", "svg")}
     assert {path.name for path in tmp_path.iterdir()} == names
     document = json.loads((tmp_path / "region_arm.json").read_text(encoding="utf-8"))
@@ -342,7 +348,7 @@ def test_the_command_writes_figure_and_grids(
 def test_an_interrupted_command_leaves_the_old_files_and_nothing_else(tmp_path: Path) -> None:
     old = tmp_path / "region_cart_pendulum.json"
     old.write_text("old", encoding="utf-8")
-    command = [sys.executable, "-m", "grosmc_mj.cli", "region", "cart_pendulum"]
+    command = [sys.executable, "-m", "grosmc_mj.cli", "study", "region", "cart_pendulum"]
     with subprocess.Popen(
         [*command, "--out", str(tmp_path)],
         stderr=subprocess.PIPE,

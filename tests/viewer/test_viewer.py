@@ -18,8 +18,9 @@ from shipped import find_case, nominal_controller
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.cli.commands import View
-from grosmc_mj.cli.program import _parse
+from grosmc_mj.cli.commands.film import FilmCommand
+from grosmc_mj.cli.commands.view import ViewCommand
+from grosmc_mj.cli.program import parse
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.case import Case
@@ -285,7 +286,7 @@ def test_no_code_means_two_things() -> None:
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.names)
 def test_every_key_stands_in_the_help(key: Any) -> None:
-    told = (View.__doc__ or "").split("Keys:")[1].split("Attributes:")[0].lower()
+    told = (ViewCommand.__doc__ or "").split("Keys:")[1].split("Attributes:")[0].lower()
     told = " ".join(told.split())
     assert f"{key.names} " in told
 
@@ -443,14 +444,15 @@ def test_without_a_display_it_says_so_and_offers_the_film(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(SystemExit) as stop:
-        cli.main(["view", "arm", "--case", "case2", "--controller", "lqr", "--surface", "discrete"])
+        cli.main(["view", "arm/case2", "--controller", "lqr", "--surface", "discrete"])
     assert stop.value.code == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     told, film = line.strip().split("; for a film of it run: ")
     assert told.startswith("grosmc-mj: there is no display")
-    command = _parse(film.split()[1:])
-    assert (command.system, command.case, command.controllers) == ("arm", "case2", ("lqr",))
+    command = parse(film.split()[1:])
+    assert isinstance(command, FilmCommand)
+    assert (command.target, command.controllers) == ("arm/case2", ("lqr",))
     assert command.surface == "discrete"
 
 
@@ -475,7 +477,7 @@ def test_on_macos_it_asks_for_mujocos_interpreter(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(
-    "arguments", [["nothing"], ["arm", "--speed", "0"], ["arm", "--case", "case9"],
+    "arguments", [["nothing"], ["arm", "--speed", "0"], ["arm/case9"],
                   ["arm", "--controller", "nothing"], ["arm", "--switching", "nothing"]],
 )  # fmt: skip
 def test_wrong_use_is_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -491,7 +493,7 @@ def test_a_replay_is_recorded_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(viewer, "play", lambda motion, **_: found.append(motion))
     for more in ([], ["--replay"]):
         with pytest.raises(SystemExit) as stop:
-            cli.main(["view", "servo", "--case", "nominal", *more])
+            cli.main(["view", "servo/nominal", *more])
         assert stop.value.code == 0
     assert [type(each) for each in found] == [Live, RecordedRun]
 

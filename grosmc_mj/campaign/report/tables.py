@@ -185,7 +185,7 @@ def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
     for each in found:
         nearest = "none was found"
         if each.shrunk is not None and each.shrunk_relative is not None:
-            nearest = f"{_plant(campaign, each.shrunk)}: margin {number(each.shrunk_relative)}"
+            nearest = f"{plant_words(campaign, each.shrunk)}: margin {number(each.shrunk_relative)}"
         values = (each.samples, each.random, each.relative)
         rows.append((label_of(each.controller), *map(number, values), nearest))
     runs = found[0].evaluations
@@ -207,7 +207,7 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
     rows, notes = [], []
     for each in found:
         law, outside, promised = label_of(each.controller), each.outside, each.promised
-        plant = "none was found" if outside is None else _plant(campaign, outside.values)
+        plant = "none was found" if outside is None else plant_words(campaign, outside.values)
         scales = (each.found, None if outside is None else outside.scale, promised.scale)
         rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
         notes.append(f"{law}: {promised.note}.")
@@ -264,7 +264,7 @@ def _signed(value: float) -> str:
     return ("+" if value > 0 else "") + number(value)
 
 
-def _plant(campaign: Campaign, values: Array) -> str:
+def plant_words(campaign: Campaign, values: Array) -> str:
     """The uncertain numbers that are not nominal."""
     parts = []
     for each, value in zip(campaign.family.quantities, values.tolist(), strict=True):

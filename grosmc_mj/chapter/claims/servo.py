@@ -87,11 +87,12 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     derivative = lab.derivative(lab.plant(case, plant))
     naive, required = 0.0, 0.0
     B = float(law.designed.lqr.B[1, 0])
-    rest = np.array([law.parameters.reference.value, 0.0])
+    target = law.coordinates.reference(0.0, law.parameters.reference)[0]
+    rest = np.array([target, 0.0])
     E_true = -(derivative(rest, 1.0, np.zeros(6)) - derivative(rest, 0.0, np.zeros(6)))[1]
     for angle in np.linspace(0, np.pi, 181):
         z = np.array([np.cos(angle), np.sin(angle)])
-        x = np.array([law.parameters.reference.value - z[0], -z[1]])
+        x = np.array([target - z[0], -z[1]])
         u_c = -float(law.designed.lqr.K[0] @ z)
         push = -derivative(x, u_c, np.zeros(6))[1] - (float(law.designed.lqr.A[1] @ z) + B * u_c)
         naive, required = max(naive, abs(push / B)), max(required, abs(push / E_true))

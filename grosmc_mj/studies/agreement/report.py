@@ -32,7 +32,7 @@ def agreement_table(rows: Sequence[Agreement]) -> Table:
 def comparison_document(
     agreements: Sequence[Agreement], found: Sequence[str], seed: int
 ) -> dict[str, Any]:
-    """The content of compare.json: the comparisons, and which are beyond the bound."""
+    """The content of agreement_SYSTEM.json: the comparisons, and which are beyond the bound."""
     return {
         **origin(seed),
         "bound": AGREEMENT_BOUND,

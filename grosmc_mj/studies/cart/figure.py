@@ -1,4 +1,4 @@
-"""The figure of ``grosmc-mj hold``: pole, cart and force, and what the unmatched part costs."""
+"""The figure of ``grosmc-mj study cart``: pole, cart, force, and what the unmatched part costs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps, labelled_
 from grosmc_mj.report.palette import COLOURS, OPTIMUM
 from grosmc_mj.studies.cart.measure import ALONE, LAWS, Study, holding_case, run_of
 
-NAME = "hold"
+NAME = "cart"
 _CASES = ("case1", "case2")
 _WORDS = {
     "grosmc": "GROSMC of the chapter",
@@ -34,7 +34,7 @@ _LINEAR = 2.0
 
 
 def write_holding_figure(found: Study, folder: Path) -> Path:
-    """Write hold.png and hold.svg.
+    """Write cart.png and cart.svg.
 
     Returns:
         The PNG; the SVG lies beside it.

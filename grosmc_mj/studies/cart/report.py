@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,10 +12,10 @@ from grosmc_mj.experiments.document import case_document
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.report.document import origin
 from grosmc_mj.report.tables import number, numbers, table, words
-from grosmc_mj.studies.cart.measure import CART_BAND, HORIZONS, Study, holding_case
+from grosmc_mj.studies.cart.measure import CART_BAND, HORIZONS, Held, Study, holding_case
 
 # Header, measure and factor of each column of numbers.
-_COLUMNS = (
+COLUMNS = (
     ("angle\nsettled [s]", "angle_settling", 1.0),
     ("cart\nsettled [s]", "cart_settling", 1.0),
     ("travel\n[m]", "travel", 1.0),
@@ -27,7 +28,7 @@ _COLUMNS = (
 
 
 def cart_document(found: Study) -> dict[str, Any]:
-    """The content of hold.json."""
+    """The content of cart.json."""
     return {
         **origin(None),
         "configuration": {
@@ -81,23 +82,25 @@ def legend(found: Study) -> str:
     )
 
 
+def run_cells(held: Held, columns: Sequence[tuple[str, str, float]] = COLUMNS) -> tuple[str, ...]:
+    """A run's row: its case, its law, and so many of the columns; (!) is what went wrong."""
+    result, measures = held
+    cells = {name: metric_cell(measures[name], factor) for _, name, factor in columns}
+    margin = measures["rail_margin"].value
+    if margin is not None and margin < 0:
+        cells["travel"] += " (!)"
+    law = result.controller.name + (" (!)" if result.ended else "")
+    return (result.case.name, law, *cells.values())
+
+
 def _runs(found: Study) -> Table:
     """Every law in every case."""
-    rows, styles = [], []
-    for result, measures in found.held:
-        cells = [metric_cell(measures[name], factor) for _, name, factor in _COLUMNS]
-        margin = measures["rail_margin"].value
-        if margin is not None and margin < 0:
-            cells[2] += " (!)"
-        law = result.controller.name + (" (!)" if result.ended else "")
-        rows.append((result.case.name, law, *cells))
-        styles.append("red" if result.ended else "")
     return table(
         f"Cart-pendulum in MuJoCo from -10 degrees: {found.settings.switching} switching, "
         f"{found.settings.surface} surface",
-        [*words("case", "law"), *numbers(*(header for header, _, _ in _COLUMNS))],
-        rows,
-        styles=styles,
+        [*words("case", "law"), *numbers(*(header for header, _, _ in COLUMNS))],
+        [run_cells(each) for each in found.held],
+        styles=["red" if each.result.ended else "" for each in found.held],
         grouped=True,
     )
 

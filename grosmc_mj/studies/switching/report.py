@@ -68,7 +68,7 @@ def switching_tables(
     ]
 
 
-def _shown(period: float) -> bool:
+def is_shown(period: float) -> bool:
     """Whether the tables show this sample time."""
     return math.isclose(period, SHOWN)
 
@@ -92,7 +92,7 @@ def _benchmark_table(rows: Sequence[Benchmark]) -> Table:
                 number(row.total_variation / OWN_VARIATION),
             )
             for row in rows
-            if _shown(row.h)
+            if is_shown(row.h)
         ],
     )
 
@@ -131,7 +131,7 @@ def _cases_table(rows: Sequence[CaseRow]) -> Table:
                 number(row.crossings), number(row.total_variation), f"{row.cost_ratio:.4g}",
             )
             for row in rows
-            if _shown(row.experiment.control_period)
+            if is_shown(row.experiment.control_period)
         ],
         grouped=True,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""grosmc-mj replay."""
+"""grosmc-mj campaign --replay."""
 
 from __future__ import annotations
 
@@ -6,22 +6,28 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from rich.console import Console
-
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.campaign_commands import Replay as ReplayCommand
+from grosmc_mj.cli.commands.run import runs_table
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from grosmc_mj.campaign.family.campaign import Campaign
     from grosmc_mj.campaign.runs.replay import ReplayedRun
+    from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 
 _ODD = re.compile(r"[^\w.+-]+")
 
 
-def replay(command: ReplayCommand) -> int:
-    """Run it again, compare, draw."""
+def replay_run(command: CampaignCommand, which: str) -> int:
+    """Repeat a run of a campaign, compare, write, print, draw.
+
+    Args:
+        command: With the campaign's folder as its target.
+        which: Number or name of the run.
+    """
     from grosmc_mj.campaign.report.document import replay_document
     from grosmc_mj.campaign.runs.folder import Folder
     from grosmc_mj.campaign.runs.replay import replay
@@ -31,34 +37,35 @@ def replay(command: ReplayCommand) -> int:
 
     if command.engine not in get_args(Engine):
         raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
-    console = screen.console()
-    campaign, notices = read_campaign(command.campaign, command.case_file)
+    console, folder = screen.console(), Path(command.target)
+    campaign, notices = read_campaign(folder, command.case_file)
     found = replay(
         campaign,
-        Folder(command.campaign),
-        command.run,
+        Folder(folder),
+        which,
         command.controller,
         command.engine,  # pyright: ignore[reportArgumentType]
     )
     result = found.result
-    base = (command.out or command.campaign / "replays") / _file_name(command, found)
+    name = f"{which}_{_ODD.sub('_', result.controller.name)}"
+    base = (command.out or folder / "replays") / name
     unwritten = _written(command, base, replay_document(campaign, found, command.engine))
-    for line in notices:
-        console.print(line, style="yellow", soft_wrap=True)
-    for line in _plant(campaign, found):
-        console.print(line, soft_wrap=True)
-    console.print(tables.results_table([result]))
-    console.print(tables.LEGEND, style="dim")
-    for line in tables.endings([result]):
-        console.print(line, style="red", soft_wrap=True)
-    console.print(_margins(campaign, found), soft_wrap=True)
     if found.stored and not found.differences:
-        console.print(
-            f"Run {command.run} is what the campaign stored, bit for bit; engine {command.engine}.",
-            style="bold green",
-        )
+        words = f"Run {which} is what the campaign stored, bit for bit; engine {command.engine}."
+        screen.say_verdict(console, words, good=True)
+    elif found.stored:
+        screen.say_verdict(console, f"Run {which} is not what the campaign stored.", good=False)
     for line in found.differences:
         console.print(f"differs: {line}", style="bold red", soft_wrap=True)
+    screen.say_lines(console, _margins(campaign, found), "", all=command.verbose)
+    screen.say_lines(console, notices, "yellow", all=command.verbose)
+    screen.say_lines(console, tables.endings([result]), all=command.verbose)
+    console.print(runs_table([result]))
+    screen.say_lines(console, _plant(campaign, found), "", all=command.verbose)
+    if command.verbose:
+        wide = screen.wide_console()
+        wide.print(tables.results_table([result]))
+        wide.print(tables.LEGEND, style="dim")
     if unwritten:
         console.print(f"Nothing is written: {unwritten}; --out DIR keeps it.", soft_wrap=True)
     else:
@@ -66,12 +73,7 @@ def replay(command: ReplayCommand) -> int:
     return screen.DIFFERS if found.differences else screen.DONE
 
 
-def _file_name(command: ReplayCommand, found: ReplayedRun) -> str:
-    """What its files are called: a controller's name may have anything in it."""
-    return f"{command.run}_{_ODD.sub('_', found.result.controller.name)}"
-
-
-def _written(command: ReplayCommand, base: Path, content: Any) -> str:
+def _written(command: CampaignCommand, base: Path, content: Any) -> str:
     """Write the JSON; why it cannot be written, where the user has named no place for it.
 
     Raises:
@@ -92,7 +94,7 @@ def _written(command: ReplayCommand, base: Path, content: Any) -> str:
 
 
 def _draw(
-    console: Console, command: ReplayCommand, campaign: Campaign, found: ReplayedRun, base: Path
+    console: Console, command: CampaignCommand, campaign: Campaign, found: ReplayedRun, base: Path
 ) -> None:
     """The figure and the film, and where all is."""
     from grosmc_mj.experiments.figure import SIZE, draw_experiment
@@ -103,7 +105,7 @@ def _draw(
         files.append(Path(f"{base}.png"))
         with figure_written(files[-1], SIZE) as figure:
             draw_experiment(figure, [found.result])
-    console.print(", ".join(map(str, files)), soft_wrap=True)
+    screen.say_files(console, *files)
     if command.film:
         # Its poster and its data have the names of the figure and of the result.
         film = base.parent / FOLDER / f"{base.name}.mp4"
@@ -122,11 +124,14 @@ def _plant(campaign: Campaign, found: ReplayedRun) -> list[str]:
     return lines
 
 
-def _margins(campaign: Campaign, found: ReplayedRun) -> str:
-    """The margins of its requirements, in a line."""
+def _margins(campaign: Campaign, found: ReplayedRun) -> list[str]:
+    """The margins of its requirements, a line each, the least first."""
     margins = [
-        f"{each.words}: margin {found.outcome.margins[each.key][0]:+.4g} {each.unit}".rstrip()
+        (
+            found.outcome.margins[each.key][0],
+            f"{each.words}: margin {found.outcome.margins[each.key][0]:+.4g} {each.unit}".rstrip(),
+        )
         for each in campaign.requirements
         if found.outcome.controller in each.of
     ]
-    return "; ".join(margins) or "nothing is required of it"
+    return [words for _, words in sorted(margins)] or ["nothing is required of it"]

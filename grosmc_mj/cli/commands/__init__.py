@@ -1,0 +1,56 @@
+"""What the command line offers: a module a command, with its options and what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.commands.bench import BenchCommand
+from grosmc_mj.cli.commands.campaign.command import CampaignCommand
+from grosmc_mj.cli.commands.claims import ClaimsCommand
+from grosmc_mj.cli.commands.doctor import DoctorCommand
+from grosmc_mj.cli.commands.film import FilmCommand
+from grosmc_mj.cli.commands.list import ListCommand
+from grosmc_mj.cli.commands.new import NewCommand
+from grosmc_mj.cli.commands.run import RunCommand
+from grosmc_mj.cli.commands.study.agreement import AgreementCommand
+from grosmc_mj.cli.commands.study.cart import CartCommand
+from grosmc_mj.cli.commands.study.region import RegionCommand
+from grosmc_mj.cli.commands.study.switching import SwitchingCommand
+from grosmc_mj.cli.commands.validate import ValidateCommand
+from grosmc_mj.cli.commands.view import ViewCommand
+
+Studies = Mapping[str, type[Command]]
+
+STUDIES: Studies = {
+    "agreement": AgreementCommand,
+    "switching": SwitchingCommand,
+    "region": RegionCommand,
+    "cart": CartCommand,
+}
+COMMANDS: Mapping[str, type[Command] | Studies] = {
+    "new": NewCommand,
+    "run": RunCommand,
+    "campaign": CampaignCommand,
+    "film": FilmCommand,
+    "view": ViewCommand,
+    "validate": ValidateCommand,
+    "claims": ClaimsCommand,
+    "study": STUDIES,
+    "list": ListCommand,
+    "doctor": DoctorCommand,
+    "bench": BenchCommand,
+}
+STUDY = "Measure one thing: " + ", ".join(STUDIES) + "."
+
+ABOUT = (
+    "Does a robust controller keep its promise on real physics, and where does it break? "
+    "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
+    "cart-pendulum, the 1-DOF arm and a two-link arm: printed equations, corrected ones and "
+    "MuJoCo, side by side.\n\n"
+    "What a command is about is a SYSTEM, one of its cases (SYSTEM/CASE) or a case file of your "
+    "own (FILE.toml); grosmc-mj list names them, grosmc-mj new writes one. The answer comes first "
+    "and fits on a screen; --verbose prints all tables.\n\n"
+    "Exit codes: 0 done and kept, 1 something is not kept or not as recorded, 2 anything else that "
+    "is wrong, 130 interrupted. --debug adds the traceback of an error."
+)

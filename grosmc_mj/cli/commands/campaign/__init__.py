@@ -1,0 +1,1 @@
+"""grosmc-mj campaign: many uncertain plants, and one of them again."""

@@ -1,0 +1,142 @@
+"""What a campaign answers: who keeps what, what fails first, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from grosmc_mj.cli import screen
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from grosmc_mj.campaign.family.campaign import Campaign
+    from grosmc_mj.campaign.findings.findings import Findings
+    from grosmc_mj.campaign.findings.radius import Radius
+    from grosmc_mj.campaign.findings.statistics import PassRate
+    from grosmc_mj.campaign.findings.worst import Worst
+
+
+def say_verdict(
+    console: Console, found: Findings, at_least: float | None, confidence: float
+) -> int:
+    """Say on how many plants each law keeps everything, the worst law first.
+
+    Args:
+        console: Where to.
+        found: What the runs say.
+        at_least: Share that each must be shown to keep; None if none is asked for.
+        confidence: Of the intervals.
+
+    Returns:
+        The exit code.
+    """
+    from grosmc_mj.campaign.findings.findings import ALL
+
+    rates = {law: rate for (asked, law), rate in found.rates.items() if asked == ALL}
+    missed = False
+    for law, rate in sorted(rates.items(), key=lambda each: each[1].rate):
+        if at_least is not None and rate.low < at_least:
+            missed = True
+            screen.say_verdict(
+                console,
+                f"{law}: at least {100 * rate.low:.4g} % of the distribution keep everything "
+                f"(confidence {confidence:g}), {100 * at_least:g} % are asked for.",
+                good=False,
+            )
+        else:
+            words = f"{law} keeps everything on {rate.kept} of {rate.runs} plants: {_rate(rate)}."
+            screen.say_verdict(console, words, good=rate.kept == rate.runs)
+    return screen.DIFFERS if missed else screen.DONE
+
+
+def _rate(rate: PassRate) -> str:
+    """A pass rate with its interval, rounded outwards."""
+    low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
+    return f"{low:.2f} to {high:.2f} % ({100 * rate.confidence:g} % interval)"
+
+
+def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
+    """The requirements that fail most first, what drives the margins, and what was sampled."""
+    from grosmc_mj.campaign.findings.findings import ALL
+    from grosmc_mj.report.tables import number
+
+    rows = []
+    for (requirement, law), rate in sorted(found.rates.items(), key=lambda each: each[1].rate):
+        if requirement == ALL:
+            continue
+        margin = found.summaries.get((requirement, law))
+        least = "-" if margin is None else f"{number(margin.least)} {found.units[requirement]}"
+        low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
+        kept = f"{rate.kept} of {rate.runs}"
+        rows.append((requirement, law, kept, f"{low:.2f} .. {high:.2f}", least.rstrip()))
+    columns = ("requirement", "law", "kept", "interval %", "least margin")
+    console.print(screen.brief_table("", columns, rows, words=2, most=8))
+    drivers = [
+        f"{law}: {causes[0].parameter} drives its margin most "
+        f"({100 * causes[0].share:.0f} % of the variance of the ranks)"
+        for law, causes in found.sensitivities.items()
+        if causes and causes[0].share
+    ]
+    pairs = [
+        f"same plants: {first} alone keeps everything on {each.only_first}, {second} alone on "
+        f"{each.only_second}"
+        for (requirement, first, second), each in found.differences.items()
+        if requirement == ALL
+    ]
+    screen.say_lines(console, [*pairs, *drivers], "", all=False)
+    console.print(f"{found.sampled.words}. {found.sampled.footnote}", style="dim", markup=False)
+
+
+def say_tables(console: Console, asked: Campaign, found: Findings) -> None:
+    """Print everything that the runs say."""
+    from grosmc_mj.campaign.findings.findings import ALL
+    from grosmc_mj.campaign.report import tables
+
+    console.print()
+    console.print(tables.pass_rates_table(found.rates, found.cut_short, found.sampled))
+    console.print()
+    console.print(tables.margins_table(found.summaries, found.units, found.looked_at))
+    if found.differences:
+        console.print()
+        console.print(tables.paired_table(found.differences, found.units, found.looked_at))
+    for law in asked.laws:
+        console.print()
+        console.print(tables.sensitivity_table(found.sensitivities[law], ALL, law, found.looked_at))
+    console.print()
+
+
+def say_worst(console: Console, asked: Campaign, found: Sequence[Worst], *, full: bool) -> None:
+    """The worst plant under each law, the worst first."""
+    from grosmc_mj.campaign.report.tables import plant_words, worst_table
+    from grosmc_mj.report.tables import number
+
+    lines = []
+    for each in sorted(found, key=lambda each: each.relative):
+        line = f"{each.controller}: worst plant found: margin {number(each.relative)} of its limit"
+        if each.shrunk is not None:
+            line += f"; nearest that fails: {plant_words(asked, each.shrunk)}"
+        lines.append(line)
+    screen.say_lines(console, lines, "", all=False)
+    if full:
+        console.print(worst_table(asked, found))
+        console.print()
+
+
+def say_radius(console: Console, asked: Campaign, found: Sequence[Radius], *, full: bool) -> None:
+    """How far the uncertainty may grow under each law, the least first."""
+    from grosmc_mj.campaign.report.tables import radius_table
+
+    lines = []
+    for each in sorted(found, key=lambda each: each.found):
+        line = f"{each.controller}: no failure up to {each.found:.3g} times the uncertainty"
+        if each.outside is not None:
+            line += f", one at {each.outside.scale:.3g}"
+        if each.promised.scale is not None:
+            line += f"; promised up to {each.promised.scale:.3g}"
+        lines.append(line)
+    screen.say_lines(console, lines, "", all=False)
+    if full:
+        console.print(radius_table(asked, found))
+        console.print()

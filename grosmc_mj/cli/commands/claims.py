@@ -1,0 +1,271 @@
+"""grosmc-mj claims, and the claims of grosmc-mj validate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from tyro.conf import Positional, arg
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.commands.premises import audit_premises
+from grosmc_mj.cli.targets import CASES
+from grosmc_mj.errors import ArgumentError, shown
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from grosmc_mj.chapter.claims.claim import Claim, Finding
+    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.runs import Settings
+
+# So many claims that are not supported fit on a screen.
+_MOST = 24
+
+
+@dataclass(frozen=True)
+class ClaimsCommand(Command):
+    """Judge the chapter's claims: SUPPORTED, REFUTED or INCONCLUSIVE, each with its number.
+
+    Every claim is measured on each plant that it can be asked of, at the control period and at half
+    of it; a verdict that changes in between is inconclusive. A claim that fails because a premise
+    failed says so. Writes claims.json to --out, with --explain claims/CLAIM.json, with --self-test
+    self_test.json. Exit code 1 if a verdict is not the one that the repository expects.
+
+    With --premises those of the theorems are checked instead, for each case: controllability, G B,
+    relative degree, matching, the input-gain ratio, the switching gain required against the one
+    configured (with the input gain's uncertainty counted), s(0), singular states. Over the declared
+    operating region and along the run: the least margin, where it is, how often it is violated, and
+    the smallest gain that restores it. Writes premises_SYSTEM.json.
+
+    Attributes:
+        target: servo, cart_pendulum, arm or two_link_arm; for --premises one of its cases too.
+        explain: Tell the whole story of this claim, and write its figure to --out.
+        premises: Check the premises of the theorems instead.
+        controller: Whose premises.
+        json: Print JSON instead of tables.
+        self_test: Put faults into laws and plants, one at a time, and show which claims notice.
+        page: Write the page on the chapter's defects, with its figures beside it.
+        out: Folder for claims.json and figures.
+    """
+
+    target: Annotated[
+        Positional[str | None],
+        arg(metavar=f"[{CASES}]", name="target", help_behavior_hint="(default: all systems)"),
+    ] = None
+    explain: Annotated[str | None, arg(metavar="CLAIM", help_behavior_hint="")] = None
+    premises: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    controller: Annotated[
+        str | None, arg(metavar="NAME", help_behavior_hint="(default: grosmc)")
+    ] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    self_test: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+    def execute(self) -> int:
+        """Judge, write, print, compare."""
+        from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
+        from grosmc_mj.experiments.laboratory import Laboratory
+        from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.report.document import json_text, origin, write_json
+
+        self._check()
+        if self.premises:
+            assert self.target is not None
+            return audit_premises(
+                self.target, self.controller or "grosmc", self.out, full=self.verbose
+            )
+        chosen = select_claims(self.target) if self.explain is None else [find_claim(self.explain)]
+        settings = Settings()
+        if self.self_test:
+            return self._self_test(settings, chosen)
+        lab = Laboratory(settings)
+        findings = judge_with_progress(lab, chosen)
+        content = {**origin(0), "claims": documents(findings, lab)}
+        name = "claims" if self.explain is None else f"claims/{findings[0].claim.id}"
+        write_json(self.out / f"{name}.json", content)
+        if self.json:
+            print(json_text(content), end="")
+            return _code(findings)
+        console = screen.console()
+        _say_verdict(console, findings, full=self.verbose)
+        if self.explain is not None:
+            _explain(console, findings[0], lab, self.out)
+        elif self.page is not None:
+            self._write_page(console, findings, lab)
+        else:
+            console.print(verdicts_table(findings))
+            console.print(_unsupported(findings))
+            screen.say_files(console, self.out / "claims.json")
+            if self.verbose:
+                _ledger(console, findings)
+        return _code(findings)
+
+    def _check(self) -> None:
+        """Refuse options that exclude each other."""
+        if self.premises:
+            if self.explain or self.json or self.self_test or self.page:
+                raise ArgumentError(
+                    "--premises checks premises: leave out --explain, --json, --self-test and "
+                    "--page"
+                )
+            if self.target is None:
+                raise ArgumentError(f"--premises needs a target: {CASES}")
+            return
+        if self.controller is not None:
+            raise ArgumentError("--controller is for --premises: claims say whose they are")
+        if self.explain is not None and self.target is not None:
+            raise ArgumentError("--explain names one claim: leave out the system")
+        if self.page is not None and (self.target or self.explain):
+            raise ArgumentError("--page is about all claims: leave out the system and --explain")
+        if self.page is not None and (self.page.suffix != ".md" or self.page.is_dir()):
+            raise ArgumentError(f"--page {self.page} must be a file that ends in .md")
+        if self.json and (self.explain or self.page or self.self_test):
+            raise ArgumentError(
+                "--json is for the ledger: leave out --explain, --page and --self-test"
+            )
+        if self.self_test and (self.explain or self.page):
+            raise ArgumentError("--self-test tries claims: leave out --explain and --page")
+        if self.target is not None and "/" in self.target:
+            raise ArgumentError(
+                f"{shown(self.target, str)}: claims are about a SYSTEM; SYSTEM/CASE is for "
+                "--premises"
+            )
+
+    def _write_page(self, console: Console, findings: Sequence[Finding], lab: Laboratory) -> None:
+        """The page on the chapter's defects."""
+        from grosmc_mj.chapter.claims_page import write_page
+
+        assert self.page is not None
+        for path in write_page(findings, lab, self.page):
+            screen.say_files(console, path)
+
+    def _self_test(self, settings: Settings, chosen: Sequence[Claim]) -> int:
+        """Faults, and who notices."""
+        from grosmc_mj.chapter.claims.faults import FAULTS, self_test
+        from grosmc_mj.chapter.claims_tables import caught_table
+        from grosmc_mj.report.document import origin, write_json
+
+        with screen.progress(len(FAULTS), "faults") as advance:
+            found = list(self_test(settings, chosen, advance=advance))
+        noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
+        write_json(self.out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
+        missed = [caught.fault.name for caught in found if not caught.claims]
+        noticed = {name for caught in found for name in caught.claims}
+        blind = [claim.id for claim in chosen if claim.id not in noticed]
+        console = screen.console()
+        if not missed and not blind:
+            screen.say_verdict(
+                console, "Every fault is noticed, and every claim notices one.", good=True
+            )
+        for words, names in (("not noticed by any claim", missed), ("notices no fault", blind)):
+            if names:
+                screen.say_verdict(console, f"{', '.join(names)}: {words}", good=False)
+        rows = [
+            (each.fault.name, f"{len(each.claims)} of {len(chosen)}")
+            for each in sorted(found, key=lambda each: len(each.claims))
+        ]
+        columns = ("fault", "claims that notice it")
+        console.print(screen.brief_table("", columns, rows, most=_MOST))
+        if self.verbose:
+            console.print(caught_table(found, chosen))
+        return screen.DIFFERS if missed or blind else screen.DONE
+
+
+def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Finding]:
+    """Judge claims with a progress bar."""
+    from grosmc_mj.chapter.claims.ledger import judge
+
+    findings = []
+    with screen.progress(len(chosen), "claims") as advance:
+        for claim in chosen:
+            findings.append(judge(lab, claim))
+            advance(claim.id)
+    return findings
+
+
+def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:
+    """Findings as plain values."""
+    from grosmc_mj.chapter.claims_document import claim_document
+
+    return [claim_document(finding, lab) for finding in findings]
+
+
+def verdicts_table(findings: Sequence[Finding]) -> Table:
+    """How many claims of each system have which verdict."""
+    from grosmc_mj.chapter.claims.claim import Verdict
+
+    systems = list(dict.fromkeys(finding.claim.system for finding in findings))
+    rows = []
+    for name in [*systems, "all"] if len(systems) > 1 else systems:
+        own = [each.verdict for each in findings if name in ("all", each.claim.system)]
+        rows.append((name, *(str(own.count(verdict)) for verdict in Verdict), str(len(own))))
+    columns = ("system", *(verdict.value for verdict in Verdict), "claims")
+    title = "What physics says of the chapter's claims"
+    return screen.brief_table(title, columns, rows)
+
+
+def _unsupported(findings: Sequence[Finding]) -> Table:
+    """The claims that are not supported, a line each."""
+    from grosmc_mj.chapter.claims.claim import Verdict
+    from grosmc_mj.chapter.claims_tables import shown as shown_value
+
+    rows = []
+    for each in findings:
+        if each.verdict is Verdict.SUPPORTED:
+            continue
+        claim = each.claim
+        value = shown_value(each.plants[claim.plants[-1]].measured)
+        unit = "" if claim.unit == "1" else claim.unit
+        needed = f"{claim.sense} {claim.threshold:g} {unit}".rstrip()
+        rows.append((each.verdict.value, claim.id, claim.statement, value, needed))
+    columns = ("", "claim", "the chapter says", "found", "must be")
+    return screen.brief_table("", columns, rows, words=3, most=_MOST)
+
+
+def _ledger(console: Console, findings: Sequence[Finding]) -> None:
+    """Every claim, and which premises failed."""
+    from grosmc_mj.chapter.claims_tables import LEGEND, ledger_tables
+
+    for table in ledger_tables(findings):
+        console.print(table)
+    console.print(LEGEND, style="dim")
+    for finding in findings:
+        if finding.because:
+            console.print(f"{finding.claim.id}: a premise failed: {finding.because}", markup=False)
+
+
+def _say_verdict(console: Console, findings: Sequence[Finding], *, full: bool) -> None:
+    """Whether the verdicts are the expected ones, and which are not."""
+    from grosmc_mj.chapter.claims.ledger import verdict_differences
+
+    differing = verdict_differences(findings)
+    words = "All verdicts are as expected."
+    if differing:
+        words = f"{len(differing)} verdicts differ from the expected ones."
+    screen.say_verdict(console, words, good=not differing)
+    screen.say_lines(console, [f"differs: {line}" for line in differing], all=full)
+
+
+def _code(findings: Sequence[Finding]) -> int:
+    """The exit code."""
+    from grosmc_mj.chapter.claims.ledger import verdict_differences
+
+    return screen.DIFFERS if verdict_differences(findings) else screen.DONE
+
+
+def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> None:
+    """The story of one claim, and its figure."""
+    from grosmc_mj.chapter.claims_figures import write_picture
+    from grosmc_mj.chapter.claims_tables import story
+
+    for line in story(finding, lab):
+        console.print(line, soft_wrap=True)
+    path = write_picture(finding, lab, out / "claims" / f"{finding.claim.id}.png")
+    console.print(f"  {'figure':<12}{path}", soft_wrap=True)

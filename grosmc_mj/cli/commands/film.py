@@ -1,0 +1,155 @@
+"""grosmc-mj film."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional, arg
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.films import FOLDER, say_film
+from grosmc_mj.cli.targets import TARGET, result_name, shown_experiment
+from grosmc_mj.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+
+# Where none are named.
+_CONTROLLERS = ("lqr", "grosmc")
+_MOST_WORKERS = 256
+# Of the runs of a film [s].
+_LONGEST = 120.0
+
+
+@dataclass(frozen=True)
+class FilmCommand(Command):
+    """Film a case: controllers side by side in MuJoCo, with their curves.
+
+    Each controller runs once; the film replays the recorded states. A translucent ghost shows the
+    nominal optimal trajectory x* (for the arm, the reference), a green arrow or arc the force or
+    torque of the disturbance while it acts. The camera stands further back where an edited body
+    would not fit. Beside FILE.mp4 (H.264, plays in every browser) lie a poster, FILE.png, and
+    FILE.json with all that the film was made from.
+
+    It renders off-screen with the backend that MUJOCO_GL names, else with the first that works of
+    egl, osmesa and, where there is a display, glfw; grosmc-mj doctor says what is missing.
+
+    Attributes:
+        target: A system, of which it is case1, a case of the package or a case file.
+        controllers: One to four of those that grosmc-mj list shows, or of the file.
+        camera: Camera of the model: fixed, follow or wide; by default follow where it moves along
+            with the cart, else fixed.
+        size: Width and height in pixels, both even.
+        fps: Frames per second.
+        speed: Seconds of the run in a second of the film.
+        start: First instant shown, in s.
+        stop: End of what is shown, in s.
+        duration: How long the runs last, in s, where that is not the case's own time.
+        output: The film; by default renders/films/SYSTEM_CASE.mp4.
+        gif: Whether to write a small GIF too.
+        workers: Rendering processes; by default one a core.
+        probe: Whether to try the backends anew instead of trusting the last answer.
+        switching: Switching law of the sliding mode laws, as for validate.
+        surface: printed or discrete, as for validate.
+    """
+
+    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    controllers: Annotated[
+        tuple[str, ...] | None,
+        arg(
+            metavar="NAME [NAME ...]",
+            help_behavior_hint="(default: lqr grosmc, else the last four)",
+        ),
+    ] = None
+    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    size: Annotated[str, arg(metavar="WxH")] = "1280x720"
+    fps: Annotated[int, arg(metavar="N")] = 30
+    speed: Annotated[float, arg(metavar="X")] = 1.0
+    start: Annotated[float, arg(name="from", metavar="T")] = 0.0
+    stop: Annotated[
+        float | None, arg(name="to", metavar="T", help_behavior_hint="(default: the run's end)")
+    ] = None
+    duration: Annotated[
+        float | None, arg(metavar="S", help_behavior_hint="(default: the case's)")
+    ] = None
+    output: Annotated[
+        Path | None, arg(aliases=("-o",), metavar="FILE.mp4", help_behavior_hint="")
+    ] = None
+    gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    probe: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    switching: Annotated[str, arg(metavar="NAME")] = "sign"
+    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
+
+    def execute(self) -> int:
+        """Run, render, write."""
+        from grosmc_mj.experiments.films import check_request, film_of, write_case_film
+        from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.films.film import Format
+        from grosmc_mj.films.offscreen.backends import find_backend
+        from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+
+        width, height = _size(self.size)
+        form = Format(width, height, self.fps, self.speed, self.camera, self.start, self.stop)
+        if self.workers is not None and not 1 <= self.workers <= _MOST_WORKERS:
+            raise ArgumentError(f"--workers {self.workers} must be from 1 to {_MOST_WORKERS}")
+        experiment = shown_experiment(self.target)
+        if self.duration is not None:
+            if not 0 < self.duration <= _LONGEST:
+                raise ArgumentError(
+                    f"--duration {self.duration:g} s must be positive and at most {_LONGEST:g} s"
+                )
+            experiment = experiment.varied(duration=self.duration)
+        settings = Settings(
+            switching=self.switching,
+            surface=self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
+        )
+        experiment = experiment.with_settings(**settings.changes())
+        names = tuple(dict.fromkeys(self.controllers or _controllers(experiment)))
+        check_request(experiment, names, form)
+        path = self.output or Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
+        if path.suffix.lower() != ".mp4":
+            raise ArgumentError(f"-o {path} must end in .mp4")
+        find_ffmpeg()
+        backend = find_backend(os.environ.get("MUJOCO_GL"), fresh=self.probe).backend
+        results = [experiment.run("physics", name) for name in names]
+        shown = film_of(results, form, names)
+        with screen.progress(len(shown.times), "frames") as advance:
+            written = write_case_film(
+                experiment.case,
+                shown,
+                path,
+                settings=experiment.settings,
+                backend=backend,
+                workers=self.workers,
+                gif=self.gif,
+                advance=lambda: advance(path.name),
+            )
+        console = screen.console()
+        endings = [f"{result.key}: {result.ended}" for result in results if result.ended]
+        screen.say_lines(console, endings, all=self.verbose)
+        say_film(console, written, form.fps)
+        return screen.DONE
+
+
+def _controllers(experiment: Experiment) -> Sequence[str]:
+    """LQR beside GROSMC, or the last that fit beside each other."""
+    from grosmc_mj.films.film import MOST_TAKES
+
+    names = experiment.controllers
+    return _CONTROLLERS if set(_CONTROLLERS) <= set(names) else names[-MOST_TAKES:]
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Width and height of WxH."""
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip().lower())
+    if found is None:
+        raise ArgumentError(f"--size {text} must be WIDTHxHEIGHT in pixels, such as 1280x720")
+    return int(found[1]), int(found[2])

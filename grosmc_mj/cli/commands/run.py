@@ -1,0 +1,279 @@
+"""grosmc-mj run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional, arg
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.films import FOLDER, film_runs
+from grosmc_mj.cli.targets import TARGET, result_name
+from grosmc_mj.errors import ArgumentError, GrosmcError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.requirements import Judgement
+    from grosmc_mj.experiments.runs import RunResult
+    from grosmc_mj.premises.audit import Audit
+
+
+@dataclass(frozen=True)
+class RunCommand(Command):
+    """Run an experiment, and say whether it keeps what it requires.
+
+    A case file names a plant (a system of the package, an MJCF robot, or Python of your own),
+    edits, disturbances, laws with their numbers, and requirements; grosmc-mj new writes one to
+    begin with. The package's own cases are such files, see grosmc-mj list; of a SYSTEM all run.
+    NAME.json, NAME.png and NAME.svg go to --out.
+
+    Exit code: 0 if every requirement is kept, 1 if one is not, 2 if file or set-up is wrong.
+
+    Attributes:
+        target: A system, a case of the package or a case file.
+        out: Folder for the results.
+        figures: Whether to draw the figure.
+        film: Whether to film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
+    """
+
+    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    figures: bool = True
+    film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+
+    def execute(self) -> int:
+        """Run, write, judge, print, draw."""
+        from grosmc_mj.experiments.experiment import find_experiments
+
+        experiments = find_experiments(self.target)
+        for experiment in experiments:
+            _check_uncertain(experiment)
+        self.out.mkdir(parents=True, exist_ok=True)
+        done: list[_JudgedExperiment] = []
+        try:
+            for experiment in experiments:
+                name = result_name(experiment.path)
+                done.append(_JudgedExperiment(name, experiment, self.out / f"{name}.json"))
+                done[-1].run()
+        finally:
+            # What was computed is shown and kept, whatever happened since.
+            if any(each.results for each in done):
+                self._say(done)
+        files = [each.file for each in done]
+        if self.figures:
+            files += [_draw(each.results, each.file.with_suffix(".png")) for each in done]
+        console = screen.console()
+        screen.say_files(console, *files)
+        for each in done if self.film else ():
+            path = self.out / FOLDER / f"{each.name}.mp4"
+            film_runs(console, each.results, each.experiment.settings, path)
+        return screen.DONE if all(each.kept for each in done) else screen.DIFFERS
+
+    def _say(self, done: Sequence[_JudgedExperiment]) -> None:
+        """The answer, and the tables."""
+        console = screen.console()
+        if len(done) == 1:
+            _answer(console, done[0], full=self.verbose)
+        else:
+            _answers(console, done)
+        if self.verbose:
+            for each in done:
+                _tables(screen.wide_console(), each)
+
+
+@dataclass
+class _JudgedExperiment:
+    """One experiment and what came out.
+
+    Attributes:
+        name: Of its files.
+        experiment: What runs.
+        file: Its JSON.
+        results: The runs that are done.
+        premises: Those of a robot's laws.
+        judgements: Of the requirements.
+    """
+
+    name: str
+    experiment: Experiment
+    file: Path
+    results: list[RunResult] = field(default_factory=list)
+    premises: Sequence[Audit] = ()
+    judgements: Sequence[Judgement] = ()
+
+    @property
+    def failed(self) -> list[Judgement]:
+        """The requirements that are not kept."""
+        return [each for each in self.judgements if not each.kept]
+
+    @property
+    def kept(self) -> bool:
+        """Whether it keeps all that it requires or, if that is nothing, runs to its end."""
+        ended = not self.experiment.limits and any(result.ended for result in self.results)
+        return not self.failed and not ended
+
+    def run(self) -> None:
+        """Run it, judge it, write its JSON."""
+        from grosmc_mj.chapter.claims_document import audit_document
+        from grosmc_mj.experiments.document import experiment_document
+        from grosmc_mj.experiments.requirements import judge_all
+        from grosmc_mj.premises.robot import audits
+        from grosmc_mj.report.document import write_json
+
+        complete = False
+        try:
+            with screen.progress(len(self.experiment.laws)) as advance:
+                for result in self.experiment.runs():
+                    self.results.append(result)
+                    advance(result.key)
+            complete = True
+            self.premises = audits(self.results)
+        finally:
+            self.judgements = judge_all(self.experiment.limits, self.results)
+            if self.results:
+                content = experiment_document(
+                    self.experiment,
+                    self.results,
+                    self.judgements,
+                    complete=complete,
+                    premises=[audit_document(audit) for audit in self.premises],
+                )
+                write_json(self.file, content)
+
+
+def _check_uncertain(experiment: Experiment) -> None:
+    """Refuse wrong [[uncertain]] tables, as a campaign would; a single run does not need them."""
+    from grosmc_mj.campaign.family.family import family_of
+
+    if experiment.file.uncertain:
+        try:
+            family_of(experiment.file, experiment.case, experiment.nominal.plant)
+        except GrosmcError as error:
+            raise ArgumentError(f"{experiment.path}: {error}") from error
+
+
+def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
+    """Whether one experiment keeps its requirements, and its main numbers."""
+    from grosmc_mj.experiments import tables
+
+    wrong, all_of_them = done.failed, done.judgements
+    if not done.experiment.limits:
+        words = "The file requires nothing: give it a [[requirement]]."
+    elif wrong:
+        words = f"{len(wrong)} of {len(all_of_them)} requirements are not kept."
+    else:
+        words = f"All {len(all_of_them)} requirements are kept."
+    screen.say_verdict(console, words, good=done.kept)
+    screen.say_lines(console, tables.endings(done.results), all=full)
+    fails = [
+        f"premise fails: {premise.name} of {audit.controller} ({premise.source})"
+        for audit in done.premises
+        for premise in audit.failed()
+    ]
+    screen.say_lines(console, fails, "#D55E00", all=full)
+    for audit in done.premises:
+        held = len(audit.premises) - len(audit.failed())
+        console.print(
+            f"premises of {audit.controller}: {held} of {len(audit.premises)} hold", style="dim"
+        )
+    if all_of_them:
+        console.print(_requirements(all_of_them))
+    console.print(runs_table(done.results))
+    robot = done.experiment.nominal.robot
+    changed = robot.converted if robot is not None else ()
+    screen.say_lines(console, list(changed), "dim", all=full)
+
+
+def _answers(console: Console, done: Sequence[_JudgedExperiment]) -> None:
+    """The same of several experiments, a row each."""
+    failed = sum(len(each.failed) for each in done)
+    judged = sum(len(each.judgements) for each in done)
+    words = f"All {judged} requirements are kept."
+    if failed:
+        words = f"{failed} of {judged} requirements are not kept."
+    screen.say_verdict(console, words, good=all(each.kept for each in done))
+    rows = [
+        (
+            each.name,
+            ", ".join(f"{wrong.controller}: {wrong.limit.words}" for wrong in each.failed) or "-",
+            f"{len(each.judgements) - len(each.failed)} of {len(each.judgements)}",
+            str(sum(bool(result.ended) for result in each.results)),
+        )
+        for each in sorted(done, key=lambda each: -len(each.failed))
+    ]
+    columns = ("experiment", "not kept", "kept", "ended early")
+    console.print(screen.brief_table("", columns, rows, words=2))
+
+
+def _requirements(judgements: Sequence[Judgement]) -> Table:
+    """What was required, what fails first."""
+    from grosmc_mj.report.tables import number
+
+    rows, styles = [], []
+    for each in sorted(judgements, key=lambda each: each.kept):
+        unit = each.limit.unit if each.limit.unit != "1" else ""
+        said = "kept" if each.kept else "FAILED" + (f": {each.note}" if each.note else "")
+        measured = "-" if each.measured is None else f"{number(each.measured)} {unit}".strip()
+        margin = "-" if each.margin is None else number(each.margin)
+        rows.append((said, each.limit.words, each.controller, each.plant, measured, margin))
+        styles.append("" if each.kept else "red")
+    columns = ("", "requirement", "law", "plant", "measured", "margin")
+    return screen.brief_table("", columns, rows, words=4, most=9, styles=styles)
+
+
+def runs_table(results: Sequence[RunResult]) -> Table:
+    """The main numbers of runs of one case, physics first."""
+    from grosmc_mj.experiments.tables import metric_cell
+
+    system, error = results[0].trajectory.system, results[0].controller.designed.error
+    output = error.units[error.output_rows[0]]
+    rows, styles = [], []
+    for result in sorted(results, key=lambda each: each.plant != "physics"):
+        metrics = result.metrics
+        names = ("deviation", "settling_time", "cost_whole", "cost_optimal", "max_input")
+        law = result.controller.name + (" (!)" if result.ended else "")
+        rows.append((result.plant, law, *(metric_cell(metrics.get(name)) for name in names)))
+        styles.append("red" if result.ended else "")
+    columns = (
+        "plant", "law", f"max|x1-x1*| [{output}]", "settled [s]", "J", "J*",
+        f"max|u| [{system.input.unit}]",
+    )  # fmt: skip
+    return screen.brief_table("", columns, rows, words=2, most=9, styles=styles)
+
+
+def _tables(console: Console, done: _JudgedExperiment) -> None:
+    """All that was measured."""
+    from grosmc_mj.chapter.claims_tables import audit_table, worst_points
+    from grosmc_mj.experiments import tables
+
+    console.print()
+    console.print(tables.results_table(done.results))
+    console.print()
+    console.print(tables.LEGEND, style="dim")
+    console.print(tables.gains_table(done.results))
+    console.print()
+    if done.judgements:
+        console.print(tables.requirements_table(done.judgements))
+        console.print()
+    for audit in done.premises:
+        console.print(audit_table(audit))
+        for line in worst_points(audit):
+            console.print(line, soft_wrap=True)
+
+
+def _draw(results: Sequence[RunResult], path: Path) -> Path:
+    """The figure."""
+    from grosmc_mj.experiments.figure import SIZE, draw_experiment
+    from grosmc_mj.report.figure import figure_written
+
+    with figure_written(path, SIZE) as figure:
+        draw_experiment(figure, results)
+    return path

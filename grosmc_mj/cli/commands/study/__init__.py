@@ -1,0 +1,1 @@
+"""The studies: what one command measures beyond the chapter's cases."""

@@ -1,0 +1,60 @@
+"""What a command is about: SYSTEM, SYSTEM/CASE or FILE.toml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grosmc_mj.errors import ArgumentError, shown
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+
+# In the help of commands that take all three.
+TARGET = "SYSTEM|SYSTEM/CASE|FILE.toml"
+CASES = "SYSTEM|SYSTEM/CASE"
+# Of a system, what a film or a window shows.
+_SHOWN = "case1"
+_FILE = ".toml"
+
+
+def result_name(path: Path) -> str:
+    """What the results of a case file are called: a case of the package is SYSTEM_CASE."""
+    from grosmc_mj.experiments.file.shipped import CASES as PACKAGED
+
+    parts = path.relative_to(PACKAGED).parent.parts if path.is_relative_to(PACKAGED) else ()
+    return "_".join((*parts, path.stem))
+
+
+def system_experiments(target: str, command: str) -> list[Experiment]:
+    """The experiments of a system of the package: those of SYSTEM, or SYSTEM/CASE.
+
+    Args:
+        target: What was asked for.
+        command: That takes no file, for the message.
+
+    Raises:
+        ArgumentError: If there is no such case, or it is a file.
+        ModelError: If there is no such system.
+    """
+    from grosmc_mj.experiments.experiment import find_experiment, select_experiments
+
+    if target.endswith(_FILE):
+        raise ArgumentError(
+            f"{shown(target, str)}: {command} takes SYSTEM or SYSTEM/CASE, such as arm/case1; "
+            "grosmc-mj run, campaign, film and view take files"
+        )
+    system, _, name = target.partition("/")
+    return [find_experiment(system, name)] if name else select_experiments([system], None)
+
+
+def shown_experiment(target: str) -> Experiment:
+    """The one experiment that a film or a window shows; of a system its case1, or its first.
+
+    Raises:
+        ArgumentError: If there is no such case or file.
+    """
+    from grosmc_mj.experiments.experiment import find_experiments
+
+    experiments = find_experiments(target)
+    return next((one for one in experiments if one.case.name == _SHOWN), experiments[0])

@@ -1,0 +1,223 @@
+"""Every command's answer: its verdict first, all of it within a screen; and names of commands."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.cells import cell_len
+
+import grosmc_mj
+from grosmc_mj import cli
+from grosmc_mj.cli.commands import COMMANDS, STUDIES
+from grosmc_mj.cli.targets import result_name
+from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.experiments.file.reading import resolved_text
+from grosmc_mj.experiments.file.shipped import shipped_files
+
+_LINES, _COLUMNS = 40, 100
+PACKAGE = Path(grosmc_mj.__file__).parent
+
+
+def run(*arguments: str) -> int:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def slow(*values: Any) -> Any:
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("command", "verdict"),
+    [
+        ("--help", "usage: grosmc-mj"),
+        ("list", "4 systems, 17 case files."),
+        ("new mine", r"mine\.toml written"),
+        ("study agreement servo --states 5 --edits 1", "Accelerations of the corrected .* differ"),
+        slow("claims --explain arm-eq57", "All verdicts are as expected"),
+        slow("doctor", "Films can"),
+        slow("run servo/case1", "All 3 requirements are kept"),
+        slow("run servo --no-figures", "All 9 requirements are kept"),
+        slow("run cart_pendulum/case1 --no-figures", "All 5 requirements are kept"),
+        slow("claims arm/case1 --premises", "1 of 8 premises of grosmc fail"),
+        slow("claims two_link_arm --premises", "All 40 premises of grosmc hold"),
+        slow("claims", "All verdicts are as expected"),
+        slow("claims --self-test", "Every fault is noticed"),
+        slow("validate", "All 87 runs are as recorded"),
+        slow("validate servo/case1 --no-figures", "All 4 runs are as recorded"),
+        slow(
+            "campaign servo --runs 16 --worst --evaluations 128 --radius",
+            "lqr keeps everything on 0 of 16 plants",
+        ),
+        slow("study switching servo/case1", r"All \d+ runs in MuJoCo completed"),
+        slow("study region arm --points 5 --duration 6", "lqr on case2 converges from the fewest"),
+        slow("study cart", "Does not bring the cart to rest: grosmc in"),
+        slow("bench --rounds 1", "Least: "),
+    ],
+)
+def test_the_answer_comes_first_and_fits_on_a_screen(
+    command: str,
+    verdict: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = run(*command.split())
+    lines = capsys.readouterr().out.rstrip("\n").split("\n")
+    # A machine may lack what films need.
+    assert code in ((cli.DONE, cli.DIFFERS) if command == "doctor" else (cli.DONE,))
+    assert re.match(verdict, lines[0]), lines[0]
+    assert len(lines) <= _LINES
+    # Help is as wide as the terminal.
+    if command != "--help":
+        assert [line for line in lines if cell_len(line.rstrip()) > _COLUMNS] == []
+
+
+@pytest.mark.slow
+@pytest.mark.render
+@pytest.mark.parametrize(("target", "name"), [("servo/case2", "servo_case2"), ("FILE", "small")])
+def test_a_film_is_of_a_case_or_a_file(
+    target: str,
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(shipped_files()["servo/case2"].read_text())
+    size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--controllers", "lqr")
+    assert run("film", target.replace("FILE", "small.toml"), *size) == cli.DONE
+    assert (tmp_path / "renders" / "films" / f"{name}.mp4").is_file()
+    said = capsys.readouterr().out
+    assert re.match("2 frames, 0.5 s", said)
+    assert len(said.splitlines()) == 2
+
+
+@pytest.mark.slow
+def test_a_film_of_a_file_refuses_what_the_file_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "small.toml"
+    file.write_text(shipped_files()["servo/case2"].read_text())
+    for arguments, says in (
+        (("--controllers", "pid"), "unknown controller 'pid': valid: lqr, grosmc"),
+        (("--controllers",), "1 to 4 controllers, not 0"),
+        (("--switching", "implicit"), "says its own"),
+        (("--from", "100"), "shows nothing"),
+    ):
+        assert run("film", str(file), *arguments) == cli.WRONG
+        assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("compare arm", "compare is now: grosmc-mj study agreement arm"),
+        ("switching", "switching is now: grosmc-mj study switching"),
+        ("region arm --case case2", "region is now: grosmc-mj study region arm/case2"),
+        ("hold --out x", "hold is now: grosmc-mj study cart --out x"),
+        ("premises arm --case case1", "premises is now: grosmc-mj claims arm/case1 --premises"),
+        ("replay out 3 --film", "replay is now: grosmc-mj campaign out --replay 3 --film"),
+        ("replay", "replay is now: grosmc-mj campaign CAMPAIGN --replay RUN"),
+        ("readme", "readme is now: make results"),
+        ("film servo --case case2 --gif", "--case is now: grosmc-mj film servo/case2 --gif"),
+        ("study region arm --case case2", "--case is now: grosmc-mj study region arm/case2"),
+        ("validate --case nominal", "--case is now: grosmc-mj validate SYSTEM/nominal"),
+        ("view arm --case", "--case is now: grosmc-mj view arm/CASE"),
+    ],
+)
+def test_an_old_name_says_the_new_one(
+    old: str, new: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*old.split()) == cli.WRONG
+    assert capsys.readouterr().err == f"grosmc-mj: {new}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ("campaign servo --film", "--film is for --replay only"),
+        ("campaign servo --case-file x.toml", "--case-file is for --replay only"),
+        ("campaign out --replay 3 --runs 7", "--runs is not for --replay"),
+        ("claims --premises", "--premises needs a target: SYSTEM|SYSTEM/CASE"),
+        ("claims arm --premises --json", "leave out --explain, --json"),
+        ("claims arm --controller lqr", "--controller is for --premises"),
+        ("claims arm/case1", "claims are about a SYSTEM"),
+        ("claims mine.toml --premises", "takes SYSTEM or SYSTEM/CASE"),
+        ("validate mine.toml", "takes SYSTEM or SYSTEM/CASE"),
+        ("study region mine.toml", "takes SYSTEM or SYSTEM/CASE"),
+        ("study switching cart_pendulum/case2", "valid: case1"),
+        ("film leg/case1", "unknown case 'leg/case1'"),
+        ("view nothing.toml", "there is no such file"),
+    ],
+)
+def test_what_a_command_cannot_be_about_is_one_line(
+    arguments: str, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments.split()) == cli.WRONG
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+def test_one_grammar_for_targets(tmp_path: Path) -> None:
+    cases = [one.case.name for one in system_experiments("arm", "x")]
+    assert cases == ["nominal", "case1", "case2"]
+    assert [one.case.name for one in system_experiments("arm/case2", "x")] == ["case2"]
+    assert shown_experiment("arm").case.name == "case1"
+    assert shown_experiment("arm/nominal").case.name == "nominal"
+    assert shown_experiment("jaco").path == shipped_files()["jaco/eight"]
+    mine = tmp_path / "mine.toml"
+    mine.write_text(resolved_text(shipped_files()["arm/case1"]), encoding="utf-8")
+    assert shown_experiment(str(mine)).path == mine
+    assert (result_name(mine), result_name(shipped_files()["arm/case1"])) == ("mine", "arm_case1")
+    for wrong in ("leg", "arm/case9", "leg/case1", "nothing.toml", str(tmp_path)):
+        with pytest.raises(GrosmcError):
+            shown_experiment(wrong)
+    with pytest.raises(ArgumentError, match="takes SYSTEM or SYSTEM/CASE"):
+        system_experiments(str(mine), "x")
+
+
+def test_every_command_has_a_summary_and_takes_verbose() -> None:
+    commands = [each for each in COMMANDS.values() if isinstance(each, type)]
+    for each in [*commands, *STUDIES.values()]:
+        assert (each.__doc__ or "").partition("\n")[0].endswith((".", ":"))
+        assert "verbose" in each.__dataclass_fields__
+    named = ["new", "run", "campaign", "film", "view", "validate", "claims", "study", "list",
+             "doctor", "bench"]  # fmt: skip
+    assert list(COMMANDS) == named
+
+
+def test_help_imports_nothing_heavy() -> None:
+    program = (
+        "import sys\nfrom grosmc_mj.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print([n for n in ('numpy', 'mujoco', 'numba', 'sympy', 'scipy', 'pydantic', "
+        "'matplotlib', 'rich.console') if n in sys.modules], file=sys.stderr)"
+    )
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+
+
+def test_no_folder_of_the_command_line_is_large_and_no_class_is_called_as_another() -> None:
+    folders = [path for path in (PACKAGE / "cli").rglob("*") if path.is_dir()]
+    for folder in [PACKAGE / "cli", *folders]:
+        assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= 12
+    names = {
+        path: re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        for path in PACKAGE.rglob("*.py")
+    }
+    counts = Counter(name for found in names.values() for name in found)
+    ours = {name for path in names if "cli" in path.parts for name in names[path]}
+    assert {name for name in ours if counts[name] > 1} == set()
