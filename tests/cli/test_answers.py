@@ -15,7 +15,7 @@ from rich.cells import cell_len
 import grosmc_mj
 from grosmc_mj import cli
 from grosmc_mj.cli.commands import COMMANDS, STUDIES
-from grosmc_mj.cli.targets import result_name
+from grosmc_mj.cli.targets import result_name, shown_experiment, system_experiments
 from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
@@ -153,9 +153,7 @@ def test_an_old_name_says_the_new_one(
         ("claims arm --premises --json", "leave out --explain, --json"),
         ("claims arm --controller lqr", "--controller is for --premises"),
         ("claims arm/case1", "claims are about a SYSTEM"),
-        ("claims mine.toml --premises", "takes SYSTEM or SYSTEM/CASE"),
         ("validate mine.toml", "takes SYSTEM or SYSTEM/CASE"),
-        ("study region mine.toml", "takes SYSTEM or SYSTEM/CASE"),
         ("study switching cart_pendulum/case2", "valid: case1"),
         ("film leg/case1", "unknown case 'leg/case1'"),
         ("view nothing.toml", "there is no such file"),

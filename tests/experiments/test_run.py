@@ -195,8 +195,8 @@ def test_a_file_runs_as_validate_does(case: str):
 def test_numbers_of_the_file_are_the_defaults_written_out(tmp_path: Path):
     text = resolved_text(ARM)
     explicit = text.replace(
-        'law = "grosmc"\n',
-        'law = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\nQ = [[10, 2], [2, 1]]\nR = 1\n',
+        '[[controller]]\nlaw = "grosmc"\n',
+        '[[controller]]\nlaw = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\nQ = [[10, 2], [2, 1]]\nR = 1\n',
     )
     (tmp_path / "mine.toml").write_text(explicit)
     found = {r.key: r for r in Experiment.load(tmp_path / "mine.toml").runs()}

@@ -112,7 +112,8 @@ class FilmCommand(Command):
             surface=self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
         )
         experiment = experiment.with_settings(**settings.changes())
-        names = tuple(dict.fromkeys(self.controllers or _controllers(experiment)))
+        asked = _controllers(experiment) if self.controllers is None else self.controllers
+        names = tuple(dict.fromkeys(asked))
         check_request(experiment, names, form)
         path = self.output or Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
         if path.suffix.lower() != ".mp4":
