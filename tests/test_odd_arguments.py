@@ -147,6 +147,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             gm.tracking_grosmc,
             {"task": task(), "k": 1.0, "epsilon": 1.0, "G": None},
         ),
+        "Experiment.load": (gm.Experiment.load, {"target": "servo/nominal"}),
         "MujocoPlant.load": (
             gm.MujocoPlant.load,
             {"name": "servo", "edits": (), "timestep": None, "integrator": None},
@@ -259,7 +260,7 @@ def test_every_public_name_is_called() -> None:
     packages = {"campaign", "control", "environments", "errors", "films", "plants", "simulation"}
     public = {*gm.__all__, *gm.control.__all__, *gm.simulation.__all__, *gm.films.__all__}
     made = {"GrosmcError", "Status", "TIME", "Trajectory"}
-    like = {"Setpoints", "write_film", "MujocoPlant", "Robot"}
+    like = {"Setpoints", "write_film", "Experiment", "MujocoPlant", "Robot"}
     assert public - packages - made - like <= set(CALLS)
 
 

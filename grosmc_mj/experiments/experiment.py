@@ -66,6 +66,7 @@ class Experiment:
             ArgumentError: If the file or what it names is wrong, in one line that begins with its
                 path.
         """
+        require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
         return experiment_of(read_case_file(path), path)
 

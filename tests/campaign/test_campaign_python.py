@@ -164,7 +164,7 @@ def test_python_that_is_not_there_any_more_or_is_new_is_refused(
 
 
 def test_a_case_file_of_another_text_is_refused(folder: Folder, file: Path, trace: Path) -> None:
-    file.write_text(f"{file.read_text()}\n")
+    file.write_text(file.read_text().replace('duration = "', 'duration = "1'))
     with pytest.raises(GrosmcError, match=r"is not the case file of .*: its text is another"):
         read_campaign(folder.path, file)
     assert not trace.exists()

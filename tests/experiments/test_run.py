@@ -196,7 +196,8 @@ def test_numbers_of_the_file_are_the_defaults_written_out(tmp_path: Path):
     text = resolved_text(ARM)
     explicit = text.replace(
         '[[controller]]\nlaw = "grosmc"\n',
-        '[[controller]]\nlaw = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\nQ = [[10, 2], [2, 1]]\nR = 1\n',
+        '[[controller]]\nlaw = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\n'
+        "Q = [[10, 2], [2, 1]]\nR = 1\n",
     )
     (tmp_path / "mine.toml").write_text(explicit)
     found = {r.key: r for r in Experiment.load(tmp_path / "mine.toml").runs()}

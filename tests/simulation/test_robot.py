@@ -11,10 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from shipped import TWO_LINK_JOINTS
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
     computed_torque_pd,
     linear_lqr,
@@ -35,6 +35,7 @@ from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
+from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit
@@ -188,7 +189,7 @@ def test_computed_torque_gives_the_acceleration_that_it_asks_for() -> None:
 def test_mujocos_dynamics_and_the_symbolic_ones_make_the_same_law() -> None:
     symbolic = Task(
         MujocoPlant.load("two_link_arm").analytic(),
-        TWO_LINK_JOINTS,
+        ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2)),
         Setpoints(0.3, -0.4),
         *weights(2),
     )
@@ -205,7 +206,10 @@ def test_mujocos_dynamics_and_the_symbolic_ones_make_the_same_law() -> None:
 
 def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     ours, p = two_link_law().coordinates, two_link_law().parameters
-    theirs, plant = TWO_LINK_JOINTS, MujocoPlant.load("two_link_arm")
+    theirs, plant = (
+        ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2)),
+        MujocoPlant.load("two_link_arm"),
+    )
     symbolic = replace(p, plant=plant.analytic().parameters)
     heavier = BodyEdit("payload", mass_scale=3.0)
     true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()

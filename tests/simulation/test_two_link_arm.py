@@ -31,7 +31,7 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
 from grosmc_mj.control.gains import authority, switching_gains
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.references import setpoints
+from grosmc_mj.control.references import Setpoint, setpoints
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
@@ -609,7 +609,7 @@ def test_pd_of_outputs_of_another_degree_is_refused() -> None:
     """The servo's rate is steered at once: relative degree 1."""
     plant = MujocoPlant.load("servo").analytic()
     rate = ErrorCoordinates(SERVO, setpoints(1), outputs=(SERVO.equations.x[1],))
-    task = Task(plant, rate, task_of("servo", plant).reference, np.eye(1), 1.0)
+    task = Task(plant, rate, Setpoint(1.0), np.eye(1), 1.0)
     with pytest.raises(GainError, match=r"relative degrees \(1,\) all 2"):
         computed_torque_pd(task, 5.0, 1.0)
 

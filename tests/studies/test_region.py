@@ -19,7 +19,7 @@ from conftest import hear_interrupts
 from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj import cli, simulate
-from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
+from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.experiment import find_experiment
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import CART_PENDULUM, SERVO
@@ -281,7 +281,7 @@ def test_a_question_without_sense_is_refused(question: RegionQuestion, says: str
 
 
 def test_an_unknown_system_is_refused() -> None:
-    with pytest.raises(ModelError, match="unknown system 'leg'"):
+    with pytest.raises(ArgumentError, match="unknown case 'leg'"):
         Region(RegionQuestion("leg"))
 
 
@@ -296,7 +296,7 @@ def run(*arguments: str) -> int:
     ("arguments", "says"),
     [
         (("study", "region"), "SYSTEM"),
-        (("study", "region", "leg"), "unknown system 'leg': valid: servo, cart_pendulum, arm"),
+        (("study", "region", "leg"), "unknown case 'leg': valid: arm, cart_pendulum"),
         (("study", "region", "arm", "--points", "1"), "must be from 2 to 1000"),
         (("study", "region", "arm", "--points", "2.5"), "--points"),
         (("study", "region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
