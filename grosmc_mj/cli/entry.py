@@ -13,11 +13,10 @@ import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from grosmc_mj.cli.output import Output
+from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED, WRONG
+from grosmc_mj.cli.output import PROGRAM, Output
 from grosmc_mj.errors import GrosmcError, one_line, shown
 
-PROGRAM = "grosmc-mj"
-DONE, DIFFERS, WRONG, INTERRUPTED = 0, 1, 2, 130
 _DEBUG = "--debug"
 # Characters of the one line; a message may list valid names, or have somebody's text in it.
 _LONGEST = 1000

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
+PROGRAM = "grosmc-mj"
+
 
 class Output:
     """Standard output, of which nothing is expected once it has failed.

@@ -15,7 +15,7 @@ from tyro.conf import subcommand
 
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import ABOUT, COMMANDS, STUDIES, STUDY, Studies
-from grosmc_mj.cli.entry import PROGRAM
+from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
 

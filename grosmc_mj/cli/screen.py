@@ -6,8 +6,8 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.cli.entry import DIFFERS as DIFFERS
-from grosmc_mj.cli.entry import DONE as DONE
+from grosmc_mj.cli.exit_codes import DIFFERS as DIFFERS
+from grosmc_mj.cli.exit_codes import DONE as DONE
 
 if TYPE_CHECKING:
     from pathlib import Path

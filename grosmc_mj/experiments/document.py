@@ -5,13 +5,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements import Judgement
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.report.document import origin
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.runs import RunResult
 
 
 def experiment_document(

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -19,8 +19,6 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.document import case_document
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
 from grosmc_mj.films.marks import trace_site
@@ -31,6 +29,10 @@ from grosmc_mj.report.palette import colour_of, label_of
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.runs import RunResult, Settings
 
 # What validate shows of every case; smaller than a single film, since there are many.
 CONTROLLERS = ("lqr", "grosmc")

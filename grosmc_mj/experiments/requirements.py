@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.folds import DWELL, error_after, folded
 from grosmc_mj.experiments.metrics.recorded import has_cart, noted
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.trajectory import Status
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.runs import RunResult
 
 # s(0) is zero to rounding of z and of its reference.
 _ROUNDING = 1e-9

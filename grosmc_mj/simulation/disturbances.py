@@ -97,6 +97,11 @@ class SineFrom:
         return sine_from(t, self.frequency, self.onset, self.phase)
 
 
+def is_known(profile: Profile) -> bool:
+    """Whether compiled code knows a profile; a subclass may compute something else."""
+    return type(profile) in (Constant, Pulse, SineFrom)
+
+
 @dataclass(frozen=True)
 class Disturbance:
     """A wrench on a body, times a profile of t.

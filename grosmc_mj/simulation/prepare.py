@@ -15,8 +15,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.plants import Plant, System
+from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.engines.records import pack, record_dtype
 from grosmc_mj.simulation.problem import Problem
 
 Item = TypeVar("Item")

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant, System
-from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
-from grosmc_mj.simulation.engines.native_pushes import is_known
-from grosmc_mj.simulation.engines.records import record_dtype
+from grosmc_mj.records import record_dtype
+from grosmc_mj.simulation.disturbances import Disturbance, is_known, wrench_table
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError
 
 

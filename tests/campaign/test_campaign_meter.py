@@ -11,7 +11,7 @@ import pytest
 from campaign_cases import LAWS, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.meter import METRICS, cost_ratios, metered
+from grosmc_mj.campaign.family.meter import METRICS, cost_ratios, metered
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum, measure

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_cases import begun, campaign, falling, forged, kept, replaced, servo
 
-from grosmc_mj.campaign.findings.promise import MOST
+from grosmc_mj.campaign.family.family import LARGEST_SCALE
 from grosmc_mj.campaign.findings.worst import worst
 from grosmc_mj.campaign.report.document import replay_document, worst_document
 from grosmc_mj.campaign.runs.folder import Folder
@@ -161,6 +161,6 @@ def test_a_plant_outside_may_be_as_far_out_as_the_radius_looks(tmp_path: Path) -
         (tmp_path / "radius.json").write_text(json.dumps(content))
         return found_values(asked, tmp_path, "outside", "lqr").tolist()
 
-    assert outside(MOST) == [1 + 2 * MOST, -MOST]
+    assert outside(LARGEST_SCALE) == [1 + 2 * LARGEST_SCALE, -LARGEST_SCALE]
     with pytest.raises(GrosmcError, match="rotor mass scale = "):
-        outside(1.01 * MOST)
+        outside(1.01 * LARGEST_SCALE)

@@ -26,8 +26,8 @@ from grosmc_mj.experiments.metrics.folds import MeterNumbers, Meters, note, note
 from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import SERVO
+from grosmc_mj.records import pack
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
-from grosmc_mj.simulation.engines.records import pack
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -19,8 +19,8 @@ from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import SERVO, SYSTEMS, AnalyticPlant, Signal, System, Variant, find_system
 from grosmc_mj.plants.equations import Equations
+from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.engines.records import pack, record_dtype
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 POINTS = 300

@@ -10,10 +10,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.family import Family, family_of
+from grosmc_mj.campaign.family.meter import metered
 from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.meter import metered
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of

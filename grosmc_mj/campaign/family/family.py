@@ -14,8 +14,8 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
+from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.family.sampling import all_corners
-from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
@@ -24,6 +24,9 @@ from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit
+
+# How far a family is scaled at most, by searches and promises.
+LARGEST_SCALE = 8.0
 
 # How the columns of margins begin.
 MARGIN = "margin "

@@ -15,14 +15,14 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.family import Quantity
+from grosmc_mj.campaign.family.family import LARGEST_SCALE, Quantity
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.premises.audit import least_margin
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 
 # Scales are known to this part of themselves, up to the largest.
-_TOLERANCE, MOST = 0.01, 8.0
+_TOLERANCE = 0.01
 # Gains that were computed for a plant hold for it to rounding of the largest rates.
 _ROUNDING = 1e-9
 # What the equations, from which the premises are computed, do not have.
@@ -145,7 +145,7 @@ class PromisedFamily:
         """The largest scale of the uncertainty at which the premises hold, by bisection."""
         if not self.holds(0.0):
             return Promise(0.0, "the premises do not hold for the nominal plant")
-        most = min(MOST, self.campaign.family.largest_scale * (1 - 1e-9))
+        most = min(LARGEST_SCALE, self.campaign.family.largest_scale * (1 - 1e-9))
         if self.holds(most):
             return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
         low, high = 0.0, most

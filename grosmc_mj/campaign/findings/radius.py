@@ -9,8 +9,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.family import LARGEST_SCALE
 from grosmc_mj.campaign.family.sampling import unit_points
-from grosmc_mj.campaign.findings.promise import MOST, Promise, promise
+from grosmc_mj.campaign.findings.promise import Promise, promise
 from grosmc_mj.campaign.runs.shard import evaluate
 
 # The radius is known to this part of itself; below the least scale it counts as none.
@@ -82,7 +83,7 @@ def radius(
     family = campaign.family
     points = _points(campaign)
     values = family.values(points)
-    largest = min(MOST, family.largest_scale * (1 - 1e-9))
+    largest = min(LARGEST_SCALE, family.largest_scale * (1 - 1e-9))
     looks: list[Look] = []
 
     def fails(scale: float) -> bool:

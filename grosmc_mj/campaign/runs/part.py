@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import MARGIN
+from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.runs.manifest import SCHEMA_VERSION
-from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.campaign.runs.shard import Outcomes
 from grosmc_mj.errors import SetupError
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.findings.promise import MOST
+from grosmc_mj.campaign.family.family import LARGEST_SCALE
+from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.manifest import read_json
-from grosmc_mj.campaign.runs.meter import METRICS
 from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
@@ -121,7 +121,7 @@ def found_values(campaign: Campaign, folder: Path, which: str, controller: str) 
             f"{', '.join(campaign.family.names)} and no others"
         )
     # Nothing was searched for farther from the nominal plant than that.
-    scale = min(MOST, campaign.family.largest_scale) if which == "outside" else 1.0
+    scale = min(LARGEST_SCALE, campaign.family.largest_scale) if which == "outside" else 1.0
     for quantity in campaign.family.quantities:
         value, ends = found[quantity.name], (quantity.nominal, *quantity.ends(scale))
         slack = 1e-9 * (1 + max(abs(end) for end in ends if math.isfinite(end)))

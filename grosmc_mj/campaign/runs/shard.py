@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.meter import METRICS, cost_ratios, metered
 from grosmc_mj.campaign.family.plant_sample import PlantSample
-from grosmc_mj.campaign.runs.meter import METRICS, cost_ratios, metered
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.metrics.folds import Recording, folded
 from grosmc_mj.experiments.requirements import afters, margins_of

@@ -16,8 +16,8 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.jitable import jitable
+from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.engines.compilation import compile_python
-from grosmc_mj.simulation.engines.records import pack, record_dtype
 
 # The usual 2 % band, of the initial error.
 SETTLING_BAND = 0.02

@@ -22,11 +22,11 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import SetupError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
+from grosmc_mj.records import record_dtype
 from grosmc_mj.simulation.engines.compilation import compile_c, pointer
 from grosmc_mj.simulation.engines.inputs import written_inputs
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
 from grosmc_mj.simulation.engines.native_pushes import write_wrenches
-from grosmc_mj.simulation.engines.records import record_dtype
 from grosmc_mj.simulation.problem import FAILED, Problem
 from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status

@@ -13,9 +13,9 @@ import numpy as np
 from grosmc_mj.control.laws import Law
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
+from grosmc_mj.records import record_dtype
 from grosmc_mj.simulation.engines.compilation import compile_c, pointer
 from grosmc_mj.simulation.engines.inputs import written_inputs
-from grosmc_mj.simulation.engines.records import record_dtype
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.trajectory import Status

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Workspace
+from grosmc_mj.records import pack
 from grosmc_mj.simulation.engines.control_callback import (
     MAGIC,
     control_callback,
@@ -20,7 +21,6 @@ from grosmc_mj.simulation.engines.control_callback import (
     userdata_dtype,
 )
 from grosmc_mj.simulation.engines.native_pushes import PUSH, most_pushes, packed
-from grosmc_mj.simulation.engines.records import pack
 from grosmc_mj.simulation.law_errors import compiling
 from grosmc_mj.simulation.problem import Problem, Record, refuse_failed
 from grosmc_mj.simulation.trajectory import Status

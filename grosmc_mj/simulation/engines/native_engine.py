@@ -9,11 +9,11 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own
+from grosmc_mj.records import pack
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.native_analytic import analytic_kernel
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
 from grosmc_mj.simulation.engines.python_engine import run_python
-from grosmc_mj.simulation.engines.records import pack
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError, compiling
 from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
 from grosmc_mj.simulation.quiet import callback_errors_ignored

@@ -16,7 +16,6 @@ from grosmc_mj.simulation.disturbances import (
     CONSTANT,
     PULSE,
     SINE,
-    Constant,
     Disturbance,
     Profile,
     Pulse,
@@ -29,11 +28,6 @@ from grosmc_mj.simulation.engines.compilation import pointer
 PUSH = 11
 # Rows of xfrc_applied.
 _ROW = 6 * np.dtype(np.float64).itemsize
-
-
-def is_known(profile: Profile) -> bool:
-    """Whether compiled code knows a profile; a subclass may compute something else."""
-    return type(profile) in (Constant, Pulse, SineFrom)
 
 
 def most_pushes(lists: Sequence[Sequence[Disturbance]]) -> int:
