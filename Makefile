@@ -86,7 +86,7 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	mv $(GALLERY)/hold.gif renders/gallery/cart_pendulum_hold.gif
 
 results: $(INSTALLED)  ## Write the table of results from renders/validation.json anew
-	$(BIN)/python -m grosmc_mj.chapter.results_table README.md renders/validation.json
+	$(BIN)/python -m grosmc_mj.chapter.results_table docs/results.md renders/validation.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

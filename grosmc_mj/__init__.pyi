@@ -1,4 +1,5 @@
 from . import campaign, control, environments, errors, films, plants, simulation
+from .campaign.family.campaign import Campaign
 from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
 from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
@@ -6,7 +7,7 @@ from .control.gains import Uncertainty
 from .control.lqr import lqr
 from .control.task import Realization, Task
 from .errors import GrosmcError
-from .experiments.experiment import Experiment, chapter_controller
+from .experiments.experiment import Experiment, chapter_controller, judge
 from .plants import AnalyticPlant, affine_plant
 from .simulation.disturbances import Disturbance, Pulse
 from .simulation.edits import AddedMass, BodyEdit, JointEdit
@@ -21,6 +22,7 @@ __all__ = [
     "AddedMass",
     "AnalyticPlant",
     "BodyEdit",
+    "Campaign",
     "Controller",
     "Disturbance",
     "Experiment",
@@ -42,6 +44,7 @@ __all__ = [
     "errors",
     "feedback_linearization",
     "films",
+    "judge",
     "linearized_lqr",
     "lqr",
     "plants",

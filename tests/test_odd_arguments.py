@@ -147,6 +147,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             gm.tracking_grosmc,
             {"task": task(), "k": 1.0, "epsilon": 1.0, "G": None},
         ),
+        "judge": (gm.judge, {"target": "servo/nominal"}),
         "Experiment.load": (gm.Experiment.load, {"target": "servo/nominal"}),
         "MujocoPlant.load": (
             gm.MujocoPlant.load,
@@ -260,7 +261,7 @@ def test_every_public_name_is_called() -> None:
     packages = {"campaign", "control", "environments", "errors", "films", "plants", "simulation"}
     public = {*gm.__all__, *gm.control.__all__, *gm.simulation.__all__, *gm.films.__all__}
     made = {"GrosmcError", "Status", "TIME", "Trajectory"}
-    like = {"Setpoints", "write_film", "Experiment", "MujocoPlant", "Robot"}
+    like = {"Setpoints", "write_film", "Experiment", "Campaign", "MujocoPlant", "Robot"}
     assert public - packages - made - like <= set(CALLS)
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from inspect import ismodule
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -56,12 +57,26 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
 
 
 @pytest.mark.slow
-def test_the_readme_s_example_runs_and_is_short() -> None:
+@pytest.mark.render
+def test_the_readme_s_example_runs_and_is_short(tmp_path: Path, monkeypatch: Any) -> None:
     example = re.search(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert example is not None
     code = example.group(1)
     assert len([line for line in code.splitlines() if line.strip()]) == 8
-    assert re.fullmatch(r"pole .*rad, cart .* m away", python(code))
+    monkeypatch.chdir(tmp_path)
+    first, *requirements, last = python(code).splitlines()
+    assert re.fullmatch(r"\S+ rad from the nominal optimum", first)
+    assert requirements
+    assert all(line.endswith(" kept") for line in requirements)
+    assert last == "arm/case1 keeps all: True"
+    assert (tmp_path / "fall.mp4").is_file()
+
+
+def test_the_readme_s_example_file_is_kept(tmp_path: Path) -> None:
+    example = re.search(r"```toml\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert example is not None
+    (tmp_path / "mine.toml").write_text(example.group(1), encoding="utf-8")
+    assert all(judgement.kept for judgement in grosmc_mj.judge(tmp_path / "mine.toml"))
 
 
 def test_the_readme_s_picture_is_in_the_repository() -> None:

@@ -3,3 +3,7 @@
 ``family`` says which plants, ``runs`` runs them, ``findings`` says what the rows mean, ``report``
 shows it.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -25,7 +25,7 @@ from grosmc_mj.experiments.file.shipped import find_file, shipped_files
 from grosmc_mj.experiments.file.user_code import blamed, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
-from grosmc_mj.experiments.requirements import Limit, limits
+from grosmc_mj.experiments.requirements import Judgement, Limit, judge_all, limits
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import SYSTEMS, AnalyticPlant, find_system
 from grosmc_mj.simulation.engines.inputs import require_answer
@@ -265,6 +265,19 @@ class Experiment:
 
 
 _realized = lru_cache(maxsize=512)(realized)
+
+
+def judge(target: str | Path | Experiment) -> list[Judgement]:
+    """Run an experiment, and say of each requirement and run whether it is kept.
+
+    Args:
+        target: ``system/case`` of the package, the path of a case file, or an experiment.
+
+    Raises:
+        GrosmcError: If the file is wrong, or a law of the user's own fails.
+    """
+    experiment = target if isinstance(target, Experiment) else Experiment.load(target)
+    return judge_all(experiment.limits, list(experiment.runs()))
 
 
 def find_experiments(target: str) -> list[Experiment]:

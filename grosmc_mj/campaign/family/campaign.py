@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from grosmc_mj.campaign.family.family import Family, family_of
 from grosmc_mj.campaign.family.meter import metered
 from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
-from grosmc_mj.campaign.family.specification import Specification
+from grosmc_mj.campaign.family.specification import Specification, specification_of
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
@@ -41,6 +42,19 @@ class Campaign:
     family: Family
     laws: Mapping[str, Controller]
     requirements: tuple[Limit, ...]
+
+    @classmethod
+    def load(cls, target: str, **asked: Any) -> Campaign:
+        """The campaign of a system of the package, one of its cases, or a case file.
+
+        Args:
+            target: ``arm``, ``arm/case1`` or the path of a case file.
+            asked: What else a ``Specification`` has, such as ``runs=1024`` or ``seed=1``.
+
+        Raises:
+            ArgumentError: If there is no such thing, or the file or a number is wrong.
+        """
+        return cls.of(specification_of(target, **asked))
 
     @classmethod
     def of(cls, specification: Specification) -> Campaign:
