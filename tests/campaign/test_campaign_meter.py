@@ -13,6 +13,7 @@ from campaign_cases import LAWS, LQR, campaign, case, servo
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.meter import METRICS, cost_ratios, metered
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.folds import Recording, folded
@@ -149,7 +150,7 @@ CASES = [f"{name}/{case}" for name in SYSTEMS for case in ("nominal", "case1", "
 @pytest.mark.parametrize("name", CASES)
 def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: str) -> None:
     body = MujocoPlant.load(name.split("/")[0]).system.uncertain_body
-    text = shipped_files()[name].read_text(encoding="utf-8").split("[[uncertain]]")[0]
+    text = resolved_text(shipped_files()[name]).split("[[uncertain]]")[0]
     asked = campaign(f'{text}\n[[uncertain]]\nbody = "{body}"\nmass_scale = [1, 2]\n')
     case = asked.experiment.case
     for law in asked.laws.values():

@@ -502,8 +502,8 @@ from pathlib import Path
 
 from grosmc_mj.films.film import Format
 from grosmc_mj.films.write import write_film
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.runs import Settings
 
 fps, path = int(sys.argv[1]), Path(sys.argv[2])
 
@@ -520,7 +520,7 @@ def look():
 
 
 workers = []
-run = run_case(find_case("cart_pendulum", "nominal"), "physics", "lqr", Settings())
+run = Experiment.load("cart_pendulum/nominal").run("physics", "lqr")
 written = write_film(
     film_of([run], Format(480, 320, fps, stop=4.0)), path, workers=1, advance=look
 )
@@ -552,7 +552,7 @@ def test_memory_does_not_grow_with_the_film(tmp_path: Path) -> None:
         assert abs(long[who] - short[who]) < 20_000, (short, long)  # kB
 
 
-def test_a_normal_film_says_one_line_and_shows_its_progress_to_terminals_only(
+def test_a_normal_film_says_what_it_is_and_shows_its_progress_to_terminals_only(
     tmp_path: Path,
 ) -> None:
     master, terminal = pty.openpty()
@@ -577,8 +577,9 @@ def test_a_normal_film_says_one_line_and_shows_its_progress_to_terminals_only(
     os.close(master)
     for name, (code, out, _) in ends.items():
         assert code == cli.DONE
-        assert out.count("\n") == 1
-        assert out.startswith(f"{tmp_path / name}.mp4, {tmp_path / name}.png: 3 frames, 0.3 s, ")
+        words, film, poster = out.splitlines()
+        assert words.startswith("3 frames, 0.3 s, ")
+        assert [film, poster] == [f"{tmp_path / name}.mp4", f"{tmp_path / name}.png"]
     assert ends["piped"][2] == ""
     text = re.sub(r"\x1b\[[^a-zA-Z]*[a-zA-Z]", "", "".join(shown))
     assert "seen.mp4" in text
