@@ -3,6 +3,10 @@
 numba keys its cache by one function's file and by a pickle of its closure, which differs from
 process to process and misses edits of the functions that it calls. Here the key is a
 fingerprint of the function and of all that it reaches.
+
+numba also numbers what it compiles from 1 in every process and puts that number into the names
+that its linker sees. Two processes can so write different functions of one name, and a third
+that loads both calls one of them for the other (numba issue 10486). Here the numbers are random.
 """
 
 from __future__ import annotations
@@ -10,8 +14,10 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import secrets
 from collections.abc import Callable
 from enum import Enum, EnumMeta
+from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, ClassVar
@@ -19,6 +25,7 @@ from typing import Any, ClassVar
 import numba
 import numpy as np
 from numba.core import types
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -29,6 +36,10 @@ from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
 from grosmc_mj.files import private_cache
+
+FunctionIdentity._unique_ids = iter(partial(secrets.randbits, 64), None)
+# What is on disk from before the numbers were random is not read.
+_FORMAT = 2
 
 # Packages whose version stands for their source.
 _VERSIONED = ("math", "mujoco", "numba", "numpy")
@@ -98,7 +109,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
         constants = [code(c) if isinstance(c, CodeType) else repr(c) for c in block.co_consts]
         return f"{block.co_code.hex()}{constants}{block.co_names}"
 
-    text = f"{numba.__version__} {np.__version__} {describe(function)}"
+    text = f"{_FORMAT} {numba.__version__} {np.__version__} {describe(function)}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -134,6 +145,12 @@ class _Reduced(CompileResultCacheImpl):
     """How numba writes a compiled function, in our folder only."""
 
     _locator_classes: ClassVar[list[type[_CacheLocator]]] = [_PrivateFolder]
+
+    def check_cachable(self, cres: Any) -> bool:
+        """Whether it can be loaded again: not what calls itself, by an address of this process."""
+        symbols = cres.library._final_module.global_variables
+        recursive = any(symbol.name.startswith(".numba.unresolved") for symbol in symbols)
+        return not recursive and super().check_cachable(cres)
 
 
 class _FingerprintCache(FunctionCache):
