@@ -7,7 +7,8 @@ from .control.gains import Uncertainty
 from .control.lqr import lqr
 from .control.task import Realization, Task
 from .errors import GrosmcError
-from .experiments.experiment import Experiment, chapter_controller, judge
+from .experiments.catalogue import chapter_controller
+from .experiments.experiment import Experiment, judge
 from .plants import AnalyticPlant, affine_plant
 from .simulation.disturbances import Disturbance, Pulse
 from .simulation.edits import AddedMass, BodyEdit, JointEdit

@@ -11,7 +11,8 @@ from grosmc_mj.control.design import AS_PRINTED, Realization, Task, realized
 from grosmc_mj.control.references import Circle, Setpoints
 from grosmc_mj.experiments import runs
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import Experiment, find_experiment, find_experiments
+from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import AnalyticPlant

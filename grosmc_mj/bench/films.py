@@ -14,7 +14,7 @@ import mujoco
 from loky.process_executor import ProcessPoolExecutor
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.films import CONTROLLERS, film_of
 from grosmc_mj.films.board import OVERSAMPLING
 from grosmc_mj.films.film import Film, Format

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant

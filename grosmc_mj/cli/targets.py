@@ -9,6 +9,7 @@ from grosmc_mj.errors import ArgumentError, shown
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # In the help of commands that take all three.
 TARGET = "SYSTEM|SYSTEM/CASE|FILE.toml"
@@ -26,23 +27,22 @@ def result_name(path: Path) -> str:
     return "_".join((*parts, path.stem))
 
 
-def system_experiments(target: str, command: str) -> list[Experiment]:
-    """The experiments of a system of the package: those of SYSTEM, or SYSTEM/CASE.
+def recorded_experiments(target: str) -> list[Experiment]:
+    """The experiments whose results are recorded: those of SYSTEM, or SYSTEM/CASE.
 
     Args:
         target: What was asked for.
-        command: That takes no file, for the message.
 
     Raises:
         ArgumentError: If there is no such case, or it is a file.
         ModelError: If there is no such system.
     """
-    from grosmc_mj.experiments.experiment import find_experiment, select_experiments
+    from grosmc_mj.experiments.catalogue import find_experiment, select_experiments
 
     if target.endswith(_FILE):
         raise ArgumentError(
-            f"{shown(target, str)}: {command} takes SYSTEM or SYSTEM/CASE, such as arm/case1; "
-            "grosmc-mj run, campaign, film and view take files"
+            f"{shown(target, str)}: validate compares with results that are recorded for "
+            "SYSTEM/CASE, such as arm/case1; what a file requires is judged by grosmc-mj run"
         )
     system, _, name = target.partition("/")
     return [find_experiment(system, name)] if name else select_experiments([system], None)
@@ -54,7 +54,24 @@ def shown_experiment(target: str) -> Experiment:
     Raises:
         ArgumentError: If there is no such case or file.
     """
-    from grosmc_mj.experiments.experiment import find_experiments
+    from grosmc_mj.experiments.catalogue import find_experiments
 
     experiments = find_experiments(target)
     return next((one for one in experiments if one.case.name == _SHOWN), experiments[0])
+
+
+def plant_with_equations(target: str) -> MujocoPlant:
+    """The nominal plant of a case, which has equations beside its model in MuJoCo.
+
+    Raises:
+        ArgumentError: If there is no such case or file, or its plant lacks one of them.
+    """
+    from grosmc_mj.experiments.catalogue import find_experiments
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+    plant = find_experiments(target)[0].nominal.plant
+    if not isinstance(plant, MujocoPlant):
+        raise ArgumentError(f"{target}: {plant.system.name} has equations and no model in MuJoCo")
+    if plant.system.read_parameters is None:
+        raise ArgumentError(f"{target}: {plant.system.name} has a model in MuJoCo and no equations")
+    return plant

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.environments.index import Index
+from grosmc_mj.environments.reward import Index
 from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import Experiment, find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.prepare import prepare

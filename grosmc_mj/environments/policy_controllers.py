@@ -13,7 +13,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.environments.index import Index
+from grosmc_mj.environments.reward import Index
 from grosmc_mj.environments.signals import Observation, Signals, input_label
 from grosmc_mj.errors import (
     ArgumentError,

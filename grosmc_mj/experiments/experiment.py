@@ -15,21 +15,20 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.switching import SuperTwisting, find_switching
-from grosmc_mj.control.task import AS_PRINTED, Realization, require_analytic
+from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.case import Case, case_of
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
-from grosmc_mj.experiments.file.shipped import find_file, shipped_files
+from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.requirements import Judgement, Limit, judge_all, limits
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
-from grosmc_mj.plants import SYSTEMS, AnalyticPlant, find_system
+from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 
@@ -280,83 +279,6 @@ def judge(target: str | Path | Experiment) -> list[Judgement]:
     return judge_all(experiment.limits, list(experiment.runs()))
 
 
-def find_experiments(target: str) -> list[Experiment]:
-    """The experiments that a name means: ``SYSTEM``, ``SYSTEM/CASE`` or the path of a case file.
-
-    Args:
-        target: ``servo`` for all its cases, the nominal one first; ``servo/case1`` for one; or a
-            path.
-
-    Raises:
-        ArgumentError: If there is none, or a file is wrong, in one line.
-    """
-    files = shipped_files()
-    found = [name for name in files if name.split("/")[0] == target]
-    if not found:
-        return [_shipped(files[target]) if target in files else Experiment.load(target)]
-    return [_shipped(files[name]) for name in sorted(found, key=_nominal_first)]
-
-
-def _nominal_first(name: str) -> tuple[bool, str]:
-    return not name.endswith("/nominal"), name
-
-
-def find_experiment(system: str, case: str) -> Experiment:
-    """One experiment of a system of the package.
-
-    Raises:
-        ModelError: If there is no such system.
-        ArgumentError: If it has no such case.
-    """
-    names = {each.case.name: each for each in find_experiments(find_system(system).name)}
-    if case not in names:
-        raise ArgumentError(unknown_name(f"case of {system}", case, names))
-    return names[case]
-
-
-def select_experiments(systems: Sequence[str], case: str | None) -> list[Experiment]:
-    """The experiments of the named systems (all, if none is named), or the one case of each.
-
-    Raises:
-        ModelError: If a system is unknown.
-        ArgumentError: If a system has no such case.
-    """
-    names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
-    if case is not None:
-        return [find_experiment(name, case) for name in names]
-    return [each for name in names for each in find_experiments(name)]
-
-
-@cache
-def _shipped(path: Path) -> Experiment:
-    """An experiment of the package, read once."""
-    return _read(read_case_file(path), path)
-
-
-def chapter_controller(
-    name: str,
-    nominal: AnalyticPlant,
-    realization: Realization = AS_PRINTED,
-    case: str = "nominal",
-) -> Controller:
-    """The law of that name that a case of the package has, designed for a nominal plant.
-
-    Args:
-        name: ``lqr``, ``fl-lqr``, ``grosmc``, or another law of the system.
-        nominal: The plant that it believes in, such as ``MujocoPlant.load("arm").analytic()``.
-        realization: How a sliding mode law is sampled; as printed by default.
-        case: The case, since a system may have laws for several tasks.
-
-    Raises:
-        GrosmcError: If there is no such case or law, or the design fails for these numbers.
-    """
-    require_analytic("nominal", nominal)
-    require("name", name, str, "the name of a controller")
-    require("realization", realization, Realization, "a Realization")
-    require("case", case, str, "the name of a case")
-    return realized(find_experiment(nominal.system.name, case).law_for(nominal, name), realization)
-
-
 def experiment_of(file: CaseFile, path: Path) -> Experiment:
     """The experiment of a case file, with all its laws designed.
 
@@ -368,23 +290,18 @@ def experiment_of(file: CaseFile, path: Path) -> Experiment:
         ArgumentError: If it names what is not there, in one line that begins with its path.
     """
     try:
-        made = _read(file, path)
+        made = undesigned(file, path)
         _ = made.plants, made.laws, made.limits
     except GrosmcError as error:
         raise ArgumentError(f"{path}: {error}") from error
     return made
 
 
-def _read(file: CaseFile, path: Path) -> Experiment:
-    """The experiment of a file, with nothing designed yet."""
+def undesigned(file: CaseFile, path: Path) -> Experiment:
+    """The experiment of a file, its laws designed when they are asked for."""
     nominal, run = nominal_plant(file, path.parent), file.run
-    timestep = run.timestep or ANALYTIC_TIMESTEP
-    if (
-        run.timestep is None
-        and file.plant.system is None
-        and isinstance(nominal.plant, MujocoPlant)
-    ):
-        timestep = nominal.plant.step_length
+    own = None if file.plant.system is not None else nominal.plant.step_length
+    timestep = run.timestep or own or ANALYTIC_TIMESTEP
     settings = Settings(
         engine=run.engine,
         control_period=run.control_period or max(ANALYTIC_TIMESTEP, timestep),

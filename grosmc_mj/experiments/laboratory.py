@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from numpy.typing import ArrayLike
-
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import Experiment, find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant, Plant
@@ -148,10 +146,6 @@ class Laboratory:
     def _used(self, experiment: Experiment) -> Experiment:
         """An experiment as it is run, with what is wrong."""
         return self._fault.experiment(self._set(experiment))
-
-    def derivative(self, plant: Plant) -> Callable[[Array, ArrayLike, Array], Array]:
-        """x' as a function of x, u and the wrenches, of the equations or of MuJoCo."""
-        return plant.derivative
 
 
 def trial(

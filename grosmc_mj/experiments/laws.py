@@ -35,7 +35,6 @@ from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.plants.two_link_arm import tip
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 Maker = Callable[..., Controller]
 Laws = Mapping[str, Maker]
@@ -121,7 +120,7 @@ def _ours(
 
 def _linear_model(nominal: NominalPlant, plant: PlantName) -> Any:
     """MuJoCo's linear model of the plant, if the law is designed from the corrected equations."""
-    corrected = design_variant(plant) == "corrected" and isinstance(nominal.plant, MujocoPlant)
+    corrected = design_variant(plant) == "corrected" and nominal.plant.kind == "physics"
     return nominal.plant.linearization() if corrected else None
 
 

@@ -12,7 +12,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.experiments.metrics.folds import DWELL, error_after, folded
+from grosmc_mj.experiments.metrics.definitions import DWELL, error_after, folded
 from grosmc_mj.experiments.metrics.recorded import has_cart, noted
 from grosmc_mj.simulation.trajectory import Status
 

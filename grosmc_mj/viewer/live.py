@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
-from grosmc_mj.simulation.engines.closed_loop import ClosedLoop
+from grosmc_mj.simulation.engines.python_step import ClosedLoop
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.trajectory import Status, why_ended
 

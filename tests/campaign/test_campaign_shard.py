@@ -13,7 +13,7 @@ from grosmc_mj.campaign.family.meter import METRICS, metered
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
-from grosmc_mj.experiments.metrics.folds import Recording, folded
+from grosmc_mj.experiments.metrics.definitions import Recording, folded
 from grosmc_mj.experiments.requirements import Limit, afters, margins_of, required
 from grosmc_mj.simulation.simulate import simulate
 

@@ -39,7 +39,7 @@ from grosmc_mj.chapter.claims_document import claim_document
 from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings

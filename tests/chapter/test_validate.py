@@ -13,7 +13,7 @@ from conftest import hear_interrupts
 
 from grosmc_mj import cli
 from grosmc_mj.chapter import expected_results as expected
-from grosmc_mj.experiments.experiment import select_experiments
+from grosmc_mj.experiments.catalogue import select_experiments
 
 pytestmark = pytest.mark.slow
 

@@ -42,7 +42,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, System
 from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.cart_pendulum import pole_torque

@@ -32,8 +32,10 @@ from grosmc_mj.control.switching import (
     find_switching,
 )
 from grosmc_mj.control.task import Realization
-from grosmc_mj.errors import ArgumentError, GainError, ModelError
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.errors import ArgumentError, GainError, GrosmcError
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
+from grosmc_mj.experiments.file.reading import resolved_text
+from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics.recorded import crossings
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings, Surface
@@ -54,6 +56,7 @@ from grosmc_mj.studies.switching.measure import (
     CaseRow,
     SwitchingRun,
     benchmark,
+    cases_of,
     experiments,
     law_for,
     measure_case,
@@ -183,7 +186,7 @@ def test_crossings_of_a_case_are_per_second(monkeypatch: pytest.MonkeyPatch) -> 
     signs = np.where(np.arange(250) % 2, -0.1, 0.3)
     made_up = replace(result, trajectory=replace(result.trajectory, sliding=signs))
     monkeypatch.setattr(chattering, "run_experiment", lambda *_: made_up)
-    row = measure_case(SwitchingRun("servo", "nominal", "sign", "printed", H))
+    row = measure_case(SwitchingRun(find_experiment("servo", "nominal"), "sign", "printed", H))
     assert row.crossings == 249 / 0.25
     value = {name: metric.value or 0.0 for name, metric in result.metrics.items()}
     assert row.cost_ratio == value["cost_whole"] / value["cost_optimal"]
@@ -440,14 +443,36 @@ def test_realization_refuses_a_control_period_that_is_none(period):
         Realization(Sign(), period)
 
 
-def test_experiments_are_of_the_chapter():
-    assert {e.system for e in experiments()} == set(CASES)
-    assert {e.case for e in experiments("servo")} == {"nominal", "case1", "case2"}
-    assert {e.law for e in experiments("arm")} == set(LAWS)
-    with pytest.raises(ModelError):
-        experiments("serv")
-    with pytest.raises(ArgumentError, match="valid: servo, cart_pendulum, arm"):
-        experiments("two_link_arm")
+def test_cases_are_the_chapter_s_or_the_user_s(tmp_path):
+    assert {e.case.system for e in cases_of()} == set(CASES)
+    assert [e.case.name for e in cases_of("servo")] == ["nominal", "case1", "case2"]
+    assert {run.law for run in experiments(cases_of("arm"))} == set(LAWS)
+    assert [e.case.name for e in cases_of("arm/case2")] == ["case2"]
+    file = tmp_path / "mine.toml"
+    file.write_text(resolved_text(shipped_files()["servo/case2"]))
+    (mine,) = cases_of(str(file))
+    period = 2e-3
+    short = replace(mine, case=replace(mine.case, duration=0.5))
+    row = measure_case(SwitchingRun(short, "implicit", "discrete", period), timestep=period)
+    assert row.max_sliding > 0
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [
+        ("serv", "did you mean 'servo'"),
+        ("two_link_arm", "valid: servo, cart_pendulum, arm"),
+        ("two_link_arm/case1", "has 2 inputs"),
+        ("FILE", "none of lqr switches"),
+    ],
+)
+def test_cases_that_the_study_has_nothing_to_say_of_are_refused(target, says, tmp_path):
+    file = tmp_path / "mine.toml"
+    lines = ['title = "x"', "[plant]", 'system = "servo"', "[run]", 'duration = "1 s"']
+    start = ['start = { "rotor angle" = "1 rad" }', "[[controller]]", 'law = "lqr"']
+    file.write_text("\n".join(lines + start))
+    with pytest.raises(GrosmcError, match=says):
+        cases_of(target.replace("FILE", str(file)))
 
 
 @pytest.mark.slow
@@ -456,7 +481,15 @@ def test_figure_is_drawn_from_its_rows_alone(tmp_path):
     rows = [row for name in LAWS for row in swept(name)]
     beyond = [with_gain(name, r) for name in LAWS for r in (0.55, 2.1)]
     cases = [
-        CaseRow(SwitchingRun("arm", "case1", name, "discrete", 1e-3), 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+        CaseRow(
+            SwitchingRun(find_experiment("arm", "case1"), name, "discrete", 1e-3),
+            1.0,
+            1.0,
+            1.0,
+            1.0,
+            1.0,
+            1.0,
+        )
         for name in LAWS
     ]
     one, two = (write_chattering_figure(rows, beyond, cases, tmp_path / n) for n in "ab")
@@ -497,7 +530,7 @@ every_case = pytest.mark.parametrize(
 
 @cache
 def at_1_khz(system: str, case: str, name: str, surface: Surface = "discrete") -> CaseRow:
-    row = measure_case(SwitchingRun(system, case, name, surface, H), timestep=H)
+    row = measure_case(SwitchingRun(find_experiment(system, case), name, surface, H), timestep=H)
     assert not row.ended
     return row
 
@@ -524,7 +557,9 @@ def test_implicit_laws_cost_the_optimum_in_the_nominal_case(name, surface):
 def needed(law: Controller, system: str, case: str, name: str) -> tuple[float, float, float]:
     """Along a run: the largest rho needed, the least of rho less that, and the largest |s|."""
     value = find_case(system, case)
-    result = run_experiment(SwitchingRun(system, case, name, "discrete", H), timestep=H)
+    result = run_experiment(
+        SwitchingRun(find_experiment(system, case), name, "discrete", H), timestep=H
+    )
     run, true = result.trajectory, case_plant(value, "corrected", Settings())
     assert isinstance(true, AnalyticPlant)
     assert run.sliding is not None
@@ -596,7 +631,7 @@ def test_command_writes_what_it_measured(tmp_path, capsys):
     content = json.loads((tmp_path / "switching.json").read_text())
     assert content["schema_version"] == 1
     assert content["benchmark"]["orders"]["implicit-estimate"] == pytest.approx(2, abs=0.01)
-    assert len(content["cases"]) == len(experiments("arm"))
+    assert len(content["cases"]) == len(experiments(cases_of("arm")))
     diverged = [row for row in content["benchmark"]["gain_ratios"] if row["max_sliding"] is None]
     assert {row["law"] for row in diverged} == {"implicit-estimate"}
     assert min(row["gain_ratio"] for row in diverged) >= 2

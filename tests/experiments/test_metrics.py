@@ -13,7 +13,7 @@ from shipped import find_case, run_case
 
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
@@ -22,7 +22,7 @@ from grosmc_mj.experiments.metrics import (
     overshoot,
     settling_time,
 )
-from grosmc_mj.experiments.metrics.folds import MeterNumbers, Meters, note, note_all
+from grosmc_mj.experiments.metrics.definitions import MeterNumbers, Meters, note, note_all
 from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import SERVO

@@ -18,7 +18,7 @@ from two_link_oracle import TwoLinkParameters, tip
 
 from grosmc_mj.errors import ArgumentError, DivergenceError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.films import film_of, films_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.board import Chart, Storyboard

@@ -23,7 +23,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
-from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant

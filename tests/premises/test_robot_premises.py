@@ -24,7 +24,7 @@ from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import experiment
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance

@@ -24,7 +24,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
@@ -552,7 +552,7 @@ def test_fingerprint_is_the_same_in_another_process():
     program = """
 from grosmc_mj.simulation.engines.compilation import compile_c, fingerprint
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 plant = MujocoPlant.load("arm").analytic()
 print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
 """

@@ -17,7 +17,7 @@ from shipped import find_case
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.simulation.disturbances import (
     Constant,
     Disturbance,

@@ -21,7 +21,7 @@ from grosmc_mj.errors import (
     SetupError,
     UndefinedLawError,
 )
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.models import load_spec

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shipped import find_case
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.simulation import mujoco_plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits

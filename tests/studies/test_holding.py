@@ -30,7 +30,7 @@ from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.experiments.experiment import chapter_controller, find_experiment
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant

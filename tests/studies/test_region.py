@@ -20,7 +20,7 @@ from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import CART_PENDULUM, SERVO
 from grosmc_mj.simulation.trajectory import Status, Trajectory

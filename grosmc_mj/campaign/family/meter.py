@@ -20,7 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.vectors import each, quadratic, row_times
-from grosmc_mj.experiments.metrics.folds import (
+from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
     Meters,

@@ -9,7 +9,7 @@ import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, within
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
@@ -81,7 +81,7 @@ def worst_of_family(lab: Laboratory, plant: PlantName) -> Measured:
 def unbalanced_torque(lab: Laboratory, plant: PlantName) -> Measured:
     """Power that the equation invents: C q' against M'(q) q'^2 / 2, relative to its largest."""
     case = find_experiment(_SYSTEM, "nominal")
-    derivative = lab.derivative(lab.plant(case, plant))
+    derivative = lab.plant(case, plant).derivative
     p = MujocoPlant.load(_SYSTEM).analytic().parameters
     random, worst = np.random.default_rng(0), 0.0
     for _ in range(300):

@@ -17,7 +17,8 @@ from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, within
 from grosmc_mj.control.cart import LEAN
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.experiments.experiment import Experiment, find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName

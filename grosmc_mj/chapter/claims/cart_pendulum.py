@@ -9,7 +9,7 @@ import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, within
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
@@ -94,7 +94,7 @@ def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:
 def acceleration_error(lab: Laboratory, plant: PlantName) -> Measured:
     """Largest difference of theta'' from Lagrange's equations, in percent of the largest term."""
     case = find_experiment(_SYSTEM, "nominal")
-    derivative = lab.derivative(lab.plant(case, plant))
+    derivative = lab.plant(case, plant).derivative
     random, worst = np.random.default_rng(0), 0.0
     for _ in range(300):
         x = np.array([0.0, random.uniform(-1.2, 1.2), 0.0, random.uniform(-5, 5)])

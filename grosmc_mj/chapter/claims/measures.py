@@ -16,7 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured, NeedsSlidingModeError
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import Comparison
 from grosmc_mj.experiments.plants import PlantName

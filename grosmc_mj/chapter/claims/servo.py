@@ -7,7 +7,7 @@ import numpy as np
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measures import of, within
 from grosmc_mj.control.lqr import lqr
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.balance import switching_rate
@@ -38,7 +38,7 @@ def damping_loss(lab: Laboratory, plant: PlantName) -> Measured:
     for name in ("nominal", "case2"):
         case = find_experiment("servo", name)
         law = lab.controller(case, plant, "lqr")
-        derivative = lab.derivative(lab.plant(case, plant))
+        derivative = lab.plant(case, plant).derivative
         p, memory = law.parameters, law.memory()
         rest, step = np.array([law.coordinates.reference(0.0, p.reference)[0], 0.0]), 1e-5
 
@@ -84,7 +84,7 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     """
     case = find_experiment("servo", "case2")
     law = lab.controller(case, plant, "grosmc")
-    derivative = lab.derivative(lab.plant(case, plant))
+    derivative = lab.plant(case, plant).derivative
     naive, required = 0.0, 0.0
     B = float(law.designed.lqr.B[1, 0])
     target = law.coordinates.reference(0.0, law.parameters.reference)[0]

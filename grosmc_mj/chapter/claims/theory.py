@@ -13,7 +13,7 @@ from grosmc_mj.chapter.claims.arm import PAYLOADS
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, surface_memory
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
@@ -58,7 +58,7 @@ def slowest_approach(lab: Laboratory, plant: PlantName, *, system: str) -> Measu
         case = trial(system, "reaching", _start(system), 1.0, (BodyEdit(body, mass, length),))
         law = lab.controller(case, plant, "grosmc")
         own = getattr(law.parameters, "eta", None)
-        derivative = lab.derivative(lab.plant(case, plant))
+        derivative = lab.plant(case, plant).derivative
         for _ in range(_STATES):
             z = random.uniform(-1, 1, 2) * (case.region or ())
             t = random.uniform(0, 2)

@@ -23,7 +23,8 @@ from grosmc_mj.chapter.figures import true_tip
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty, authority
-from grosmc_mj.experiments.experiment import Experiment, find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
@@ -162,7 +163,7 @@ def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured
     bound, nothing = _declared().region[2], np.zeros(18)
     for mass in np.linspace(1.0, payload, 5).tolist():
         heavier = trial(_SYSTEM, "payload", case.case.x0, 1.0, (BodyEdit("payload", mass),))
-        derivative = lab.derivative(lab.plant(heavier, plant))
+        derivative = lab.plant(heavier, plant).derivative
         for turn in np.linspace(-bound, bound, _POSES).tolist():
             x = error.place(0.0, [0.0, 0.0, turn, 0.0], p)
             _, E = error.dynamics(0.0, x, p)
@@ -197,7 +198,7 @@ def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
     masses = [low, high, *random.uniform(low, high, _PLANTS - 2).tolist()]
     for mass in masses:
         heavier = trial(_SYSTEM, "reaching", start, 1.0, (BodyEdit("payload", mass),))
-        derivative = lab.derivative(lab.plant(heavier, plant))
+        derivative = lab.plant(heavier, plant).derivative
         for _ in range(_STATES):
             z = random.uniform(-1, 1, 4) * declared.region
             for *sides, push in itertools.product((-1.0, 1.0), repeat=3):

@@ -14,7 +14,7 @@ class ListCommand(Command):
 
     def execute(self) -> int:
         """Systems, cases, controllers; with their titles and plants, if asked for."""
-        from grosmc_mj.experiments.experiment import find_experiments
+        from grosmc_mj.experiments.catalogue import find_experiments
         from grosmc_mj.experiments.file.reading import read_case_file
         from grosmc_mj.experiments.file.shipped import shipped_files
         from grosmc_mj.experiments.laws import FURTHER

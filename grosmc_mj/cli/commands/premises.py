@@ -26,7 +26,7 @@ def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> in
     """
     from grosmc_mj.chapter.claims_document import audit_document
     from grosmc_mj.chapter.claims_tables import audit_table, worst_points
-    from grosmc_mj.experiments.experiment import find_experiments
+    from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.premises.audit import audit

@@ -51,7 +51,7 @@ class RunCommand(Command):
 
     def execute(self) -> int:
         """Run, write, judge, print, draw."""
-        from grosmc_mj.experiments.experiment import find_experiments
+        from grosmc_mj.experiments.catalogue import find_experiments
 
         experiments = find_experiments(self.target)
         for experiment in experiments:
@@ -165,12 +165,9 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     from grosmc_mj.experiments import tables
 
     wrong, all_of_them = done.failed, done.judgements
+    words = _kept(len(wrong), len(all_of_them))
     if not done.experiment.limits:
         words = "The file requires nothing: give it a [[requirement]]."
-    elif wrong:
-        words = f"{len(wrong)} of {len(all_of_them)} requirements are not kept."
-    else:
-        words = f"All {len(all_of_them)} requirements are kept."
     screen.say_verdict(console, words, good=done.kept)
     screen.say_lines(console, tables.endings(done.results), all=full)
     fails = [
@@ -192,14 +189,18 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     screen.say_lines(console, list(changed), "dim", all=full)
 
 
+def _kept(failed: int, judged: int) -> str:
+    """How many requirements are kept, in words."""
+    if failed:
+        return f"{failed} of {judged} requirements are not kept."
+    return "The requirement is kept." if judged == 1 else f"All {judged} requirements are kept."
+
+
 def _answers(console: Console, done: Sequence[_JudgedExperiment]) -> None:
     """The same of several experiments, a row each."""
     failed = sum(len(each.failed) for each in done)
     judged = sum(len(each.judgements) for each in done)
-    words = f"All {judged} requirements are kept."
-    if failed:
-        words = f"{failed} of {judged} requirements are not kept."
-    screen.say_verdict(console, words, good=all(each.kept for each in done))
+    screen.say_verdict(console, _kept(failed, judged), good=all(each.kept for each in done))
     rows = [
         (
             each.name,

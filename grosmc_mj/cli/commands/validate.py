@@ -15,7 +15,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.claims import documents
 from grosmc_mj.cli.films import film_results
-from grosmc_mj.cli.targets import CASES, system_experiments
+from grosmc_mj.cli.targets import CASES, recorded_experiments
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ class ValidateCommand(Command):
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
         from grosmc_mj.report.document import write_json
+        from grosmc_mj.simulation.mujoco_plant import MujocoPlant
         from grosmc_mj.studies.agreement.measure import agreements, disagreements
 
         started, seed = time.perf_counter(), 0
@@ -118,7 +119,7 @@ class ValidateCommand(Command):
                         done.results.append(result)
                         advance(result.key)
                 for system in systems:
-                    done.agreements.extend(agreements(system, seed=seed))
+                    done.agreements.extend(agreements(MujocoPlant.load(system), seed=seed))
                     advance(f"{system}: analytic against physics")
                 lab = Laboratory(settings, known=done.results)
                 for claim in claims:
@@ -161,7 +162,7 @@ class ValidateCommand(Command):
         found = [
             experiment
             for target in self.targets or tuple(SYSTEMS)
-            for experiment in system_experiments(target, "validate")
+            for experiment in recorded_experiments(target)
         ]
         return list({one.key: one for one in found}.values())
 
@@ -220,7 +221,7 @@ class _Validation:
 
 def _whole(selected: Sequence[Case]) -> list[str]:
     """The systems all of whose cases are selected."""
-    from grosmc_mj.experiments.experiment import find_experiments
+    from grosmc_mj.experiments.catalogue import find_experiments
 
     systems = dict.fromkeys(case.system for case in selected)
     return [name for name in systems if all(one.case in selected for one in find_experiments(name))]

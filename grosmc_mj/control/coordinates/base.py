@@ -221,6 +221,10 @@ class OutputCoordinates(ABC):
         rows = [self.reference(t, parameters) for t in np.asarray(time, float).tolist()]
         return np.array(rows)[:, self._lower]
 
+    def raised(self, t: float, p: Any) -> Array:
+        """The derivatives of what z is measured from, (size,)."""
+        return np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
+
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""
         lower = np.array(self.reference(t, p.reference))[list(self._lower)]

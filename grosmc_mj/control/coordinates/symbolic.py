@@ -145,8 +145,7 @@ class ErrorCoordinates(OutputCoordinates):
             f = f + np.array(equations.disturbance(x, np.asarray(w, float), true))
         g = np.reshape(equations.input_matrix(x, true), (len(f), -1))
         slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(f)))
-        raised = np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
-        return self.sign * (slope @ f - raised), self.sign * slope @ g
+        return self.sign * (slope @ f - self.raised(t, p)), self.sign * slope @ g
 
     def pushed(self, x: Array, p: Any, plant: Any, w: ArrayLike) -> Array:
         """What a wrench on a true plant does to z', as the law sees it, (size,)."""

@@ -1,6 +1,6 @@
 """Metrics: their folds, the recorded run beside its optimum, and all that is measured on it."""
 
-from grosmc_mj.experiments.metrics.folds import SETTLING_BAND
+from grosmc_mj.experiments.metrics.definitions import SETTLING_BAND
 from grosmc_mj.experiments.metrics.recorded import (
     Comparison,
     Metric,

@@ -2,7 +2,7 @@
 
 Largest values, settling and the like are the folds that running laws use, too. Means, costs and
 variations are sums by NumPy, whose last digits are on record; what a running law adds up one
-sample after the other, ``folds.Costs``, agrees with them up to rounding.
+sample after the other, ``definitions.Costs``, agrees with them up to rounding.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.integrate import trapezoid
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.metrics.folds import (
+from grosmc_mj.experiments.metrics.definitions import (
     MeterNumbers,
     Recording,
     folded,

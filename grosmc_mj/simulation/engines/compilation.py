@@ -37,7 +37,8 @@ from numba.extending import intrinsic
 
 from grosmc_mj.files import private_cache
 
-FunctionIdentity._unique_ids = iter(partial(secrets.randbits, 64), None)
+_numbers: Any = iter(partial(secrets.randbits, 64), None)
+FunctionIdentity._unique_ids = _numbers
 # What is on disk from before the numbers were random is not read.
 _FORMAT = 2
 

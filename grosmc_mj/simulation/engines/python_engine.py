@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from grosmc_mj.records import pack
-from grosmc_mj.simulation.engines.closed_loop import ClosedLoop
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.engines.python_step import ClosedLoop
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status

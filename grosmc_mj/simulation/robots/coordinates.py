@@ -120,7 +120,7 @@ class RobotCoordinates(OutputCoordinates):
         """(alpha, E) of z_i'' = alpha_i + (E u)_i: (m,) and (m, m)."""
         x, n = np.asarray(x, float), self.inputs
         E = np.linalg.inv(inertia(self.model, x[:n]))
-        alpha = -E @ bias(self.model, x[:n], x[n:]) - self._raised(t, p)[1::2]
+        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised(t, p)[1::2]
         return self.sign * alpha, self.sign * E
 
     def moved(
@@ -152,11 +152,7 @@ class RobotCoordinates(OutputCoordinates):
         gain[1::2] = np.linalg.inv(M)
         # The torques of the motors, which are the inputs within their limits.
         drift[0::2], drift[1::2] = x[n:], data.qacc - gain[1::2] @ data.qfrc_actuator
-        return self.sign * (drift - self._raised(t, p)), self.sign * gain
-
-    def _raised(self, t: float, p: Any) -> Array:
-        """The derivatives of what z is measured from, (size,)."""
-        return np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
+        return self.sign * (drift - self.raised(t, p)), self.sign * gain
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """q and q' of each joint at every state of a trajectory, (N, n); returns (N, size)."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
@@ -49,26 +48,24 @@ class Agreement(NamedTuple):
 
 
 def agreements(
-    system: str, *, seed: int = 0, states: int = 1000, edits: int = 3
+    nominal: MujocoPlant, *, seed: int = 0, states: int = 1000, edits: int = 3
 ) -> list[Agreement]:
-    """Compare every variant of a system with MuJoCo, nominal and under random edits.
+    """Compare every variant of a plant's equations with MuJoCo, nominal and under random edits.
 
     Args:
-        system: Name of the system.
+        nominal: The plant, with equations.
         seed: Of the random states, inputs, wrenches and edits.
         states: Random states of each comparison.
         edits: Number of random edits (mass x0.25 to x4, length x0.5 to x4).
 
-    Raises:
-        ModelError: If there is no such system.
     """
-    nominal = MujocoPlant.load(system)
     seeds = np.random.SeedSequence(seed).spawn(edits + 1)
     generator = np.random.default_rng(seeds[0])
+    body = nominal.system.uncertain_body or nominal.system.bodies[-1]
     changes: list[tuple[BodyEdit, ...]] = [()]
     for _ in range(edits):
         mass, length = 2 ** generator.uniform(-2, 2), 2 ** generator.uniform(-1, 2)
-        changes.append((BodyEdit(nominal.system.uncertain_body, mass, length),))
+        changes.append((BodyEdit(body, mass, length),))
     return [
         _compare(nominal.edited(*change), variant, np.random.default_rng(sample), states)
         for change, sample in zip(changes, seeds, strict=True)
@@ -116,8 +113,7 @@ def acceleration_difference(
         states: How many.
     """
     model, system, n = physics.model, plant.system, plant.system.degrees_of_freedom
-    data, p = mujoco.MjData(model), plant.parameters
-    bodies = [model.body(name).id for name in system.bodies]
+    p = plant.parameters
     limited = model.actuator_ctrllimited.astype(bool)[:, None]
     # Beyond its range MuJoCo would apply another input than the equations are given.
     low, high = np.where(limited, model.actuator_ctrlrange, (-_INPUT_BOUND, _INPUT_BOUND)).T
@@ -126,10 +122,7 @@ def acceleration_difference(
         x = np.concatenate([random.uniform(-bound, bound, n), random.uniform(-1, 1, n)])
         x[n:] *= _RATE_BOUND
         u = random.uniform(low, high)
-        w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(bodies))
-        data.qpos, data.qvel, data.ctrl = x[:n], x[n:], u
-        data.xfrc_applied[bodies] = w.reshape(-1, 6)
-        mujoco.mj_forward(model, data)
+        w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(system.bodies))
         terms = np.array(
             [
                 system.drift(x, p),
@@ -137,7 +130,7 @@ def acceleration_difference(
                 system.disturbance(x, w, p),
             ]
         )[:, n:]
-        difference = np.abs(terms.sum(axis=0) - data.qacc).max()
+        difference = np.abs(terms.sum(axis=0) - physics.derivative(x, u, w)[n:]).max()
         worst = max(worst, float(difference / np.abs(terms).max()))
     return worst
 

@@ -15,7 +15,8 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.task import Realization
-from grosmc_mj.experiments.experiment import Experiment, find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.simulation.edits import BodyEdit

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import Experiment, find_experiments
+from grosmc_mj.experiments.catalogue import find_experiments
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import System

@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from grosmc_mj.plants import find_system
 from grosmc_mj.report.figure import figure_written
 from grosmc_mj.report.palette import BLUE, GREEN, OPTIMUM, ORANGE, PURPLE, SKY, VERMILION
 from grosmc_mj.report.tables import number
@@ -72,15 +71,14 @@ def write_chattering_figure(
 
 def _rows(cases: Sequence[CaseRow]) -> list[list[CaseRow]]:
     """The rows of each case that is drawn, under the discrete-time surface."""
-    systems = {row.experiment.system for row in cases}
-    names = dict.fromkeys((row.experiment.system, row.experiment.case) for row in cases)
+    systems = {row.run.system for row in cases}
+    names = dict.fromkeys((row.run.system, row.run.case) for row in cases)
     drawn = [name for name in names if len(systems) == 1 or name in _CHOSEN]
     return [
         [
             row
             for row in cases
-            if (row.experiment.system, row.experiment.case) == name
-            and row.experiment.surface == "discrete"
+            if (row.run.system, row.run.case) == name and row.run.surface == "discrete"
         ]
         for name in drawn
     ]
@@ -167,12 +165,12 @@ def _limits(axes: Axes, rows: Sequence[Benchmark]) -> None:
 
 def _case(panels: Sequence[Axes], rows: Sequence[CaseRow]) -> None:
     """Deviation, total variation and cost of one case."""
-    experiment = rows[0].experiment
-    system = find_system(experiment.system)
+    run = rows[0].run
+    system = run.experiment.nominal.system
     output, u = system.positions[system.output].unit, system.input.unit
     for law in _LAWS:
-        found = [row for row in rows if row.experiment.law == law]
-        x = [1e3 * row.experiment.control_period for row in found]
+        found = [row for row in rows if row.run.law == law]
+        x = [1e3 * row.run.control_period for row in found]
         values = (
             [row.deviation for row in found],
             [row.total_variation for row in found],
@@ -185,7 +183,7 @@ def _case(panels: Sequence[Axes], rows: Sequence[CaseRow]) -> None:
                 x,
                 [math.nan if row.ended else v for row, v in zip(found, y, strict=True)],
             )
-    name = f"{system.title}, {experiment.case}"
+    name = f"{system.title}, {run.case}"
     _log(panels[0], f"{name}: max |x₁ − x₁*|", f"deviation [{output}]")
     _log(panels[1], f"{name}: variation of u", f"variation of u [{u}/s]")
     _log(panels[2], f"{name}: J of all u over J*", "J / J*")

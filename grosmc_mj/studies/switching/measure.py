@@ -21,10 +21,10 @@ from grosmc_mj.control.switching import (
     find_switching,
 )
 from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.experiments.experiment import find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.recorded import crossings, root_mean_square, variation_rate
 from grosmc_mj.experiments.runs import RunResult, Surface
-from grosmc_mj.plants import find_system
 
 # The laws for one input; those for several are the same ones then.
 LAWS = tuple(name for name in SWITCHINGS if "unit-vector" not in name)
@@ -196,18 +196,26 @@ class SwitchingRun:
     """One run of a case.
 
     Attributes:
-        system: Name of the system.
-        case: Name of the case.
+        experiment: The case.
         law: Name of the switching law.
         surface: ``printed`` or ``discrete``.
         control_period: [s].
     """
 
-    system: str
-    case: str
+    experiment: Experiment
     law: str
     surface: Surface
     control_period: float
+
+    @property
+    def system(self) -> str:
+        """Name of the system."""
+        return self.experiment.case.system
+
+    @property
+    def case(self) -> str:
+        """Name of the case."""
+        return self.experiment.case.name
 
     @property
     def key(self) -> str:
@@ -219,7 +227,7 @@ class CaseRow(NamedTuple):
     """A case in MuJoCo under one switching law.
 
     Attributes:
-        experiment: What was run.
+        run: What was run.
         deviation: Largest distance from the optimal trajectory, in the output's unit.
         max_sliding: Largest |s|, in the unit of the law's surface.
         rms_sliding: RMS of s.
@@ -229,7 +237,7 @@ class CaseRow(NamedTuple):
         ended: Empty, or why the run ended early.
     """
 
-    experiment: SwitchingRun
+    run: SwitchingRun
     deviation: float
     max_sliding: float
     rms_sliding: float
@@ -239,55 +247,90 @@ class CaseRow(NamedTuple):
     ended: str = ""
 
 
+def cases_of(target: str | None = None) -> list[Experiment]:
+    """The cases that are studied.
+
+    Args:
+        target: One of the chapter's systems, ``SYSTEM/CASE`` or the path of a case file; None for
+            the chapter's cases.
+
+    Raises:
+        GrosmcError: If there is no such case, or the study has nothing to say of it.
+    """
+    if target is None or target in CASES:
+        return [
+            find_experiment(name, case)
+            for name in ([target] if target else CASES)
+            for case in CASES[name]
+        ]
+    found = find_experiments(target)
+    if len(found) > 1:
+        raise ArgumentError(unknown_name("system of the chapter", target, CASES))
+    for experiment in found:
+        _law_that_switches(experiment)
+    return found
+
+
+def _law_that_switches(experiment: Experiment) -> str:
+    """Name of the law that is studied: GROSMC or, without one, the first that switches.
+
+    Raises:
+        ArgumentError: If there is none, or it has several inputs.
+    """
+    where, system = experiment.path, experiment.nominal.system
+    if len(system.inputs) > 1:
+        raise ArgumentError(
+            f"{where}: {system.name} has {len(system.inputs)} inputs, the study compares laws of "
+            "one: take a case with one input"
+        )
+    plant, names = experiment.nominal.names[-1], experiment.controllers
+    designs = {name: experiment.law(plant, name).design for name in names}
+    found = [name for name, made in designs.items() if made is not None and made.with_reach]
+    if not found:
+        raise ArgumentError(f'{where}: none of {", ".join(names)} switches: add law = "grosmc"')
+    return "grosmc" if "grosmc" in found else found[0]
+
+
 def experiments(
-    system: str | None = None,
+    cases: Sequence[Experiment],
     periods: Sequence[float] = PERIODS,
     surfaces: Sequence[Surface] = SURFACES,
 ) -> list[SwitchingRun]:
-    """All that is to be run, of one system or of all.
-
-    Raises:
-        ModelError: If there is no such system.
-        ArgumentError: If it has no case here.
-    """
-    if system is not None and find_system(system).name not in CASES:
-        raise ArgumentError(unknown_name("system of the chapter", system, CASES))
+    """All that is to be run."""
     return [
-        SwitchingRun(name, case, law, surface, period)
-        for name in CASES
-        if system in (None, name)
-        for case in CASES[name]
+        SwitchingRun(case, law, surface, period)
+        for case in cases
         for law in LAWS
         for surface in surfaces
         for period in periods
     ]
 
 
-def run_experiment(experiment: SwitchingRun, timestep: float = TIMESTEP) -> RunResult:
-    """Run a case in MuJoCo under GROSMC with that switching law, surface and control period."""
-    found = find_experiment(experiment.system, experiment.case).with_settings(
-        control_period=experiment.control_period,
+def run_experiment(planned: SwitchingRun, timestep: float = TIMESTEP) -> RunResult:
+    """Run a case, in MuJoCo if it has a model, under its law with that sampling."""
+    experiment = planned.experiment.with_settings(
+        control_period=planned.control_period,
         timestep=timestep,
-        switching=experiment.law,
-        surface=experiment.surface,
+        switching=planned.law,
+        surface=planned.surface,
     )
-    return found.run("physics", "grosmc")
+    return experiment.run(law=_law_that_switches(planned.experiment))
 
 
-def measure_case(experiment: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
+def measure_case(planned: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
     """Run a case and keep what accuracy and chattering are."""
-    result = run_experiment(experiment, timestep)
-    run = result.trajectory
-    assert run.sliding is not None
+    result = run_experiment(planned, timestep)
+    trajectory = result.trajectory
+    assert trajectory.sliding is not None
     value = {name: metric.value for name, metric in result.metrics.items()}
     found = {name: math.nan if x is None else x for name, x in value.items()}
     return CaseRow(
-        experiment=experiment,
+        run=planned,
         deviation=found["deviation"],
         max_sliding=found["max_sliding"],
         rms_sliding=found["rms_sliding"],
         total_variation=found["total_variation"],
-        crossings=crossings(run.sliding) / float(run.time[-1]),
+        crossings=crossings(trajectory.sliding) / float(trajectory.time[-1]),
         cost_ratio=found["cost_whole"] / found["cost_optimal"],
         ended=result.ended,
     )

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 from rich.table import Table
 
-from grosmc_mj.experiments.experiment import find_experiment
-from grosmc_mj.plants import find_system
 from grosmc_mj.report.document import origin
 from grosmc_mj.report.tables import number, numbers, table, words
 from grosmc_mj.studies.switching.measure import (
-    CASES,
     OWN_VARIATION,
     TIMESTEP,
     Benchmark,
@@ -35,7 +31,7 @@ def switching_document(
         **origin(None),
         "configuration": {
             "timestep": {"value": TIMESTEP, "unit": "s"},
-            "slopes": {name: find_experiment(name, "nominal").slope for name in CASES},
+            "slopes": {row.run.system: row.run.experiment.slope for row in cases},
         },
         "benchmark": {
             "equation": "s' = r phi + 0.5 sin(2 pi t), rho = 1, phi held",
@@ -44,27 +40,26 @@ def switching_document(
             "sample_times": [row._asdict() for row in by_time],
             "gain_ratios": [row._asdict() for row in by_ratio],
         },
-        "cases": [{**asdict(row.experiment), **_measured(row)} for row in cases],
+        "cases": [_case(row) for row in cases],
     }
 
 
-def _measured(row: CaseRow) -> dict[str, Any]:
-    """What was measured on a case."""
-    return {name: value for name, value in row._asdict().items() if name != "experiment"}
+def _case(row: CaseRow) -> dict[str, Any]:
+    """What was run, and what was measured."""
+    run, measured = row.run, {k: v for k, v in row._asdict().items() if k != "run"}
+    names = ("system", "case", "law", "surface", "control_period")
+    return {**{name: getattr(run, name) for name in names}, **measured}
 
 
 def switching_tables(
     by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
 ) -> list[Table]:
     """The scalar benchmark, what a wrong input gain does, and the cases of each system."""
-    systems = dict.fromkeys(row.experiment.system for row in cases)
+    systems = dict.fromkeys(row.run.system for row in cases)
     return [
         _benchmark_table(by_time),
         _limits_table(by_ratio),
-        *(
-            _cases_table([row for row in cases if row.experiment.system == each])
-            for each in systems
-        ),
+        *(_cases_table([row for row in cases if row.run.system == each]) for each in systems),
     ]
 
 
@@ -113,7 +108,7 @@ def _limits_table(rows: Sequence[Benchmark]) -> Table:
 
 def _cases_table(rows: Sequence[CaseRow]) -> Table:
     """The cases of one system."""
-    system = find_system(rows[0].experiment.system)
+    system = rows[0].run.experiment.nominal.system
     output, u = system.positions[system.output].unit, system.input.unit
     return table(
         f"{system.title}, in MuJoCo",
@@ -126,12 +121,12 @@ def _cases_table(rows: Sequence[CaseRow]) -> Table:
         ],
         [
             (
-                row.experiment.case, row.experiment.law, row.experiment.surface,
+                row.run.case, row.run.law, row.run.surface,
                 number(row.deviation), number(row.max_sliding), number(row.rms_sliding),
                 number(row.crossings), number(row.total_variation), f"{row.cost_ratio:.4g}",
             )
             for row in rows
-            if is_shown(row.experiment.control_period)
+            if is_shown(row.run.control_period)
         ],
         grouped=True,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.targets import TARGET, plant_with_equations
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _MOST_STATES, _MOST_EDITS = 10**6, 10**4
 
 @dataclass(frozen=True)
 class AgreementCommand(Command):
-    """Compare the analytic plants of a SYSTEM with MuJoCo.
+    """Compare a plant's equations with MuJoCo.
 
     Measures the largest difference of the accelerations at random states, inputs and wrenches,
     and of an open-loop trajectory under wrenches, for the nominal model and for random edits of
@@ -32,14 +33,14 @@ class AgreementCommand(Command):
     do not agree to 1e-10.
 
     Attributes:
-        system: servo, cart_pendulum, arm or two_link_arm.
+        target: servo, cart_pendulum, arm or two_link_arm, or a case whose plant has both.
         states: Random states of each comparison.
         edits: Random edits of mass (x0.25 to x4) and length (x0.5 to x4).
         seed: Of the random numbers.
         out: Folder for agreement_SYSTEM.json.
     """
 
-    system: Annotated[Positional[str], arg(metavar="SYSTEM", name="system")]
+    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
     states: Annotated[int, arg(metavar="N")] = 1000
     edits: Annotated[int, arg(metavar="N")] = 5
     seed: Annotated[int, arg(metavar="N")] = 0
@@ -59,9 +60,10 @@ class AgreementCommand(Command):
         for name, value, least, most in ranges:
             if not least <= value <= most:
                 raise ArgumentError(f"--{name} {value} must be from {least} to {most}")
-        rows = agreements(self.system, seed=self.seed, states=self.states, edits=self.edits)
+        physics = plant_with_equations(self.target)
+        rows = agreements(physics, seed=self.seed, states=self.states, edits=self.edits)
         found = disagreements(rows)
-        target = self.out / f"agreement_{self.system}.json"
+        target = self.out / f"agreement_{physics.system.name}.json"
         write_json(target, comparison_document(rows, found, self.seed))
         console = screen.console()
         worst = max(row.acceleration for row in rows if row.variant == "corrected")

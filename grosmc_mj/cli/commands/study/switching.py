@@ -12,13 +12,12 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.targets import CASES, system_experiments
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.cli.targets import TARGET
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.studies.switching.measure import Benchmark, CaseRow, SwitchingRun
+    from grosmc_mj.studies.switching.measure import Benchmark, CaseRow
 
 
 @dataclass(frozen=True)
@@ -26,19 +25,20 @@ class SwitchingCommand(Command):
     """Measure accuracy and chattering of six switching laws against sample time.
 
     On a scalar with a sine disturbance, whose input gain is right or wrong by a factor, and on the
-    chapter's cases in MuJoCo under GROSMC, with the printed and with the discrete-time surface:
-    largest |s|, distance from the optimal trajectory, zero crossings, total variation of the
-    input, J of the whole input over J*. switching.json and the figure, switching.png and
-    switching.svg, go to --out.
+    chapter's cases in MuJoCo under GROSMC, or on a case of your own, with the printed and with the
+    discrete-time surface: largest |s|, distance from the optimal trajectory, zero crossings, total
+    variation of the input, J of the whole input over J*. switching.json and the figure,
+    switching.png and switching.svg, go to --out.
 
     Attributes:
-        target: servo, cart_pendulum or arm, or one of their cases that the study has.
+        target: servo, cart_pendulum or arm for the chapter's cases of it, one case, or a case file
+            with one input and a law that switches.
         out: Folder for switching.json and the figure.
     """
 
     target: Annotated[
         Positional[str | None],
-        arg(metavar=f"[{CASES}]", name="target", help_behavior_hint="(default: all of them)"),
+        arg(metavar=f"[{TARGET}]", name="target", help_behavior_hint="(default: the chapter's)"),
     ] = None
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
@@ -49,7 +49,7 @@ class SwitchingCommand(Command):
         from grosmc_mj.studies.switching.figure import write_chattering_figure
         from grosmc_mj.studies.switching.report import SHOWN, switching_document, switching_tables
 
-        planned = self._planned()
+        planned = chattering.experiments(chattering.cases_of(self.target))
         swept = len(chattering.LAWS) * (len(chattering.SAMPLE_TIMES) + len(chattering.GAIN_RATIOS))
         by_time: list[Benchmark] = []
         by_ratio: list[Benchmark] = []
@@ -61,9 +61,9 @@ class SwitchingCommand(Command):
             for row in chattering.gain_ratio_sweep():
                 by_ratio.append(row)
                 advance(f"scalar/{row.law} r = {row.gain_ratio:g}")
-            for experiment in planned:
-                cases.append(chattering.measure_case(experiment))
-                advance(experiment.key)
+            for run in planned:
+                cases.append(chattering.measure_case(run))
+                advance(run.key)
         target = self.out / "switching.json"
         write_json(target, switching_document(by_time, by_ratio, cases))
         console = screen.console()
@@ -76,22 +76,6 @@ class SwitchingCommand(Command):
         console.print(f"Tables at {1e3 * SHOWN:g} ms; the files have every sample time.")
         screen.say_files(console, target, figure)
         return screen.DONE
-
-    def _planned(self) -> list[SwitchingRun]:
-        """The runs that are asked for."""
-        from grosmc_mj.studies.switching import measure as chattering
-
-        if self.target is None:
-            return chattering.experiments()
-        cases = [one.case for one in system_experiments(self.target, "study switching")]
-        planned, names = chattering.experiments(cases[0].system), [case.name for case in cases]
-        chosen = [each for each in planned if each.case in names]
-        if not chosen:
-            valid = chattering.CASES[cases[0].system]
-            raise ArgumentError(
-                unknown_name(f"case of {cases[0].system} in this study", names[0], valid)
-            )
-        return chosen
 
 
 def _answer(
@@ -107,7 +91,7 @@ def _answer(
     from grosmc_mj.studies.switching.measure import OWN_VARIATION, orders
     from grosmc_mj.studies.switching.report import is_shown
 
-    endings = [f"{row.experiment.key}: {row.ended}" for row in cases if row.ended]
+    endings = [f"{row.run.key}: {row.ended}" for row in cases if row.ended]
     words = f"All {len(cases)} runs in MuJoCo completed."
     if endings:
         words = f"{len(endings)} of {len(cases)} runs in MuJoCo ended early."
@@ -123,9 +107,7 @@ def _answer(
             if each.law == row.law and not math.isfinite(each.max_sliding)
         ]
         own = [
-            each
-            for each in cases
-            if each.experiment.law == row.law and is_shown(each.experiment.control_period)
+            each for each in cases if each.run.law == row.law and is_shown(each.run.control_period)
         ]
         worst = max(own, key=lambda each: each.cost_ratio)
         rows.append(
@@ -136,7 +118,7 @@ def _answer(
                 number(row.total_variation / OWN_VARIATION),
                 f"{min(diverging):.2f}" if diverging else "-",
                 f"{worst.cost_ratio:.4g}",
-                f"{worst.experiment.system}/{worst.experiment.case}",
+                f"{worst.run.system}/{worst.run.case}",
             )
         )
     columns = (

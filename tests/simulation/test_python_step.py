@@ -12,7 +12,7 @@ from shipped import cases, find_case
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.experiments.experiment import chapter_controller
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory

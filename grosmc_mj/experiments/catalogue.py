@@ -1,0 +1,94 @@
+"""The package's own experiments, by the names that users give them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from grosmc_mj.arguments import require
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import realized
+from grosmc_mj.control.task import AS_PRINTED, Realization, require_analytic
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.experiments.file.reading import read_case_file
+from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.plants import SYSTEMS, AnalyticPlant, find_system
+
+
+def find_experiments(target: str) -> list[Experiment]:
+    """The experiments that a name means: ``SYSTEM``, ``SYSTEM/CASE`` or the path of a case file.
+
+    Args:
+        target: ``servo`` for all its cases, the nominal one first; ``servo/case1`` for one; or a
+            path.
+
+    Raises:
+        ArgumentError: If there is none, or a file is wrong, in one line.
+    """
+    files = shipped_files()
+    found = [name for name in files if name.split("/")[0] == target]
+    if not found:
+        return [_shipped(files[target]) if target in files else Experiment.load(target)]
+    return [_shipped(files[name]) for name in sorted(found, key=_nominal_first)]
+
+
+def _nominal_first(name: str) -> tuple[bool, str]:
+    return not name.endswith("/nominal"), name
+
+
+def find_experiment(system: str, case: str) -> Experiment:
+    """One experiment of a system of the package.
+
+    Raises:
+        ModelError: If there is no such system.
+        ArgumentError: If it has no such case.
+    """
+    names = {each.case.name: each for each in find_experiments(find_system(system).name)}
+    if case not in names:
+        raise ArgumentError(unknown_name(f"case of {system}", case, names))
+    return names[case]
+
+
+def select_experiments(systems: Sequence[str], case: str | None) -> list[Experiment]:
+    """The experiments of the named systems (all, if none is named), or the one case of each.
+
+    Raises:
+        ModelError: If a system is unknown.
+        ArgumentError: If a system has no such case.
+    """
+    names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
+    if case is not None:
+        return [find_experiment(name, case) for name in names]
+    return [each for name in names for each in find_experiments(name)]
+
+
+@cache
+def _shipped(path: Path) -> Experiment:
+    """An experiment of the package, read once."""
+    return undesigned(read_case_file(path), path)
+
+
+def chapter_controller(
+    name: str,
+    nominal: AnalyticPlant,
+    realization: Realization = AS_PRINTED,
+    case: str = "nominal",
+) -> Controller:
+    """The law of that name that a case of the package has, designed for a nominal plant.
+
+    Args:
+        name: ``lqr``, ``fl-lqr``, ``grosmc``, or another law of the system.
+        nominal: The plant that it believes in, such as ``MujocoPlant.load("arm").analytic()``.
+        realization: How a sliding mode law is sampled; as printed by default.
+        case: The case, since a system may have laws for several tasks.
+
+    Raises:
+        GrosmcError: If there is no such case or law, or the design fails for these numbers.
+    """
+    require_analytic("nominal", nominal)
+    require("name", name, str, "the name of a controller")
+    require("realization", realization, Realization, "a Realization")
+    require("case", case, str, "the name of a case")
+    return realized(find_experiment(nominal.system.name, case).law_for(nominal, name), realization)
