@@ -153,7 +153,7 @@ class ClaimsCommand(Command):
         from grosmc_mj.report.document import origin, write_json
 
         with screen.progress(len(FAULTS), "faults") as advance:
-            found = list(self_test(settings, chosen, advance=advance))
+            found = list(self_test(settings, chosen, FAULTS, advance))
         noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
         write_json(self.out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
         missed = [caught.fault.name for caught in found if not caught.claims]
