@@ -31,7 +31,7 @@ from grosmc_mj.films.offscreen.doctor import diagnose
 from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
 
 # Far above what any of these commands takes; one that hangs is to be told from one that is slow.
-PATIENCE = 40.0
+PATIENCE = 300.0
 # What would decide for the tests.
 FOREIGN = (
     "DISPLAY",
