@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import math
@@ -15,8 +14,6 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-import scipy.integrate
-import scipy.linalg
 from rich.cells import cell_len
 from rich.console import Console
 from shipped import case_plant, controller_names, find_case
@@ -649,211 +646,6 @@ def test_wrong_use_gets_one_line_and_exit_code_2(
     assert error.count("\n") == 1
 
 
-@pytest.fixture(scope="module")
-def ledger(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, dict[str, Any], dict[str, Any]]:
-    """One full ``claims --json``: exit code, what it prints and what it writes."""
-    out, said = tmp_path_factory.mktemp("claims"), io.StringIO()
-    with contextlib.redirect_stdout(said):
-        code = run("claims", "--json", "--out", str(out))
-    written = json.loads((out / "claims.json").read_text(encoding="utf-8"))
-    return code, json.loads(said.getvalue()), written
-
-
-@pytest.fixture(scope="module")
-def found(ledger: tuple[int, dict[str, Any], dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The claims of the ledger by their ids."""
-    return {claim["id"]: claim for claim in ledger[1]["claims"]}
-
-
-def value(found: dict[str, dict[str, Any]], claim: str, plant: str = "physics") -> float:
-    return found[claim]["plants"][plant]["value"]
-
-
-@pytest.mark.slow
-def test_whole_ledger_is_as_expected(
-    ledger: tuple[int, dict[str, Any], dict[str, Any]], found: dict[str, dict[str, Any]]
-) -> None:
-    code, said, written = ledger
-    assert code == cli.DONE
-    assert said == written
-    assert list(found) == list(BY_ID)
-    for name, expected in BY_ID.items():
-        claim = found[name]
-        verdicts = {plant: Verdict(each["verdict"]) for plant, each in claim["plants"].items()}
-        assert verdicts == expected.verdicts, name
-        assert claim["verdict"] == expected.verdicts[expected.plants[-1]].value
-        # Nothing is left open at the default settings.
-        assert Verdict.INCONCLUSIVE not in verdicts.values()
-        assert bool(claim["because"]) <= (claim["verdict"] == "refuted")
-
-
-@pytest.mark.slow
-def test_what_is_refuted_of_the_arm_names_the_gain_that_is_too_small(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    for name in ("arm-rejects-d", "arm-sliding", "arm-epsilon", "arm-sliding-dynamics"):
-        assert "epsilon (Theorem 3" in found[name]["because"]
-    assert found["pendulum-cart"]["because"] == ""
-
-
-@pytest.mark.slow
-def test_physics_and_the_corrected_equations_agree_on_every_claim(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    for name, claim in found.items():
-        plants = claim["plants"]
-        if {"corrected", "physics"} <= set(plants) and "eq" not in name:
-            assert plants["physics"]["value"] == pytest.approx(
-                plants["corrected"]["value"], rel=1e-6, abs=1e-6
-            ), name
-
-
-# The servo's closed loop by hand, for the printed K: J z1'' = -(B + Kt k2) z1' - Kt k1 z1 + T_d.
-J, B, KT = 5.77e-2, 8.8e-3, 0.667
-K1, K2 = 1.0, 1.0699444
-
-
-def loop(inertia: float) -> Array:
-    return np.array([[0.0, 1.0], [-KT * K1 / inertia, -(B + KT * K2) / inertia]])
-
-
-def response(A: Array, z0: Array, push: Array, time: Array) -> Array:
-    """z1 of z' = A z + push at the instants: exact."""
-    rest = np.linalg.solve(A, push)
-    return np.array([(scipy.linalg.expm(A * t) @ (z0 + rest) - rest)[0] for t in time])
-
-
-@pytest.mark.slow
-def test_load_turns_the_rotor_back_as_a_spring_and_a_damper_do(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    """T_d/(Kt k1) = 1.5 rad in the steady state, of which 3 s see the most part."""
-    time = np.linspace(0, 3, 301)
-    loaded = response(loop(J), np.zeros(2), np.array([0.0, 1 / J]), time)
-    assert abs(loaded[-1]) < 1 / (KT * K1)
-    assert value(found, "servo-load-lqr") == pytest.approx(100 * loaded.max(), rel=1e-3)
-
-
-@pytest.mark.slow
-def test_three_times_the_inertia_changes_the_step_and_lowers_the_damping(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    time, start = np.linspace(0, 10, 1001), np.array([1.0, 0.0])
-    nominal, heavy = (response(loop(k * J), start, np.zeros(2), time) for k in (1, 3))
-    assert value(found, "servo-inertia-lqr") == pytest.approx(
-        100 * np.abs(heavy - nominal).max(), rel=2e-3
-    )
-    # zeta = (B + Kt k2) / (2 sqrt(Kt k1 J)) goes with 1/sqrt(J), and stays above 1.
-    assert value(found, "servo-inertia-stability") == pytest.approx(
-        100 * (1 - 1 / math.sqrt(3)), rel=1e-6
-    )
-    zeta = (B + KT * K2) / (2 * math.sqrt(KT * K1 * 3 * J))
-    assert zeta > 1
-    assert f"{zeta:.3g} under 3J" in found["servo-inertia-stability"]["plants"]["physics"]["note"]
-    assert heavy.min() > 0
-    assert value(found, "servo-inertia-overshoot") == 0
-
-
-@pytest.mark.slow
-def test_gain_of_the_servo_is_three_times_the_naive_one(found: dict[str, dict[str, Any]]) -> None:
-    """|(1 - j)(K x - B/Kt x2)| of test_gains.py at j = 3; r = 1/3 of it without the circle."""
-    assert value(found, "servo-circular-bound") == pytest.approx(1 / 3, rel=1e-9)
-    gamma1 = 2 * math.hypot(K1, K2 + B / KT)
-    assert gamma1 == pytest.approx(2.948, abs=5e-4)
-    note = found["servo-circular-bound"]["plants"]["physics"]["note"]
-    assert note == f"γ1 = {gamma1 / 3:.3g} sized so, {gamma1:.4g} required"
-
-
-@pytest.mark.slow
-def test_drift_that_is_not_matched_moves_the_rest_by_its_own_spring(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    """On the surface z2' = -(Kt k1 z1 + (B + Kt k2) z2)/J and z1' = z2 - 0.05."""
-    away = response(loop(J), np.zeros(2), np.array([-0.05, 0.0]), np.linspace(0, 5, 501))
-    # 1 ms of chatter moves it by half a percent of itself; see the value at half the period.
-    values = found["servo-unmatched"]["plants"]["corrected"]["evidence"]["values"]
-    assert 2 * values[1] - values[0] == pytest.approx(100 * np.abs(away).max(), rel=2e-3)
-
-
-@pytest.mark.slow
-def test_epsilon_falls_short_by_what_the_optimal_run_asks_for(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    """d/M(q) along y_r + e*, without running anything: within what s leaves its surface by."""
-    time = np.linspace(0, 6, 6001)
-    K = np.array([math.sqrt(10), math.sqrt(1 + 2 * math.sqrt(10))])
-    A = np.array([[0.0, 1.0], -K])
-    e = np.array([(scipy.linalg.expm(A * t) @ [0.5, 0.0])[0] for t in time])
-    M = 0.1 + 0.06 * np.sin(np.sin(np.pi * time) + e)
-    needed = np.abs(0.5 * np.sin(2 * np.pi * time) / M).max()
-    assert value(found, "arm-epsilon") == pytest.approx(6 / needed, rel=0.02)
-
-
-@pytest.mark.slow
-def test_naive_gain_of_the_pendulum_is_short_by_the_lagrangian_s_gain_ratio(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    """r at the start, where the most is required: E = a c / (L (4/3 - a m c^2)), a = 1/(M+m)."""
-    c = math.cos(math.pi / 18)
-    E = [c / (1 + k * 0.2) / (k * 0.5 * (4 / 3 - k * 0.2 / (1 + k * 0.2) * c * c)) for k in (1, 4)]
-    assert value(found, "pendulum-naive-gain") == pytest.approx(E[1] / E[0], rel=1e-6)
-
-
-@pytest.mark.slow
-def test_cart_coasts_with_the_momentum_that_the_force_gave_it(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    """(M + m) p' - m L cos(theta) theta' is the force's impulse: nothing else is horizontal."""
-    lab = Laboratory(Settings())
-    run = lab.case("cart_pendulum", "case2", "physics", "grosmc").trajectory
-    impulse = np.cumsum(run.input * np.diff(run.time))
-    row = int(np.searchsorted(run.time, 7.0))
-    _, theta, speed, rate = run.state[row]
-    momentum = 1.2 * speed - 0.2 * 0.5 * math.cos(theta) * rate
-    assert momentum == pytest.approx(impulse[row - 1], rel=1e-6)
-    assert value(found, "pendulum-cart") == pytest.approx(abs(impulse[row - 1]) / 1.2, rel=0.01)
-
-
-@pytest.mark.slow
-def test_linear_design_converges_from_70_degrees_and_not_from_75(
-    found: dict[str, dict[str, Any]],
-) -> None:
-    """Lagrange's equations under u = -K z, integrated continuously by another solver."""
-    # theta'' = (g sin + ...)/(L (4/3 - a m)) about upright, a = 1/1.2.
-    D = 0.5 * (4 / 3 - 0.2 / 1.2)
-    A, b = np.array([[0.0, 1.0], [9.8 / D, 0.0]]), np.array([[0.0], [1 / 1.2 / D]])
-    P = scipy.linalg.solve_continuous_are(A, b, np.diag([100.0, 1.0]), np.eye(1))
-    K = (b.T @ P)[0]
-
-    def slope(_: float, z: Array) -> list[float]:
-        s, c = math.sin(z[0]), math.cos(z[0])
-        mass = [[1.2, -0.1 * c], [-0.1 * c, 4 / 3 * 0.2 * 0.25]]
-        force = [-float(K @ z) - 0.1 * s * z[1] ** 2, 0.2 * 9.8 * 0.5 * s]
-        return [z[1], float(np.linalg.solve(mass, force)[1])]
-
-    def reaches(angle: float) -> bool:
-        start = [-math.radians(angle), 0.0]
-        # Sampling at 1 ms shifts the edge by far less than the 5 degrees of the claim's grid.
-        run = scipy.integrate.solve_ivp(slope, (0, 6), start, rtol=1e-8, atol=1e-10)
-        kept = np.abs(run.y[0]).max() < math.pi / 2
-        return bool(kept and abs(run.y[0, -1]) < 0.02 * math.radians(angle))
-
-    edge = value(found, "pendulum-region-lqr")
-    assert reaches(edge)
-    assert not reaches(edge + 5)
-
-
-@pytest.mark.slow
-def test_documents_say_how_sure_they_are(found: dict[str, dict[str, Any]]) -> None:
-    for name, claim in found.items():
-        for each in claim["plants"].values():
-            evidence = each["evidence"]
-            assert evidence["exact"] is BY_ID[name].exact
-            if not evidence["exact"]:
-                assert evidence["control_period"] == [1e-3, 5e-4]
-                assert evidence["values"][0] == each["value"]
-
-
 @pytest.mark.slow
 def test_explain_tells_the_story_and_draws_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -872,6 +664,17 @@ KEYS = {
     "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
     "suspected_defect", "verdict", "because", "untested", "plants", "expected",
 }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_json_prints_what_it_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(ledgers, "CLAIMS", (BY_ID["servo-circular-bound"],))
+    assert run("claims", "--json", "--out", str(tmp_path)) == cli.DONE
+    written = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
+    assert json.loads(capsys.readouterr().out) == written
+    assert [claim["id"] for claim in written["claims"]] == ["servo-circular-bound"]
 
 
 @pytest.mark.slow

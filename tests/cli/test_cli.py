@@ -44,7 +44,7 @@ def run(*arguments: str) -> int:
         (("study", "agreement", "arm", "--states", "0"), "must be from 1 to 1000000"),
         (("study", "agreement", "arm", "--edits", "-1"), "must be from 0 to"),
         (("study", "agreement", "arm", "--seed", "-1"), "must be from 0 to"),
-        (("study", "agreement", "leg"), "valid: servo, cart_pendulum, arm"),
+        (("study", "agreement", "leg"), "valid: arm, cart_pendulum"),
         (("bench", "--rounds", "0"), "must be from 1 to 10000"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
         (("claims", "--json", "--self-test"), "--json is for the ledger"),

@@ -22,7 +22,7 @@ from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
 from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments import experiment
+from grosmc_mj.experiments import catalogue
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.runs import RunResult, Settings
@@ -285,7 +285,7 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
         file=SimpleNamespace(uncertain=[]),
         path=Path("robot.toml"),
     )
-    monkeypatch.setattr(experiment, "find_experiments", lambda _target: [prepared])
+    monkeypatch.setattr(catalogue, "find_experiments", lambda _target: [prepared])
     with pytest.raises(SystemExit) as stop:
         cli.main(("run", "robot.toml", "--verbose", "--out", str(tmp_path)))
     assert stop.value.code == cli.DONE
