@@ -348,7 +348,7 @@ def _gain(law: Controller, here: Points, there: Points) -> Premise:
             f"instead of {p.epsilon:.3g}"
         )
     else:
-        needed = max(_times(each) for _, _, each in everywhere)
+        needed = max(each.times for _, _, each in everywhere)
         name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
         restores = f"η, γ0 and γ1 {needed:.3g} times as large"
         if math.isinf(needed):
@@ -377,13 +377,6 @@ def _matrix(values: Array) -> str:
 def per_second(unit: str) -> str:
     """The unit of a rate of change."""
     return f"{unit.removesuffix('/s')}/s²" if unit.endswith("/s") else f"{unit}/s"
-
-
-def _times(found: Balance) -> float:
-    """How many times the configured gain is required; none is enough of no gain at all."""
-    if found.configured == 0:
-        return math.inf if found.required else 0.0
-    return found.required / found.configured
 
 
 def initial_surface(sliding: Array | None) -> Premise:

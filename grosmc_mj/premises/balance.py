@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,13 @@ class Balance(NamedTuple):
     determinant: float
     unmatched: float
     u_c: Array
+
+    @property
+    def times(self) -> float:
+        """How many times the configured gain is required; none is enough of no gain at all."""
+        if self.configured == 0:
+            return math.inf if self.required else 0.0
+        return self.required / self.configured
 
 
 def balance(

@@ -105,6 +105,7 @@ def test_settling_and_overshoot_do_not_depend_on_the_sign_of_the_error() -> None
     error = np.exp(-TIME) * np.cos(3 * TIME)
     assert settling_time(TIME, error) == settling_time(TIME, -error)
     assert overshoot(error) == overshoot(-error)
+    assert overshoot(-0.5 * error).value == pytest.approx(overshoot(error).value)
 
 
 def test_overshoot_of_a_second_order_response_has_its_closed_form() -> None:

@@ -447,6 +447,15 @@ def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) ->
             assert bool(written["restored_by"]) <= (not each.holds)
 
 
+@pytest.mark.parametrize(
+    ("required", "configured", "times"), [(3.0, 2.0, 1.5), (3.0, 0.0, math.inf), (0.0, 0.0, 0.0)]
+)
+def test_no_multiple_of_no_gain_is_enough(required: float, configured: float, times: float) -> None:
+    one = np.eye(1)
+    found = Balance(one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
+    assert found.times == times
+
+
 @pytest.mark.slow
 def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
     found = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
