@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.vectors import algebra, each, norm, row_times
+from grosmc_mj.control.vectors import algebra, each, norm, quadratic, row_times
 
 SIZES = (1, 2, 3, 4)
 each_size = pytest.mark.parametrize("m", SIZES)
@@ -80,6 +80,13 @@ def test_times_is_the_product_with_a_vector_of_any_length(m: int, n: int) -> Non
         np.testing.assert_allclose(found, K @ z, rtol=0, atol=n * scale)
         # An array does as well as a tuple.
         assert both(operations.times, K, z) == found
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_quadratic_form_counts_every_entry(n: int) -> None:
+    random = np.random.default_rng(n)
+    z, W = random.standard_normal(n), random.standard_normal((n, n))
+    assert quadratic(z, W) == pytest.approx(z @ W @ z, rel=1e-12)
 
 
 @each_size
