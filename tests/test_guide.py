@@ -73,9 +73,28 @@ def test_the_case_file_on_the_page_on_your_own_is_kept(tmp_path: Path) -> None:
     from grosmc_mj.experiments.requirements import judge_all
 
     text = (DOCS / "your_own.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    block, _ = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     (tmp_path / "mine.toml").write_text(block, encoding="utf-8")
     experiment = Experiment.load(tmp_path / "mine.toml")
     judgements = judge_all(experiment.limits, list(experiment.runs()))
     assert len(judgements) == 3
     assert all(each.kept for each in judgements), judgements
+
+
+def test_the_law_on_the_page_on_your_own_remembers(tmp_path: Path) -> None:
+    from grosmc_mj.experiments.experiment import Experiment
+
+    text = (DOCS / "your_own.md").read_text(encoding="utf-8")
+    (law,) = (b for b in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "def pi" in b)
+    _, table = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    run = '[plant]\nsystem = "servo"\n[run]\nduration = "8 s"\ncontrol_period = "1 ms"\n'
+    (tmp_path / "mine.py").write_text(law, encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(run + table, encoding="utf-8")
+    found = Experiment.load(tmp_path / "mine.toml").run("physics").trajectory
+    # Without friction worth the name the rotor swings about the target, within the limit.
+    assert np.abs(found.input).max() <= 3.0
+    cut = np.abs(found.input) == 3.0
+    assert np.any(cut[:-1])
+    still = np.diff(found.memory["integral"][: len(cut)])[cut[1 : len(cut)]]
+    assert not np.any(still)
+    assert np.any(np.diff(found.memory["integral"]))

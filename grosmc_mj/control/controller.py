@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, make_dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arguments import require
+from grosmc_mj.arguments import reals, require
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates, Workspace
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.laws import Law
@@ -20,6 +21,9 @@ from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.vectors import algebra, each
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
+
+# Fields of memory that belong to the engines, or mean the chapter's sliding variable.
+_OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +125,11 @@ class Controller:
 
 
 def custom_controller(
-    name: str, law: Law, like: Controller, numbers: Mapping[str, Any] | None = None
+    name: str,
+    law: Law,
+    like: Controller,
+    numbers: Mapping[str, Any] | None = None,
+    memory: Mapping[str, Any] | None = None,
 ) -> Controller:
     """A controller of any law, judged against the optimum of another one.
 
@@ -130,9 +138,12 @@ def custom_controller(
         law: (t, x, memory, p) -> u, a number or, for several inputs, a tuple.
         like: A controller with error coordinates and an optimum, whose index weighs this one.
         numbers: Fields of p besides ``plant`` and ``reference``: numbers and arrays.
+        memory: Fields of memory with what they hold when a run begins, such as
+            ``{"integral": 0.0, "past": np.zeros(8)}``: numbers and arrays, which the law changes
+            in place (``memory.past[0] = e``). Each is recorded in ``Trajectory.memory``.
 
     Raises:
-        ArgumentError: If ``like`` has no optimum.
+        ArgumentError: If ``like`` has no optimum, or a name or a value cannot be a field.
     """
     require("name", name, str, "a text")
     require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
@@ -141,21 +152,14 @@ def custom_controller(
         raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
     design, m = like.designed, like.designed.error.inputs
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
-    for key in numbers or {}:
-        if (
-            not isinstance(key, str)
-            or not key.isidentifier()
-            or keyword.iskeyword(key)
-            or key in given
-        ):
-            raise ArgumentError(f"{key!r} cannot be the name of a law's number: take another")
+    _require_names(numbers or {}, given, "a law's number")
     fields = {**given, **(numbers or {})}
     parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
     return Controller(
         name=name,
         law=_weighed(law, m, like.coordinates.driven if design.linearizing else None),
         parameters=parameters,
-        memory=_Fresh(m),
+        memory=_Fresh(m, _started(memory or {})),
         design=Design(
             design.error,
             design.lqr,
@@ -166,14 +170,44 @@ def custom_controller(
     )
 
 
-class _Fresh:
-    """Makes the memory of a run of m inputs."""
+def _require_names(named: Mapping[str, Any], taken: Iterable[str], what: str) -> None:
+    """Refuse names that cannot be fields, or are fields already."""
+    for key in named:
+        plain = isinstance(key, str) and key.isidentifier() and not keyword.iskeyword(key)
+        if not plain or key in taken:
+            raise ArgumentError(f"{key!r} cannot be the name of {what}: take another")
 
-    def __init__(self, m: int) -> None:
-        self._m = m
+
+def _started(memory: Mapping[str, Any]) -> dict[str, float | Array]:
+    """What a law remembers as a run begins.
+
+    Raises:
+        ArgumentError: If a name is taken, or a value is no finite number or array.
+    """
+    require("memory", memory, Mapping, "numbers and arrays by their names")
+    _require_names(memory, _OF_THE_RUN, "what a law remembers")
+    started = {}
+    for key, value in memory.items():
+        entries = reals(value)
+        if not np.all(np.isfinite(entries)):
+            raise ArgumentError(f"memory: {key} = {shown(value)} must be finite")
+        started[key] = entries.copy() if entries.ndim else float(entries)
+    return started
+
+
+class _Fresh:
+    """Makes the memory of a run of m inputs, with fields of a law's own."""
+
+    def __init__(self, m: int, own: Mapping[str, float | Array]) -> None:
+        self._m, self._own = m, own
+        kinds = [(key, Any, field(default=None)) for key in own]
+        self._kind = make_dataclass("LawMemory", kinds, bases=(Memory,)) if own else Memory
 
     def __call__(self) -> Memory:
-        return Memory(v=np.zeros(self._m))
+        fresh: dict[str, Any] = {
+            key: np.copy(v) if np.ndim(v) else v for key, v in self._own.items()
+        }
+        return self._kind(v=np.zeros(self._m), **fresh)
 
 
 @cache

@@ -95,6 +95,7 @@ def _ours(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the package."""
+    _refuse_memory(table)
     if table.law in (own := FURTHER.get(nominal.system.name, {})) and nominal.shipped:
         if table.numbers:
             _refuse(f"{table.law} has weights and numbers of its own, not {list(table.numbers)}")
@@ -133,6 +134,7 @@ def _users(
     found = getattr(found, "py_func", found)
     numbers = {name: law_number(name, value) for name, value in table.numbers.items()}
     if isinstance(found, Controller):
+        _refuse_memory(table)
         return found if not numbers else _refuse("a controller has its numbers already")
     if _is_law(found, table.law):
         like = file.law("lqr" if nominal.robot is not None else "fl-lqr").law
@@ -140,7 +142,9 @@ def _users(
         followed = ControllerTable.model_validate({"law": like, **weights})
         like = _ours(followed, file, nominal, plant, folder)
         own = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
-        return custom_controller(table.called, found, like, own)
+        memory = {name: law_number(f"memory: {name}", v) for name, v in table.memory.items()}
+        return custom_controller(table.called, found, like, own, memory)
+    _refuse_memory(table)
     # The nominal plant for a function that wants it: a robot as such, others by equations.
     given = (nominal.robot or nominal.equations(plant),) if _needed(found) else ()
     try:
@@ -152,6 +156,12 @@ def _users(
     if not isinstance(made, Controller):
         _refuse(f"{table.law} returned a {type(made).__name__}, must return a Controller")
     return made
+
+
+def _refuse_memory(table: ControllerTable) -> None:
+    """Refuse memory for what is no plain law."""
+    if table.memory:
+        _refuse("memory is of a law (t, x, memory, p) -> u of your own: all others have theirs")
 
 
 def _refuse(said: str) -> NoReturn:

@@ -47,7 +47,8 @@ class Cluster:
         one_thread = ["--nthreads", "1", "--no-nanny"]
         self.workers = [self._start("worker", *one_thread, *options) for _ in range(2)]
         end = time.monotonic() + SOON
-        while not self.file.exists():
+        # It is there before it is written.
+        while not (self.file.exists() and self.file.read_text().strip()):
             assert time.monotonic() < end, "no scheduler"
             time.sleep(0.05)
 

@@ -54,7 +54,7 @@ def slow(*values: Any) -> Any:
         slow("claims arm", "All verdicts are as expected"),
         slow("validate servo/case1 --no-figures", "All 4 runs are as recorded"),
         slow(
-            "campaign servo --runs 8 --worst --evaluations 16 --no-figures",
+            "campaign servo --runs 8 --worst --evaluations 128 --no-figures",
             "lqr keeps everything on 0 of 8 plants",
         ),
         slow("study region arm --points 5 --duration 6", "lqr on case2 converges from the fewest"),

@@ -75,6 +75,8 @@ class LawTable(Table):
             of the nominal plant, or of a controller.
         switching: Switching law of a sliding mode law.
         surface: ``printed`` or ``discrete``.
+        memory: What a law of the user's own remembers, by names, as a run begins: numbers and
+            lists of them.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
@@ -82,6 +84,7 @@ class LawTable(Table):
     law: str
     switching: str = "sign"
     surface: Literal["printed", "discrete"] = "printed"
+    memory: dict[str, Any] = {}
 
     @property
     def numbers(self) -> dict[str, Any]:
