@@ -58,7 +58,7 @@ $(OLDER:%=portable-%): portable-%: $(INSTALLED)
 portable-fast: $(INSTALLED)  ## The fast tests of what computes, with an older machine's libraries
 	$(AS) nehalem-libraries $(FAST) $(COMPUTING:%=tests/%)
 
-mutate: $(INSTALLED)  ## Put 200 faults in, one at a time, and say which the tests notice (half an hour)
+mutate: $(INSTALLED)  ## Put 200 faults in, one at a time, and say which the tests notice (an hour or two)
 	$(BIN)/python tests/mutants.py $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports

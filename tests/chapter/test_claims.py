@@ -34,6 +34,7 @@ from grosmc_mj.chapter.claims.ledger import (
 from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.chapter.claims_document import claim_document
 from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
+from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
@@ -664,6 +665,19 @@ KEYS = {
     "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
     "suspected_defect", "verdict", "because", "untested", "plants", "expected",
 }  # fmt: skip
+
+
+def test_the_answer_on_all_claims_comes_first_and_fits_on_a_screen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On findings with the expected verdicts, as wide as numbers get."""
+    made_up = [finding(claim) for claim in CLAIMS]
+    monkeypatch.setattr(claims_command, "judge_with_progress", lambda *_: made_up)
+    assert run("claims", "--out", str(tmp_path)) == cli.DONE
+    lines = capsys.readouterr().out.rstrip("\n").split("\n")
+    assert lines[0].startswith("All verdicts are as expected")
+    assert len(lines) <= 40
+    assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
 
 
 @pytest.mark.slow

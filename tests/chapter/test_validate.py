@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import math
 import subprocess
@@ -14,6 +16,7 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 from conftest import hear_interrupts
+from rich.cells import cell_len
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -52,9 +55,12 @@ def run(*arguments: str) -> int:
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, Path]:
-    """One ``validate`` of everything."""
-    out = tmp_path_factory.mktemp("renders")
-    return run("validate", "--out", str(out)), out
+    """One ``validate`` of everything, with what it prints in ``said.txt``."""
+    out, said = tmp_path_factory.mktemp("renders"), io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = run("validate", "--out", str(out))
+    (out / "said.txt").write_text(said.getvalue(), encoding="utf-8")
+    return code, out
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +72,13 @@ def test_all_is_as_recorded(everything: tuple[int, Path], document: dict[str, An
     assert document["differences"] == []
     assert document["as_recorded"] is True
     assert everything[0] == cli.DONE
+
+
+def test_the_answer_comes_first_and_fits_on_a_screen(everything: tuple[int, Path]) -> None:
+    lines = (everything[1] / "said.txt").read_text(encoding="utf-8").rstrip("\n").split("\n")
+    assert lines[0].startswith("All 87 runs are as recorded")
+    assert len(lines) <= 40
+    assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
 
 
 def test_every_case_runs_on_every_plant_under_every_law(document: dict[str, Any]) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from rich.cells import cell_len
 
-import grosmc_mj
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import faults
 from grosmc_mj.cli.commands import COMMANDS, STUDIES
@@ -22,7 +21,6 @@ from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 
 _LINES, _COLUMNS = 40, 100
-PACKAGE = Path(grosmc_mj.__file__).parent
 
 
 def run(*arguments: str) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 from shipped import case_plant, find_case, nominal_controller, of_case, run_case, run_on
 
 from grosmc_mj.arrays import Array
@@ -637,4 +639,8 @@ def test_command_writes_what_it_measured(tmp_path, capsys):
     assert min(row["gain_ratio"] for row in diverged) >= 2
     for suffix in (".png", ".svg"):
         assert (tmp_path / f"switching{suffix}").stat().st_size > 10_000
-    assert "implicit-estimate" in capsys.readouterr().out
+    lines = capsys.readouterr().out.rstrip("\n").split("\n")
+    assert re.match(r"All \d+ runs in MuJoCo completed", lines[0])
+    assert len(lines) <= 40
+    assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
+    assert "implicit-estimate" in "\n".join(lines)
