@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+from dataclasses import field, fields, is_dataclass, make_dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,3 +49,26 @@ def pack(value: Any) -> Array:
         member = getattr(value, item.name)
         parts.append(pack(member) if is_dataclass(member) else np.ravel(member))
     return np.concatenate(parts).astype(float) if parts else np.zeros(1)
+
+
+def extended(value: Any, **extra: Any) -> Any:
+    """A dataclass with further fields at its end: whoever knows the others finds them there."""
+    if not extra:
+        return value
+    made = _extended(type(value), tuple(extra))
+    found = made.__new__(made)
+    # Past __init__ and __post_init__: the value has been made and checked already.
+    for name, item in {**vars(value), **extra}.items():
+        object.__setattr__(found, name, item)
+    return found
+
+
+@cache
+def _extended(kind: Any, names: tuple[str, ...]) -> Any:
+    """A dataclass with further fields."""
+    return make_dataclass(
+        f"Extended{kind.__name__}",
+        [(name, Any, field(default=None)) for name in names],
+        bases=(kind,),
+        frozen=kind.__dataclass_params__.frozen,
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Callable, Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, make_dataclass
 from functools import cache
 from typing import Any
@@ -21,6 +22,7 @@ from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.vectors import algebra, each
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
+from grosmc_mj.records import extended
 
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
 _OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")
@@ -200,14 +202,9 @@ class _Fresh:
 
     def __init__(self, m: int, own: Mapping[str, float | Array]) -> None:
         self._m, self._own = m, own
-        kinds = [(key, Any, field(default=None)) for key in own]
-        self._kind = make_dataclass("LawMemory", kinds, bases=(Memory,)) if own else Memory
 
     def __call__(self) -> Memory:
-        fresh: dict[str, Any] = {
-            key: np.copy(v) if np.ndim(v) else v for key, v in self._own.items()
-        }
-        return self._kind(v=np.zeros(self._m), **fresh)
+        return extended(Memory(v=np.zeros(self._m)), **deepcopy(dict(self._own)))
 
 
 @cache

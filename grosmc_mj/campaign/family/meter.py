@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Any
 
@@ -31,6 +31,7 @@ from grosmc_mj.experiments.metrics.definitions import (
 )
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
+from grosmc_mj.records import extended
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
 # for those of the law.
@@ -115,7 +116,7 @@ def metered(
     return replace(
         controller,
         law=law,
-        parameters=_with(controller.parameters, meters=numbers),
+        parameters=extended(controller.parameters, meters=numbers),
         memory=partial(_memory, controller, len(numbers.after)),
     )
 
@@ -129,28 +130,7 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
 def _memory(controller: Controller, errors: int) -> Memory:
     """The law's own memory with meters."""
     meters = LawMeters(np.zeros(errors), optimal=np.zeros(controller.designed.error.size))
-    return _with(controller.memory(), meters=meters)
-
-
-def _with(value: Any, **extra: Any) -> Any:
-    """A dataclass with further fields at its end: whoever knows the others finds them there."""
-    made = _extended(type(value), tuple(extra))
-    found = made.__new__(made)
-    # Past __init__ and __post_init__: the value has been made and checked already.
-    for name, item in {**vars(value), **extra}.items():
-        object.__setattr__(found, name, item)
-    return found
-
-
-@cache
-def _extended(kind: Any, names: tuple[str, ...]) -> Any:
-    """A dataclass with further fields."""
-    return make_dataclass(
-        f"Metered{kind.__name__}",
-        [(name, Any, field(default=None)) for name in names],
-        bases=(kind,),
-        frozen=kind.__dataclass_params__.frozen,
-    )
+    return extended(controller.memory(), meters=meters)
 
 
 @cache
