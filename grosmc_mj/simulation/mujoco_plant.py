@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -21,6 +20,7 @@ from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
 from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 from grosmc_mj.simulation.edits import Edit, apply_edits
+from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
@@ -170,21 +170,12 @@ class MujocoPlant(Plant):
         """x' by MuJoCo's forward dynamics, (n,)."""
         x, u, w = self.checked(x, u, wrench)
         model, n = self.model_with_userdata(0), self.system.degrees_of_freedom
-        # Memory for an mjData takes a hundred times as long as the dynamics of a few bodies.
-        if not hasattr(self._of_this_thread, "data"):
-            self._of_this_thread.data = mujoco.MjData(model)
-        data = self._of_this_thread.data
-        mujoco.mj_resetData(model, data)
+        data = scratch(model)
         data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
         bodies = [model.body(name).id for name in self.system.bodies]
         data.xfrc_applied[bodies] = w.reshape(-1, 6)
         mujoco.mj_forward(model, data)
         return np.concatenate([x[n:], data.qacc])
-
-    @cached_property
-    def _of_this_thread(self) -> threading.local:
-        """Where ``derivative`` computes."""
-        return threading.local()
 
     def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
         """A and B by MuJoCo's own finite differences, see ``linearize``."""

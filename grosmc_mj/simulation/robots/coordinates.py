@@ -17,6 +17,7 @@ from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
 
 
@@ -139,7 +140,7 @@ class RobotCoordinates(OutputCoordinates):
         default. How their answer changes with u is not in the gain, which is M*^-1.
         """
         model, n = plant.model_with_userdata(0), self.inputs
-        data, M = mujoco.MjData(model), np.zeros((n, n))
+        data, M = scratch(model), np.zeros((n, n))
         data.qpos[:], data.qvel[:] = x[:n], x[n:]
         if w is not None:
             rows = [model.body(name).id for name in self.system.bodies]

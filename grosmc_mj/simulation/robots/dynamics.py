@@ -26,7 +26,7 @@ from grosmc_mj.control.vectors import each
 from grosmc_mj.errors import SetupError
 from grosmc_mj.simulation.edits import write_inertia
 from grosmc_mj.simulation.engines.compilation import pointer
-from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
+from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, scratch
 from grosmc_mj.simulation.models import compile_spec
 
 
@@ -112,7 +112,7 @@ def bias(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> Array:
 
 def _moving(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> mujoco.MjData:
     """All that depends on position and velocity."""
-    data = mujoco.MjData(model)
+    data = scratch(model)
     data.qpos[:], data.qvel[:] = q, dq
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
