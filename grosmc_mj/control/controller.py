@@ -19,10 +19,10 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.switching import Reach
-from grosmc_mj.control.vectors import algebra, each
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import extended
+from grosmc_mj.vectors import algebra, each
 
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
 _OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
-from grosmc_mj.control.vectors import algebra, norm
+from grosmc_mj.vectors import algebra, norm
 
 # What a law regulates: outputs' errors through feedback linearization, or the whole state.
 Coordinates = OutputCoordinates | StateCoordinates

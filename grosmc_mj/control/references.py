@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
-from grosmc_mj.control.vectors import each
 from grosmc_mj.errors import ArgumentError, GrosmcError, PremiseError, shown
 from grosmc_mj.jitable import jitable
+from grosmc_mj.vectors import each
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.control.vectors import Vector, each, row_times
 from grosmc_mj.errors import GainError, shown
 from grosmc_mj.jitable import jitable
+from grosmc_mj.vectors import Vector, each, row_times
 
 
 @cache

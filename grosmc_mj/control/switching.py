@@ -16,9 +16,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.vectors import Vector, each, norm
 from grosmc_mj.errors import GainError, unknown_name
 from grosmc_mj.jitable import jitable
+from grosmc_mj.vectors import Vector, each, norm
 
 # Jitable (s, k, rho, memory, q) -> phi: memory has been brought up to this sample by the
 # surface, and q is the switching law itself, with its numbers.

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.vectors import quadratic
+from grosmc_mj.vectors import quadratic
 
 
 class Index:

@@ -21,11 +21,11 @@ from grosmc_mj.control.references import Setpoint, Sine, setpoint, sine
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import sgn
 from grosmc_mj.control.task import FeedbackParameters
-from grosmc_mj.control.vectors import norm
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.vectors import norm
 
 # The optimal law that each GROSMC makes robust.
 OPTIMAL = {"servo": "lqr", "cart_pendulum": "fl-lqr", "arm": "lqr"}

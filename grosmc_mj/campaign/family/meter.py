@@ -19,7 +19,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.vectors import each, quadratic, row_times
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
@@ -32,6 +31,7 @@ from grosmc_mj.experiments.metrics.definitions import (
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import extended
+from grosmc_mj.vectors import each, quadratic, row_times
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
 # for those of the law.

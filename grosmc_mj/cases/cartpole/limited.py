@@ -18,8 +18,8 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.task import BoundedParameters
-from grosmc_mj.control.vectors import norm, row_times
 from grosmc_mj.errors import GainError
+from grosmc_mj.vectors import norm, row_times
 
 
 @dataclass(frozen=True, eq=False)

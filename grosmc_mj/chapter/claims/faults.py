@@ -13,7 +13,6 @@ from grosmc_mj.chapter.claims.claim import Claim, Verdict
 from grosmc_mj.chapter.claims.ledger import CLAIMS, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
-from grosmc_mj.control.vectors import each
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.plants import PlantName
@@ -23,6 +22,7 @@ from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.vectors import each
 
 
 class Caught(NamedTuple):

@@ -15,9 +15,9 @@ from grosmc_mj.arguments import require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.references import ReferenceFunction
-from grosmc_mj.control.vectors import Vector
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.plants import Plant, System
+from grosmc_mj.vectors import Vector
 
 _PER_SECOND = ("", "/s", "/s²", "/s³")
 

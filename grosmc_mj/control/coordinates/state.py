@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.vectors import Vector, each
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
+from grosmc_mj.vectors import Vector, each
 
 
 @dataclass(frozen=True, eq=False)

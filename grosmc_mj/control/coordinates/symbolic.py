@@ -16,10 +16,10 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
-from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
+from grosmc_mj.vectors import Vector, algebra, each, signed_difference
 
 
 @dataclass(frozen=True, eq=False)

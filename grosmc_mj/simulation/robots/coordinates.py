@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
 from grosmc_mj.control.coordinates.chains import Chains
-from grosmc_mj.control.vectors import Vector, algebra, each, signed_difference
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
+from grosmc_mj.vectors import Vector, algebra, each, signed_difference
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

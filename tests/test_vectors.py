@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.vectors import algebra, each, norm, quadratic, row_times
+from grosmc_mj.vectors import algebra, each, norm, quadratic, row_times
 
 SIZES = (1, 2, 3, 4)
 each_size = pytest.mark.parametrize("m", SIZES)
