@@ -159,7 +159,7 @@ def custom_controller(
     parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
     return Controller(
         name=name,
-        law=_weighed(law, m, like.coordinates.driven if design.linearizing else None),
+        law=_weighed(law, m, _weighing(design)),
         parameters=parameters,
         memory=_Fresh(m, _started(memory or {})),
         design=Design(
@@ -170,6 +170,16 @@ def custom_controller(
             linearizing=design.linearizing,
         ),
     )
+
+
+def _weighing(design: Design) -> Feedback | None:
+    """What the index weighs of an input: v of eqs. (24) and (45), or u about its operating point.
+
+    None for u as it is.
+    """
+    error = design.error
+    of_state = isinstance(error, StateCoordinates)
+    return error.driven if of_state or design.linearizing else None
 
 
 def _require_names(named: Mapping[str, Any], taken: Iterable[str], what: str) -> None:

@@ -23,7 +23,9 @@ from grosmc_mj.control.task import (
     AS_PRINTED,
     BoundedParameters,
     FeedbackParameters,
+    LinearParameters,
     Realization,
+    StateTask,
     SurfaceParameters,
     Task,
     TrackingParameters,
@@ -32,7 +34,7 @@ from grosmc_mj.control.task import (
 from grosmc_mj.errors import GainError, shown
 
 
-def linear_lqr(task: Task) -> Controller:
+def linear_lqr(task: Task | StateTask) -> Controller:
     """LQR (5) on the plant's linearization."""
     optimum = task.linearization_optimum()
     law = laws.state_feedback(task.error)
@@ -88,8 +90,9 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
         GainError: If G B is singular or no gain can hold the declared family.
     """
     optimum, with_reach = task.linearization_optimum(), partial(laws.grosmc_linear, task.error)
-    parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=False)
-    return _sliding(with_reach, task, parameters, optimum, "eqs. (8)+(12)", declared)
+    bounded, declared = _bounded(task, optimum, uncertainty, G, linearizing=False)
+    parameters = LinearParameters(**vars(bounded))
+    return _of_outputs(with_reach, task, parameters, optimum, "eqs. (8)+(12)", declared)
 
 
 def regulating_grosmc(
@@ -110,7 +113,7 @@ def regulating_grosmc(
     optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_regulator, task.symbolic)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
     source = "eqs. (31)+(37)"
-    return _sliding(with_reach, task, parameters, optimum, source, declared, linearizing=True)
+    return _of_outputs(with_reach, task, parameters, optimum, source, declared, linearizing=True)
 
 
 def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = None) -> Controller:
@@ -134,7 +137,7 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
     surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))
     source = "eqs. (51)+(55)"
-    return _sliding(with_reach, task, parameters, optimum, source, linearizing=True)
+    return _of_outputs(with_reach, task, parameters, optimum, source, linearizing=True)
 
 
 def realized(controller: Controller, realization: Realization) -> Controller:
@@ -161,17 +164,29 @@ def realized(controller: Controller, realization: Realization) -> Controller:
     )
 
 
-def _sliding(
+def sliding(
     with_reach: Callable[[Reach], laws.Law],
-    task: Task,
+    task: Task | StateTask,
     parameters: SurfaceParameters,
     optimum: LqrDesign,
     source: str,
     declared: str = "",
     *,
     linearizing: bool = False,
+    sliding_unit: str = "",
 ) -> Controller:
-    """A sliding mode controller, sampled as the task says."""
+    """A sliding mode controller, sampled as the task says.
+
+    Args:
+        with_reach: Makes its law for a switching law.
+        task: What it is designed for.
+        parameters: Its numbers.
+        optimum: What it is to follow.
+        source: Equations of the chapter.
+        declared: What its gains were computed from, in words.
+        linearizing: Whether it goes through feedback linearization.
+        sliding_unit: Unit of s.
+    """
     law = with_reach(AS_PRINTED.switching.reach(task.error.inputs))
     made = _controller(
         "grosmc",
@@ -182,10 +197,22 @@ def _sliding(
         source,
         declared,
         linearizing=linearizing,
-        sliding_unit=_sliding_unit(task, parameters),
+        sliding_unit=sliding_unit,
         with_reach=with_reach,
     )
     return realized(made, task.realization)
+
+
+def _of_outputs(
+    with_reach: Callable[[Reach], laws.Law],
+    task: Task,
+    parameters: SurfaceParameters,
+    *a: Any,
+    **kinds: bool,
+) -> Controller:
+    """A sliding mode controller of outputs, see ``sliding``."""
+    unit = _sliding_unit(task, parameters)
+    return sliding(with_reach, task, parameters, *a, **kinds, sliding_unit=unit)
 
 
 def surface_numbers(optimum: LqrDesign, G: ArrayLike | None = None) -> dict[str, Any]:
@@ -243,7 +270,7 @@ def _bounded(
 def _controller(
     name: str,
     law: laws.Law,
-    task: Task,
+    task: Task | StateTask,
     parameters: FeedbackParameters,
     optimum: LqrDesign,
     source: str,
@@ -256,6 +283,8 @@ def _controller(
     """A controller with the gains that are worth showing."""
     shown = ("eta", "gamma0", "gamma1", "k", "epsilon")
     gains = {name: getattr(parameters, name) for name in shown if hasattr(parameters, name)}
+    if math.isfinite(limit := getattr(parameters, "limit", math.inf)):
+        gains["limit"] = limit
     m, n = optimum.K.shape
     # Rounding of what is zero is not worth showing.
     K = np.where(np.abs(optimum.K) > 1e-12 * np.abs(optimum.K).max(), optimum.K, 0.0)

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
-from grosmc_mj.vectors import algebra, norm
+from grosmc_mj.vectors import algebra, each, norm
 
 # What a law regulates: outputs' errors through feedback linearization, or the whole state.
 Coordinates = OutputCoordinates | StateCoordinates
@@ -26,15 +26,15 @@ Law = Callable[[float, Any, Any, Any], Any]
 
 @cache
 def state_feedback(error: Coordinates) -> Law:
-    """The optimal law of a linear plant, eq. (5): u = -K x."""
-    error_state, m = error.state, error.inputs
+    """The optimal law of a linear plant, eq. (5): u = -K x, about its operating point."""
+    error_state, applied, m = error.state, error.applied, error.inputs
     times, subtract, store, given = _operations(m)
     nothing = algebra(m).nothing
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        u = subtract(nothing, times(p.K, error_state(t, x, p)))
-        store(memory.v, u)
-        return given(u)
+        v = subtract(nothing, times(p.K, error_state(t, x, p)))
+        store(memory.v, v)
+        return given(applied(v, p))
 
     return law
 
@@ -56,19 +56,33 @@ def linearizing_feedback(error: OutputCoordinates) -> Law:
 
 @cache
 def grosmc_linear(error: Coordinates, reach: Reach) -> Law:
-    """GROSMC of a linear plant: the surface (8) and the law (12)."""
-    error_state = error.state
-    surface = integral_surface(error.inputs, error.size)
-    times, subtract, store, given = _operations(error.inputs)
+    """GROSMC of a linear plant, about its operating point: the surface (8) and the law (12).
+
+    The surface supposes that the nominal input -K x is applied. Where an actuator cuts it off, s
+    grows by what is missing, as an integrator winds up, and the switching term goes on paying it
+    back when the limit is long past. So the nominal input is kept within ``p.limit``, in law and
+    surface alike: s' = G (x' - A x - B u_0). Without a limit it is the printed law.
+    """
+    error_state, applied, m = error.state, error.applied, error.inputs
+    surface = integral_surface(m, error.size)
+    times, subtract, store, given = _operations(m)
+    add, nothing = algebra(m).add, algebra(m).nothing
+    within = each(m, lambda i, wanted, limit: min(limit, max(-limit, wanted[i])))
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
         s = surface(t, z, memory, p)
+        wanted = subtract(nothing, times(p.K, z))
+        nominal = within(wanted, p.limit)
+        # The surface has noted S z = G (A - B K) z for the time up to the next sample.
+        missing = times(p.GB, subtract(nominal, wanted))
+        for i in range(m):
+            memory.rate[i] += missing[i]
         rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * p.size_of_GB
-        u_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
-        u = subtract(u_d, times(p.K, z))
-        store(memory.v, u)
-        return given(u)
+        v_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
+        v = add(v_d, nominal)
+        store(memory.v, v)
+        return given(applied(v, p))
 
     return law
 

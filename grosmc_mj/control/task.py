@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,12 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.switching import Sign, Switching
 from grosmc_mj.errors import ArgumentError, GainError, shown
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ class SurfaceParameters(FeedbackParameters):
 
 @dataclass(frozen=True, eq=False)
 class BoundedParameters(SurfaceParameters):
-    """Numbers of the laws (12) and (37).
+    """Numbers of the law (37), and of (12) but for its limit.
 
     Attributes:
         eta: Reaching gain.
@@ -68,6 +70,17 @@ class BoundedParameters(SurfaceParameters):
     eta: float
     gamma0: float
     gamma1: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinearParameters(BoundedParameters):
+    """Numbers of the law (12).
+
+    Attributes:
+        limit: Largest nominal input, in the unit of the input; infinite as printed.
+    """
+
+    limit: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,16 +152,6 @@ class Task:
         require("realization", self.realization, Realization, "a Realization")
         # The relative degrees of outputs and reference must agree before anything is made of them.
         degrees = self.error.linearization.relative_degree
-        for name, given, size in (
-            ("Q", self.Q, self.error.size),
-            ("R", self.R, self.error.inputs),
-        ):
-            weight = reals(given)
-            number = weight.ndim == 0 and (name == "R" or size == 1)
-            if not np.all(np.isfinite(weight)) or not (number or weight.shape == (size, size)):
-                raise GainError(
-                    f"{name} = {shown(given)} must be a matrix of {size} x {size} finite numbers"
-                )
         try:
             values = self.error.reference(0.0, self.reference)
         except (ArithmeticError, ValueError) as error:
@@ -163,6 +166,17 @@ class Task:
                 f"the reference gives {shown(values)} at t = 0, must give {count} finite "
                 f"values: each output with derivatives up to {degrees}"
             )
+        self.error.require_regular(self.feedback(np.zeros((0, 0))))
+        for name, given, size in (
+            ("Q", self.Q, self.error.size),
+            ("R", self.R, self.error.inputs),
+        ):
+            weight = reals(given)
+            number = weight.ndim == 0 and (name == "R" or size == 1)
+            if not np.all(np.isfinite(weight)) or not (number or weight.shape == (size, size)):
+                raise GainError(
+                    f"{name} = {shown(given)} must be a matrix of {size} x {size} finite numbers"
+                )
 
     @property
     def symbolic(self) -> ErrorCoordinates:
@@ -207,6 +221,66 @@ class Task:
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
         return FeedbackParameters(self.plant.parameters, self.reference, K)
+
+
+@dataclass(frozen=True, eq=False)
+class StateTask:
+    """A nominal plant whose whole state is held at an operating point, and the index of that.
+
+    Attributes:
+        plant: The plant that the law believes in, as equations or in MuJoCo.
+        Q: Weight of x - x_e, positive semidefinite, (n, n).
+        R: Weight of u - u_e, positive definite, (m, m) or a number.
+        reference: The operating point; the origin by default.
+        model: (A, B) there; the plant's own linearization by default.
+        realization: How a sliding mode law is sampled.
+    """
+
+    plant: Plant
+    Q: ArrayLike
+    R: ArrayLike
+    reference: OperatingPoint | None = None
+    model: tuple[Array, Array] | None = None
+    realization: Realization = AS_PRINTED
+
+    def __post_init__(self) -> None:
+        require("plant", self.plant, Plant, "a plant, such as MujocoPlant.load(...)")
+        require("realization", self.realization, Realization, "a Realization")
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The operating point."""
+        return self.reference or OperatingPoint.origin(self.plant)
+
+    @cached_property
+    def error(self) -> StateCoordinates:
+        """z = x - x_e."""
+        return _state_coordinates(self.plant.system)
+
+    def linearization_optimum(self) -> LqrDesign:
+        """LQR on the plant's linearization about the operating point.
+
+        Raises:
+            ArgumentError: If the plant does not rest there.
+            GainError: If the weights do not fit, or the input cannot stabilize it there.
+        """
+        model = self.model or self.plant.linearization(self.point.x, self.point.u)
+        return lqr(*model, self.Q, self.R)
+
+    def feedback(self, K: Array) -> FeedbackParameters:
+        """Numbers of a law with this gain, (m, n)."""
+        return FeedbackParameters(self.plant.parameters or Unread(), self.point, K)
+
+
+@dataclass(frozen=True)
+class Unread:
+    """The numbers of a plant that no law here reads: MuJoCo has them."""
+
+
+@cache
+def _state_coordinates(system: System) -> StateCoordinates:
+    """The coordinates of a system's state, made once, as a law is compiled once for them."""
+    return StateCoordinates(system)
 
 
 def require_task(task: Task) -> None:

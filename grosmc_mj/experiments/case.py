@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,13 +54,19 @@ class Case:
         return min((d.window[0] for d in self.disturbances), default=math.inf)
 
 
-def case_of(file: CaseFile, system: System, folder: Path | None = None) -> Case:
+def case_of(
+    file: CaseFile,
+    system: System,
+    folder: Path | None = None,
+    rest: Sequence[float] | None = None,
+) -> Case:
     """The experiment of a case file.
 
     Args:
         file: The file.
         system: What it is about.
         folder: Where profiles of the user's own are.
+        rest: Where it starts but for what the file says; zero by default.
 
     Raises:
         ArgumentError: If a state is unknown, or a unit or profile does not fit.
@@ -70,7 +76,7 @@ def case_of(file: CaseFile, system: System, folder: Path | None = None) -> Case:
         name=file.name,
         title=file.title or file.name,
         source=file.source,
-        x0=state_of(file.run.start, system, "run: start"),
+        x0=state_of(file.run.start, system, "run: start", rest),
         duration=file.run.duration,
         edits=_case_edits(file),
         disturbances=tuple(
@@ -81,22 +87,31 @@ def case_of(file: CaseFile, system: System, folder: Path | None = None) -> Case:
     )
 
 
-def state_of(given: Mapping[str, Any], system: System, where: str) -> tuple[float, ...]:
-    """A state from values by the states' names; the others are zero.
+def state_of(
+    given: Mapping[str, Any], system: System, where: str, rest: Sequence[float] | None = None
+) -> tuple[float, ...]:
+    """A state from values by the states' names; the others are those of ``rest``, or zero.
 
     Raises:
         ArgumentError: If a state is unknown, or a unit does not fit; it begins with ``where``.
     """
-    names = [state.name for state in system.states]
-    x = [0.0] * len(names)
+    x = [0.0] * len(system.states) if rest is None else [float(each) for each in rest]
+    for index, value in states_of(given, system, where).items():
+        x[index] = value
+    return tuple(x)
+
+
+def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int, float]:
+    """Values of states, by their indices, from values by their names; raises as ``state_of``."""
+    names, found = [state.name for state in system.states], {}
     for name, value in given.items():
         if name not in names:
             raise ArgumentError(f"{where}: {unknown_name('state', name, names)}")
         try:
-            x[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
+            found[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
         except ValueError as error:
             raise ArgumentError(f"{where}: {name}: {error}") from None
-    return tuple(x)
+    return found
 
 
 def _case_edits(file: CaseFile) -> tuple[Edit, ...]:

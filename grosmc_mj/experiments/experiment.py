@@ -177,8 +177,9 @@ class Experiment:
     def uncertainty(self) -> Uncertainty | None:
         """The first uncertainty that the gains of a law are computed from, if one is declared."""
         laws = [self.file.law(name) for name in (*self.controllers, *self.file.laws)]
-        declared = (law.numbers["uncertainty"] for law in laws if "uncertainty" in law.numbers)
-        return next(map(uncertainty, declared), None)
+        declared = (law.numbers.get("uncertainty", {}) for law in laws)
+        # Those of laws on the linearization have no region.
+        return next((uncertainty(each) for each in declared if "region" in each), None)
 
     @property
     def slope(self) -> float:
@@ -308,7 +309,7 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
         timestep=timestep,
         integrator=run.integrator or nominal.integrator,
     )
-    case = case_of(file, nominal.system, path.parent)
+    case = case_of(file, nominal.system, path.parent, nominal.rest)
     # The package's own laws are designed once for all experiments on one task.
     shared = file.plant.system is not None and not named_in(file)
     designs = _shared_designs(repr((file.plant.system, file.task))) if shared else {}

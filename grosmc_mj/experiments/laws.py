@@ -25,7 +25,8 @@ from grosmc_mj.control.design import (
     tracking_grosmc,
 )
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
-from grosmc_mj.control.task import Task
+from grosmc_mj.control.state_design import state_grosmc
+from grosmc_mj.control.task import FeedbackParameters, StateTask, Task
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
@@ -33,7 +34,7 @@ from grosmc_mj.experiments.file.numbers import law_number, weight
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
-from grosmc_mj.plants import AnalyticPlant, System
+from grosmc_mj.plants import AnalyticPlant, OperatingPoint, System
 from grosmc_mj.plants.two_link_arm import tip
 
 Maker = Callable[..., Controller]
@@ -53,6 +54,10 @@ COMPUTED_TORQUE: Laws = {
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
 }
+# Laws on the linearization about an operating point, and those of a model in MuJoCo with fewer
+# actuators than joints, which has no others.
+AT_REST: Laws = {"lqr": linear_lqr, "linear-grosmc": state_grosmc}
+UNDERACTUATED: Laws = {"lqr": linear_lqr, "grosmc": state_grosmc}
 # Laws of one system, with weights of their own: from its nominal plant and its linear model.
 FURTHER: Mapping[str, Mapping[str, Callable[[AnalyticPlant, Any], Controller]]] = {
     "cart_pendulum": {
@@ -100,13 +105,14 @@ def _ours(
         if table.numbers:
             _refuse(f"{table.law} has weights and numbers of its own, not {list(table.numbers)}")
         return own[table.law](nominal.equations(plant), _linear_model(nominal, plant))
-    laws = COMPUTED_TORQUE if nominal.robot is not None else GENERAL
+    laws = laws_of(nominal)
     if table.law not in laws:
         valid = dict.fromkeys([*file.laws, *laws, *own, "module:name"])
         raise ArgumentError(unknown_name("law", table.law, valid))
-    task = _task(table, file, nominal, plant, folder)
     maker, numbers = laws[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
-    valid = _numbers_of(maker)
+    of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
+    make_task = _state_task if of_states else _task
+    task, valid = make_task(table, file, nominal, plant, folder), _numbers_of(maker)
     for name in numbers:
         if name not in valid:
             keys = [*ControllerTable.model_fields, "Q", "R", *valid]
@@ -116,7 +122,16 @@ def _ours(
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and np.ndim(value):
             _refuse(f"{name} = {shown(value)} must be a number")
-    return maker(task, **{name: law_number(name, value) for name, value in numbers.items()})
+    given = {name: law_number(name, value, of_states=of_states) for name, value in numbers.items()}
+    return maker(task, **given)
+
+
+def laws_of(nominal: NominalPlant) -> Laws:
+    """The package's laws for a plant, by name."""
+    robot = nominal.robot
+    if robot is not None:
+        return UNDERACTUATED if robot.underactuated else COMPUTED_TORQUE
+    return GENERAL if nominal.at is None else {**GENERAL, **AT_REST}
 
 
 def _linear_model(nominal: NominalPlant, plant: PlantName) -> Any:
@@ -137,7 +152,8 @@ def _users(
         _refuse_memory(table)
         return found if not numbers else _refuse("a controller has its numbers already")
     if _is_law(found, table.law):
-        like = file.law("lqr" if nominal.robot is not None else "fl-lqr").law
+        whole = nominal.robot is not None or nominal.at is not None
+        like = file.law("lqr" if whole else "fl-lqr").law
         weights = {k: v for k, v in table.numbers.items() if k in _WEIGHTS}
         followed = ControllerTable.model_validate({"law": like, **weights})
         like = _ours(followed, file, nominal, plant, folder)
@@ -196,29 +212,66 @@ def _numbers_of(maker: Maker) -> dict[str, bool]:
     return {each.name: each.default is each.empty for each in found if each.name != "name"}
 
 
+def _weights(table: ControllerTable, file: CaseFile) -> tuple[Any, Any]:
+    """Q and R of a law, as the file has them."""
+    Q, R = table.numbers.get("Q", file.task.Q), table.numbers.get("R", file.task.R)
+    if Q is None or R is None:
+        raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
+    return Q, R
+
+
+def _state_task(
+    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, _: Path
+) -> StateTask:
+    """What a law on the linearization about the operating point is designed for."""
+    Q, R = _weights(table, file)
+    wanted, system = file.task, nominal.system
+    led = wanted.reference is not None or wanted.outputs.of != "plant" or wanted.sign != 1
+    if led and nominal.robot is not None:
+        raise ArgumentError(
+            "task: reference, outputs and sign: a model with fewer actuators than joints is held "
+            "at its operating point: name that with [plant] at"
+        )
+    believed = nominal.plant if nominal.robot is not None else nominal.equations(plant)
+    n, m = len(system.states), len(system.inputs)
+    return StateTask(believed, weight("Q", Q, n), weight("R", R, m), nominal.at)
+
+
 def _task(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Task:
     """What a law is designed for."""
-    wanted = file.task
-    Q, R = table.numbers.get("Q", wanted.Q), table.numbers.get("R", wanted.R)
-    if Q is None or R is None:
-        raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
+    wanted, (Q, R) = file.task, _weights(table, file)
     if (robot := nominal.robot) is not None:
         if wanted.outputs.of != "plant" or wanted.sign != 1:
             raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
         n = robot.joints
-        moving, parameters = _reference(wanted.reference, (2,) * n, robot, folder)
+        held = None if nominal.at is None else [repr(each) for each in nominal.at.x[:n].tolist()]
+        moving, parameters = _reference(wanted.reference or held, (2,) * n, robot, folder)
         return robot.task(moving, parameters, weight("Q", Q, 2 * n), weight("R", R, n))
     equations = nominal.equations(plant)
-    system, named = nominal.system, wanted.outputs
+    system, named = equations.system, wanted.outputs
     outputs = _outputs(named.of, nominal, folder)
     degrees = feedback_linearization(system.equations, outputs).relative_degree
-    moving, parameters = _reference(wanted.reference, degrees, equations, folder)
-    guess = state_of(named.guess, system, "task: outputs: guess") if outputs else None
+    held = None if nominal.at is None else _outputs_at(nominal.at, equations, outputs)
+    moving, parameters = _reference(wanted.reference or held, degrees, equations, folder)
+    guess = None
+    if outputs or nominal.rest is not None:
+        guess = state_of(named.guess, system, "task: outputs: guess", nominal.rest)
     error = _coordinates(system, moving, wanted.sign, outputs, guess, named.unit if outputs else "")
+    error.require_regular(FeedbackParameters(equations.parameters, parameters, np.zeros((0, 0))))
     weights = weight("Q", Q, error.size), weight("R", R, error.inputs)
     return Task(equations, error, parameters, *weights)
+
+
+def _outputs_at(
+    point: OperatingPoint, plant: AnalyticPlant, outputs: tuple[sp.Expr, ...] | None
+) -> list[str]:
+    """The outputs at an operating point, as formulas."""
+    equations, numbers = plant.system.equations, vars(plant.parameters)
+    values = [(symbol, numbers[str(symbol)]) for symbol in equations.parameters]
+    values += zip(equations.x, point.x.tolist(), strict=True)
+    return [repr(float(y.subs(values))) for y in outputs or equations.h]
 
 
 @lru_cache(maxsize=64)

@@ -6,13 +6,24 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, shown, unknown_name
+from grosmc_mj.experiments.case import states_of
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
-from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Plant, System, Variant, find_system
+from grosmc_mj.plants import (
+    SYSTEMS,
+    AnalyticPlant,
+    OperatingPoint,
+    Plant,
+    System,
+    Variant,
+    equilibrium,
+    find_system,
+)
 from grosmc_mj.simulation.edits import Edit
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
@@ -28,11 +39,15 @@ class NominalPlant:
         plant: Before any edit.
         robot: The robot that it is, if it is one: its laws are designed from MuJoCo's dynamics.
         scales: Factors on parameters of equations without a model, which the true ones have.
+        believed: The equations that laws are designed from, if they are not its own.
+        at: Its operating point, if the file has one or laws need one.
     """
 
     plant: AnalyticPlant | MujocoPlant
     robot: Robot | None = None
     scales: Mapping[str, float] = field(default_factory=dict)
+    believed: AnalyticPlant | None = None
+    at: OperatingPoint | None = None
 
     @property
     def system(self) -> System:
@@ -53,13 +68,18 @@ class NominalPlant:
         return [*known, "physics"]
 
     @property
+    def rest(self) -> tuple[float, ...] | None:
+        """State of its operating point, if it has one."""
+        return None if self.at is None else tuple(self.at.x.tolist())
+
+    @property
     def integrator(self) -> Integrator:
         """What steps it by itself; equations are stepped by RK4."""
         return self.plant.stepped_by
 
     def equations(self, plant: PlantName) -> AnalyticPlant:
         """The nominal equations that a law is designed from that shall run on a plant."""
-        return self.plant.analytic(design_variant(plant))
+        return self.believed or self.plant.analytic(design_variant(plant))
 
     def true(
         self, name: PlantName, edits: tuple[Edit, ...], timestep: float, integrator: Integrator
@@ -101,12 +121,7 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
     Raises:
         GrosmcError: If there is no such plant, or it cannot be edited like that.
     """
-    if file.plant.system is not None:
-        nominal = _of_system(find_system(file.plant.system).name)
-    else:
-        found = _named(file, folder)
-        robot = found if isinstance(found, Robot) else None
-        nominal = NominalPlant(found.plant if isinstance(found, Robot) else found, robot)
+    nominal = _named(file, folder)
     parameters = [table.parameter for table in file.edit if table.parameter is not None]
     if isinstance(nominal.plant, MujocoPlant):
         if parameters:
@@ -133,25 +148,88 @@ def _of_system(name: str) -> NominalPlant:
     return NominalPlant(MujocoPlant.load(name))
 
 
-def _named(file: CaseFile, folder: Path) -> AnalyticPlant | MujocoPlant | Robot:
-    """What the file names that is no system of the package."""
+def _named(file: CaseFile, folder: Path) -> NominalPlant:
+    """What the file names, with what laws believe instead and where it rests."""
     table = file.plant
-    if table.model is not None:
-        return Robot.from_mjcf(folder / table.model, table.joints, table.actuators)
-    assert table.plant is not None
-    found: Any = load_named(table.plant, folder)
+    if table.system is not None:
+        nominal = _of_system(find_system(table.system).name)
+    else:
+        if table.model is not None:
+            found: Any = Robot.from_mjcf(
+                _model_file(table.model, folder), table.joints, table.actuators
+            )
+        else:
+            found = _made(table.plant or "", folder)
+        if isinstance(found, Robot):
+            nominal = NominalPlant(found.plant, found)
+        else:
+            nominal = NominalPlant(found)
+    if file.design is not None:
+        nominal = replace(nominal, believed=_believed(file.design.plant, nominal, folder))
+    if table.at is not None or (nominal.robot is not None and nominal.robot.underactuated):
+        held = states_of(table.at or {}, nominal.system, "plant: at")
+        try:
+            nominal = replace(nominal, at=equilibrium(nominal.believed or nominal.plant, held))
+        except PremiseError as error:
+            raise PremiseError(f"plant: at: {error}") from None
+    return nominal
+
+
+def _model_file(text: str, folder: Path) -> Path:
+    """An MJCF file beside the case file, or in an installed package.
+
+    Raises:
+        ArgumentError: If it is in a package that has none, or that is not installed.
+    """
+    package, colon, inside = text.partition(":")
+    if not colon:
+        return folder / text
+    if not package.isidentifier():
+        raise ArgumentError(f"plant: model: {shown(text)} must be a file, or package:path of one")
+    spec = find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
+        raise SetupError(
+            f"plant: model: {shown(text)} is a file of {package}, which is not installed; run: pip "
+            f"install {package}"
+        )
+    for place in spec.submodule_search_locations:
+        if (path := Path(place) / inside).is_file():
+            return path
+    raise ArgumentError(f"plant: model: the installed {package} has no file {shown(inside)}")
+
+
+def _believed(text: str, nominal: NominalPlant, folder: Path) -> AnalyticPlant:
+    """The equations that laws are designed from, with the states and inputs of the plant.
+
+    Raises:
+        ArgumentError: If it is another kind of plant, or has other states or inputs.
+    """
+    found, system = _made(text, folder), nominal.system
+    if not isinstance(found, AnalyticPlant):
+        raise ArgumentError(f"design: {text} is no plant as equations: make it with affine_plant")
+    for what in ("states", "inputs"):
+        theirs, ours = (
+            [(each.name, each.unit) for each in getattr(one, what)]
+            for one in (found.system, system)
+        )
+        if theirs != ours:
+            raise ArgumentError(f"design: {text} has the {what} {theirs}, the plant has {ours}")
+    return found
+
+
+def _made(text: str, folder: Path) -> Any:
+    """The plant, or the robot, that ``module:name`` names."""
+    found: Any = load_named(text, folder)
     if callable(found):
         try:
             inspect.signature(found).bind()
         except TypeError as error:
-            raise ArgumentError(
-                f"{table.plant} must be called without arguments: {error}"
-            ) from None
+            raise ArgumentError(f"{text} must be called without arguments: {error}") from None
         with blamed(folder):
             found = found()
     if not isinstance(found, (AnalyticPlant, MujocoPlant, Robot)):
         raise ArgumentError(
-            f"{table.plant} is a {type(found).__name__}, must be a plant: what affine_plant, "
-            "MujocoPlant or Robot makes, or a function without arguments that returns it"
+            f"{text} is a {type(found).__name__}, must be a plant: what affine_plant, MujocoPlant "
+            "or Robot makes, or a function without arguments that returns it"
         )
     return found

@@ -8,6 +8,7 @@ from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.arm import ARM, ArmParameters
 from grosmc_mj.plants.cart_pendulum import CART_PENDULUM, CartPendulumParameters
 from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.operating_point import OperatingPoint, equilibrium
 from grosmc_mj.plants.plant import Plant
 from grosmc_mj.plants.servo import SERVO, ServoParameters
 from grosmc_mj.plants.system import Signal, System, Variant
@@ -40,6 +41,7 @@ __all__ = [
     "ArmParameters",
     "CartPendulumParameters",
     "Equations",
+    "OperatingPoint",
     "Plant",
     "ServoParameters",
     "Signal",
@@ -47,5 +49,6 @@ __all__ = [
     "TwoLinkParameters",
     "Variant",
     "affine_plant",
+    "equilibrium",
     "find_system",
 ]

@@ -11,7 +11,7 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from grosmc_mj.arguments import real, require
-from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.errors import ModelError, shown, unknown_name
 from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import Signal, System
@@ -28,6 +28,7 @@ def affine_plant(
     parameters: Mapping[str, float],
     region: Any = True,
     where: str = "",
+    near: Mapping[str, float] | None = None,
 ) -> AnalyticPlant:
     """An analytic plant x' = f(x) + g(x) u, y = h(x), eq. (20), from sympy expressions.
 
@@ -41,6 +42,8 @@ def affine_plant(
         parameters: Number of every other symbol, by its name.
         region: Condition on the states within which the laws are defined.
         where: The same in words.
+        near: States next to which it is used, in their units; the others are zero. Equilibria are
+            looked for from there.
 
     Returns:
         The plant with these numbers; ``with_parameters`` gives others of its family.
@@ -82,6 +85,12 @@ def affine_plant(
             "symbols than the states: make them without"
         )
     if needed != given:
+        if driven := sorted((needed - given) & set(inputs)):
+            raise ModelError(
+                f"{name}: {', '.join(driven)}, an input, stands in the equations: they must be "
+                "affine in it, x' = f(x) + g(x) u, with its factors in g; if they are not, make it "
+                "a state and its rate the input"
+            )
         missing, idle = ", ".join(sorted(needed - given)), ", ".join(sorted(given - needed))
         raise ModelError(
             f"{name}: "
@@ -89,6 +98,13 @@ def affine_plant(
             + (f"no equation has {idle}; " if idle else "")
             + f"states: {', '.join(states)}; parameters: {', '.join(parameters)}"
         )
+    near = {} if near is None else near
+    require("near", near, Mapping, "values by the states' names", ModelError)
+    for state, value in near.items():
+        if state not in states:
+            raise ModelError(f"{name}: near: {unknown_name('state', state, states)}")
+        if not math.isfinite(real(value)):
+            raise ModelError(f"{name}: near: {state} = {shown(value)} must be a finite number")
     system = System(
         name=name,
         title=name,
@@ -97,6 +113,7 @@ def affine_plant(
         equations=equations,
         region=where or str(region),
         controlled=_controlled(equations),
+        near=tuple(float(near.get(state, 0.0)) for state in states) if near else (),
     )
     numbers = make_dataclass("Parameters", [(key, float) for key in parameters], frozen=True)
     return AnalyticPlant(system, numbers(**{key: float(v) for key, v in parameters.items()}))

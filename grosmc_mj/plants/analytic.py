@@ -136,22 +136,21 @@ class AnalyticPlant(Plant):
                 raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
         return replace(self, parameters=replace(self.parameters, **changes))
 
-    def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
-        """The exact ``jacobian`` about an equilibrium."""
-        state, inputs = self.operating_point(x, u)
-        self.require_rest(state, inputs, self.derivative(state, inputs))
-        return self.jacobian(state, inputs)
+    def scaled(self, body: str, mass: float, length: float) -> AnalyticPlant:
+        """The plant with the mass and all lengths of its uncertain body scaled.
+
+        Raises:
+            ModelError: If its equations have no such body.
+        """
+        make = getattr(self.parameters, "scaled", None)
+        if make is None or body not in ("", self.system.uncertain_body):
+            raise ModelError(
+                f"{self.system.name} as equations has no body {body!r}: scale a parameter instead"
+            )
+        return replace(self, parameters=make(mass, length))
 
     def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
-        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact.
-
-        Args:
-            x: State, (n,).
-            u: Input, (m,).
-
-        Returns:
-            A (n, n) and B (n, m).
-        """
+        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact."""
         x, p, n = np.asarray(x, float), self.parameters, len(self.system.states)
         u = np.atleast_1d(np.asarray(u, float))
         if x.shape != (n,) or u.shape != (len(self.system.inputs),):

@@ -93,7 +93,6 @@ class Plant(ABC):
             ArgumentError: If a shape is wrong.
         """
 
-    @abstractmethod
     def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
         """A = dx'/dx, (n, n), and B = dx'/du, (n, m), about an equilibrium.
 
@@ -105,6 +104,32 @@ class Plant(ABC):
         Raises:
             ArgumentError: If x or u has a wrong shape or is not finite, or the plant does not
                 rest there.
+        """
+        state, inputs = self.operating_point(x, u)
+        self.require_rest(state, inputs, self.derivative(state, inputs))
+        return self.jacobian(state, inputs)
+
+    @abstractmethod
+    def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, whether it rests there or not.
+
+        Args:
+            x: State, (n,).
+            u: Input, (m,).
+
+        Returns:
+            A (n, n) and B (n, m).
+
+        Raises:
+            ArgumentError: If a shape is wrong.
+        """
+
+    @abstractmethod
+    def scaled(self, body: str, mass: float, length: float) -> Self:
+        """The plant with the mass and all lengths of a body scaled.
+
+        Raises:
+            ModelError: If it has no such body.
         """
 
     @abstractmethod

@@ -51,6 +51,8 @@ class System:
         read_parameters: Parameters from a compiled model and a variant.
         uncertain_body: The body whose mass and length are uncertain.
         position_bound: Largest |position| at which the equations are compared with physics.
+        near: A state next to which the plant is used, in the order of the states; zero by default.
+            Equilibria, and the states of an output, are looked for from there.
     """
 
     name: str
@@ -68,6 +70,7 @@ class System:
     read_parameters: Callable[[mujoco.MjModel, Variant], Any] | None = None
     uncertain_body: str = ""
     position_bound: float = math.pi
+    near: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for what in ("name", "title"):

@@ -109,13 +109,13 @@ class Audit:
 
 
 def audit(lab: Laboratory, experiment: Experiment, controller: str = "grosmc") -> Audit:
-    """Compute the premises of a law in an experiment on physics.
+    """Compute the premises of a law in an experiment on physics or, where there is none, equations.
 
     Raises:
         ArgumentError: If the law has no equations in symbols.
     """
-    key = ("audit", *experiment.key, controller)
-    return lab.once(key, lambda: run_audit(lab.run(experiment, "physics", controller)))
+    key, plant = ("audit", *experiment.key, controller), experiment.nominal.names[-1]
+    return lab.once(key, lambda: run_audit(lab.run(experiment, plant, controller)))
 
 
 def run_audit(result: RunResult) -> Audit:
@@ -127,7 +127,8 @@ def run_audit(result: RunResult) -> Audit:
     law, run = result.controller, result.trajectory
     if not isinstance(law.designed.error, ErrorCoordinates) or result.true is None:
         raise ArgumentError(
-            f"{result.key}: its law has no equations in symbols, from which its premises follow"
+            f"{result.key}: premises are told of laws with outputs and equations in symbols, and "
+            "of all laws of a model in MuJoCo that has none"
         )
     true = result.true.analytic(design_variant(result.plant))
     bound = _bound(result)

@@ -9,6 +9,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.gains import authority, authority_together, surface_rate
 from grosmc_mj.plants import Plant
 
@@ -70,17 +71,28 @@ def balance(
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
     """
-    error, p = law.coordinates, law.parameters
+    error, p = law.designed.error, law.parameters
     z, optimum = np.array(error.state(t, x, p)), law.designed.lqr
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
-    rows = list(error.linearization.last_rows)
-    if law.designed.linearizing:
-        alpha, E = error.dynamics(t, x, p)
-        u_c, believed = np.linalg.solve(E, -(p.K @ z) - alpha), G[:, rows] @ E
-    else:
-        E, u_c, believed = optimum.B[rows], -(p.K @ z), G @ optimum.B
     drift, gain = error.moved(t, x, p, true, w, u)
+    wanted, limit = -(p.K @ z), getattr(p, "limit", math.inf)
+    # What the surface supposes of the input, v_0 of the law.
+    v_0 = np.clip(wanted, -limit, limit)
+    u_c, believed = v_0, G @ optimum.B
+    if isinstance(error, StateCoordinates):
+        E = believed
+        reached = optimum.B @ np.linalg.pinv(optimum.B)
+        differs = drift + gain @ u_c - optimum.A @ z - optimum.B @ v_0
+        unmatched = differs - reached @ differs
+    else:
+        rows = list(error.linearization.last_rows)
+        E = optimum.B[rows]
+        if law.designed.linearizing:
+            alpha, E = error.dynamics(t, x, p)
+            u_c, believed = np.linalg.solve(E, v_0 - alpha), G[:, rows] @ E
+        unmatched = error.unmatched(t, x, p, drift + gain @ u_c)
     push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
+    push = push - G @ optimum.B @ (v_0 - wanted)
     together = "unit-vector" in law.designed.switching
     R = steered @ np.linalg.inv(believed)
     r = authority_together(R) if together else authority(R)
@@ -93,7 +105,7 @@ def balance(
         required=pushing / r if r > 0 else np.inf,
         configured=switching_rate(law, z, E),
         determinant=float(np.linalg.det(E)),
-        unmatched=float(np.abs(error.unmatched(t, x, p, drift + gain @ u_c)).max(initial=0.0)),
+        unmatched=float(np.abs(unmatched).max(initial=0.0)),
         u_c=u_c,
     )
 

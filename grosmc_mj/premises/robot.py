@@ -15,6 +15,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.premises.audit import (
     ROUNDING,
@@ -23,6 +25,7 @@ from grosmc_mj.premises.audit import (
     Points,
     Premise,
     Reading,
+    audit,
     initial_surface,
     per_second,
     reading_of,
@@ -39,6 +42,17 @@ _INSTANTS = 400
 def is_robots(result: RunResult) -> bool:
     """Whether a run is one that these premises are for: a robot's law on a robot in MuJoCo."""
     return result.true is not None and not result.trajectory.system.symbolic
+
+
+def audit_of(lab: Laboratory, experiment: Experiment, controller: str) -> Audit:
+    """The premises of a law in an experiment, of a robot or of a plant with equations.
+
+    Raises:
+        ArgumentError: If nothing is known of its law's premises.
+    """
+    if experiment.nominal.system.symbolic:
+        return audit(lab, experiment, controller)
+    return robot_audit(lab.run(experiment, "physics", controller))
 
 
 def audits(results: Sequence[RunResult]) -> list[Audit]:
@@ -58,7 +72,7 @@ def robot_premises(result: RunResult) -> tuple[Premise, ...]:
     A law that does not switch has those of torques and joints only.
 
     Args:
-        result: A run in MuJoCo under a law with ``RobotCoordinates``.
+        result: A run in MuJoCo of a robot's law.
 
     Raises:
         ArgumentError: If it is another run, or has no interval.
@@ -79,7 +93,10 @@ def robot_audit(result: RunResult) -> Audit:
     premises = []
     if run.sliding is not None:
         premises = [_rate(result, points), _authority(points), initial_surface(run.sliding)]
-    premises += [_torque(result), _headroom(law, result.true, points), _joints(result)]
+    premises.append(_torque(result))
+    if isinstance(law.designed.error, RobotCoordinates):
+        premises.append(_headroom(law, result.true, points))
+    premises.append(_joints(result))
     signals = {
         "time": np.array([t for t, _, _ in points]),
         "required": np.array([found.required for _, _, found in points]),
@@ -105,10 +122,10 @@ def _along(result: RunResult) -> Points:
 
 def _rate(result: RunResult, points: Points) -> Premise:
     """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
-    law, joints = result.controller, result.trajectory.system.joints
+    law, driven = result.controller, _driven(result)
     p: Any = law.parameters
     t, _, most = max(points, key=lambda point: point[2].required)
-    joint = joints[int(np.abs(most.pushes).argmax())]
+    joint = driven[int(np.abs(most.pushes).argmax())]
     alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
     unit = per_second(law.designed.sliding_unit)
     printed = hasattr(p, "epsilon")
@@ -130,6 +147,13 @@ def _rate(result: RunResult, points: Points) -> Premise:
     return replace(found, restores=f"ρ = {most.required:.3g} {unit} instead of what is configured")
 
 
+def _driven(result: RunResult) -> tuple[str, ...]:
+    """What the inputs drive: every joint, or those that have an actuator, by its name."""
+    system = result.trajectory.system
+    every = len(system.inputs) == len(system.joints)
+    return system.joints if every else system.actuators
+
+
 def _joint_by_joint(points: Points) -> str:
     """What is required if each joint's push is set against its own row of R."""
     required = 0.0
@@ -148,7 +172,7 @@ def _authority(points: Points) -> Premise:
     return Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
-        "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹ = M*⁻¹ M",
+        "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹, of all joints M*⁻¹ M",
         "1",
         None,
         reading_of(points, (ratio - ROUNDING for ratio in ratios)),
@@ -180,7 +204,7 @@ def _torque(result: RunResult) -> Premise:
     said = [
         f"{joint} {100 * share:.0f} %" + (f" (cut {100 * part:.2g} % of the time)" if part else "")
         for joint, share, part in zip(
-            run.system.joints, shares.max(axis=0), cut.mean(axis=0), strict=True
+            _driven(result), shares.max(axis=0), cut.mean(axis=0), strict=True
         )
     ]
     point = Point(float(run.time[row]), tuple(run.state[row].tolist()), margin)

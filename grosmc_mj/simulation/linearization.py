@@ -54,10 +54,10 @@ def linearize(plant: Plant, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> t
 
 
 def differences(plant: Plant, x: Array, u: Array) -> tuple[Array, Array]:
-    """What ``linearize`` says, of a plant in MuJoCo about x (n,) and u (m,).
+    """What ``linearize`` says, of a plant in MuJoCo about any x (n,) and u (m,).
 
     Raises:
-        ArgumentError: If the plant does not rest there.
+        ArgumentError: If MuJoCo has no x' there.
     """
     refuse_foreign_callback()
     n, m = len(x), plant.system.degrees_of_freedom
@@ -77,7 +77,6 @@ def differences(plant: Plant, x: Array, u: Array) -> tuple[Array, Array]:
             raise ArgumentError(
                 f"{plant.system.name}: MuJoCo cannot compute x' at [x, u] = {given}"
             )
-        plant.require_rest(x, u, np.concatenate([data.qvel, data.qacc]))
         mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
     to_rates = np.eye(n) - np.eye(n, k=m)
     return to_rates @ (transition - np.eye(n)), to_rates @ response

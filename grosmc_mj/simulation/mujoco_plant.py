@@ -19,7 +19,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
 from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
-from grosmc_mj.simulation.edits import Edit, apply_edits
+from grosmc_mj.simulation.edits import BodyEdit, Edit, apply_edits
 from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
@@ -177,7 +177,15 @@ class MujocoPlant(Plant):
         mujoco.mj_forward(model, data)
         return np.concatenate([x[n:], data.qacc])
 
-    def linearization(self, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
+    def scaled(self, body: str, mass: float, length: float) -> MujocoPlant:
+        """The nominal model with the mass and all lengths of a body scaled.
+
+        Raises:
+            ModelError: If there is no such body.
+        """
+        return self.edited(BodyEdit(body or self.system.uncertain_body, mass, length))
+
+    def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
         """A and B by MuJoCo's own finite differences, see ``linearize``."""
         # It imports the engine that compiles the laws, which loads slowly.
         from grosmc_mj.simulation.linearization import differences

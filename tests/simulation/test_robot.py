@@ -501,8 +501,17 @@ def test_wrong_names_are_told_with_the_nearest() -> None:
         Robot.from_mjcf(TREE, joints=["lift", "lift"])
     with pytest.raises(ModelError, match="'push_force' drives the joint 'push'"):
         Robot.from_mjcf(TREE, joints=["lift"], actuators=["push_force"])
-    with pytest.raises(ModelError, match="no actuator drives 'push'"):
-        Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
+
+
+def test_a_joint_without_an_actuator_is_told_and_cannot_be_led() -> None:
+    robot = Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
+    assert any("no actuator drives push" in said for said in robot.converted)
+    assert robot.underactuated
+    assert len(robot.limits) == 2
+    with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a StateTask"):
+        robot.task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0)
+    with pytest.raises(ModelError, match="no actuator drives"):
+        Robot.from_mjcf(TREE, actuators=[])
 
 
 def test_designs_that_need_symbols_say_so() -> None:

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,16 +18,14 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control import cart as holding
 from grosmc_mj.control.cart import (
     LEAN,
-    HoldingUncertainty,
     force_needed,
     holding_ism,
     holding_lqr,
     holding_pfl,
-    linear_model,
-    sliding_dynamics,
 )
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.state_design import StateUncertainty, sliding_dynamics
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError
@@ -112,7 +111,7 @@ def test_the_bound_is_attained() -> None:
 
 
 def test_nothing_uncertain_needs_only_force_and_reaching() -> None:
-    p = holding_pfl(NOMINAL, HoldingUncertainty(1.0, 1.0, 0.3, 0.7)).parameters
+    p = holding_pfl(NOMINAL, StateUncertainty(force=0.3, reaching_rate=0.7)).parameters
     assert force_needed(5.0, np.array([0.0, 0.4, 0.0, 2.0]), 2.0, p) == pytest.approx(0.3 + 0.35)
 
 
@@ -141,7 +140,7 @@ def test_the_slope_of_the_gain_is_never_exceeded() -> None:
     p, optimum = law.parameters, optimum_of(law)
     worst = 0.0
     for plant in members(3000):
-        A_t, B_t = linear_model(plant)
+        A_t, B_t = linearize(plant)
         added = A_t - B_t @ p.K - optimum.closed_loop
         worst = max(worst, float(np.linalg.norm(p.G @ added) / abs((p.G @ B_t).item())))
     assert 0.9 * p.gamma1 < worst <= p.gamma1
@@ -150,10 +149,10 @@ def test_the_slope_of_the_gain_is_never_exceeded() -> None:
 def test_the_reaching_gain_makes_up_for_the_least_input_gain() -> None:
     law = holding_ism(NOMINAL)
     ratios = [
-        gain_ratio(optimum_of(law), law.parameters.G, linear_model(plant))
+        gain_ratio(optimum_of(law), law.parameters.G, linearize(plant))
         for plant in [member(4.0, 4.0), *members(500)]
     ]
-    assert law.parameters.eta * min(ratios) == pytest.approx(HoldingUncertainty().reaching_rate)
+    assert law.parameters.eta * min(ratios) == pytest.approx(holding.UNCERTAINTY.reaching_rate)
 
 
 def test_matched_uncertainty_leaves_the_sliding_dynamics() -> None:
@@ -175,7 +174,7 @@ def test_sliding_means_that_s_stands_still() -> None:
     for plant in members(20):
         for G in projections_of(optimum).values():
             if G is not None:
-                found = G @ sliding_dynamics(optimum, G, *linear_model(plant))
+                found = G @ sliding_dynamics(optimum, G, *linearize(plant))
                 np.testing.assert_allclose(found, G @ optimum.closed_loop, rtol=1e-9, atol=1e-9)
 
 
@@ -183,13 +182,13 @@ def test_every_member_slides_to_rest() -> None:
     law = holding_ism(NOMINAL)
     optimum, G = optimum_of(law), law.parameters.G
     for plant in [NOMINAL, member(4.0, 4.0), *members(200)]:
-        poles = np.linalg.eigvals(sliding_dynamics(optimum, G, *linear_model(plant)))
+        poles = np.linalg.eigvals(sliding_dynamics(optimum, G, *linearize(plant)))
         # Its slowest pole under 4m and 4L is -0.619/s.
         assert poles.real.max() < -0.6
 
 
 def test_a_surface_that_a_member_reverses_is_refused() -> None:
-    _, B = linear_model(NOMINAL)
+    _, B = linearize(NOMINAL)
     # G B = -0.2 B_3, but the longer pole turns less per force: G B_t > 0.
     with pytest.raises(GainError, match="of the nominal one: choose another G"):
         holding_ism(NOMINAL, G=[[0.0, 0.0, 1.0, -1.2 * B[2, 0] / B[3, 0]]])
@@ -200,7 +199,7 @@ def test_unstable_sliding_dynamics_are_refused(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(GainError, match=r"sliding dynamics have a pole at .* no switching gain"):
         holding_ism(NOMINAL)
     # It is the length: with the nominal one any mass will do.
-    holding_ism(NOMINAL, uncertainty=HoldingUncertainty(length=1.0))
+    holding_ism(NOMINAL, uncertainty=StateUncertainty(mass=4.0, force=0.05))
 
 
 @pytest.mark.parametrize(
@@ -210,9 +209,9 @@ def test_unstable_sliding_dynamics_are_refused(monkeypatch: pytest.MonkeyPatch) 
         {"reaching_rate": 0.0},
     ],
 )  # fmt: skip
-def test_wrong_numbers_are_refused(numbers: dict[str, float]) -> None:
+def test_wrong_numbers_are_refused(numbers: dict[str, Any]) -> None:
     with pytest.raises(GainError, match="must"):
-        HoldingUncertainty(**numbers)
+        StateUncertainty(**numbers)
 
 
 @pytest.mark.parametrize("G", [[[1.0, 0.0]], [[1.0, 0.0, 0.0, 0.0]], [[0.0, 0.0, math.inf, 0.0]]])
@@ -223,14 +222,16 @@ def test_unusable_projections_are_refused(G: list[list[float]]) -> None:
 
 def test_the_family_has_its_corners() -> None:
     p = NOMINAL.parameters
-    found = {(m.m / p.m, m.L / p.L) for m in HoldingUncertainty(4.0, 9.0).family(p)}
+    declared = StateUncertainty(mass=4.0, length=9.0)
+    family = [plant.parameters for _, plant in declared.members(NOMINAL)]
+    assert all(isinstance(m, CartPendulumParameters) for m in family)
+    found = {(m.m / p.m, m.L / p.L) for m in family}
     assert found == {(a, b) for a in (1.0, 2.0, 4.0) for b in (1.0, 3.0, 9.0)}
-    assert all(isinstance(m, CartPendulumParameters) for m in HoldingUncertainty().family(p))
 
 
 def test_mujocos_linear_model_gives_the_same_laws() -> None:
     model = linearize(PHYSICS)
-    for found, expected in zip(model, linear_model(NOMINAL), strict=True):
+    for found, expected in zip(model, linearize(NOMINAL), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
     for make in (holding_lqr, holding_ism):
         ours, theirs = make(NOMINAL).designed.gains, make(NOMINAL, model).designed.gains
@@ -256,7 +257,7 @@ def test_mass_is_matched_and_length_is_not() -> None:
 
 
 def test_the_parts_are_orthogonal_and_add_up() -> None:
-    optimum, model = optimum_of(holding_lqr(NOMINAL)), linear_model(member(4.0, 4.0))
+    optimum, model = optimum_of(holding_lqr(NOMINAL)), linearize(member(4.0, 4.0))
     matched, unmatched = uncertainty(optimum, model)
     np.testing.assert_allclose(matched.T @ unmatched, 0, atol=1e-10)
     np.testing.assert_allclose(
@@ -266,7 +267,7 @@ def test_the_parts_are_orthogonal_and_add_up() -> None:
 
 def test_amplification_is_the_length_of_b_over_what_g_sees() -> None:
     """phi_u is along (-B_4, B_3) in the rates: [0 0 1 0] makes it |B|/B_3 times as long."""
-    optimum, model = optimum_of(holding_lqr(NOMINAL)), linear_model(member(4.0, 4.0))
+    optimum, model = optimum_of(holding_lqr(NOMINAL)), linearize(member(4.0, 4.0))
     B = optimum.B[:, 0]
     matrices = projections_of(optimum)
     expected = {"B+": 1.0, "[0 0 1 0]": 1 / B[2], "[0 0 0 1]": 1 / B[3]}
@@ -277,7 +278,7 @@ def test_amplification_is_the_length_of_b_over_what_g_sees() -> None:
 
 def test_the_optimums_own_g_minimizes_neither() -> None:
     """Among the rates' projections only B+ has the least amplification, 1."""
-    optimum, model = optimum_of(holding_lqr(NOMINAL)), linear_model(member(4.0, 4.0))
+    optimum, model = optimum_of(holding_lqr(NOMINAL)), linearize(member(4.0, 4.0))
     random = np.random.default_rng(3)
     for _ in range(50):
         G = np.array([[*random.normal(size=4)]])
@@ -288,7 +289,7 @@ def test_the_optimums_own_g_minimizes_neither() -> None:
 
 def test_nothing_is_amplified_where_all_is_matched() -> None:
     optimum = optimum_of(holding_lqr(NOMINAL))
-    assert amplification(optimum, np.linalg.pinv(optimum.B), linear_model(member(4.0, 1.0))) is None
+    assert amplification(optimum, np.linalg.pinv(optimum.B), linearize(member(4.0, 1.0))) is None
 
 
 def test_the_cart_settles_when_it_stays() -> None:

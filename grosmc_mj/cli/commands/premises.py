@@ -29,11 +29,11 @@ def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> in
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
-    from grosmc_mj.premises.audit import audit
+    from grosmc_mj.premises.robot import audit_of
     from grosmc_mj.report.document import origin, write_json
 
     lab, experiments = Laboratory(Settings()), find_experiments(target)
-    audits = [audit(lab, experiment, controller) for experiment in experiments]
+    audits = [audit_of(lab, experiment, controller) for experiment in experiments]
     file = out / f"premises_{experiments[0].case.system}.json"
     write_json(file, {**origin(None), "premises": [audit_document(each) for each in audits]})
     console = screen.console()

@@ -16,6 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.vectors import Vector
 
@@ -109,6 +110,11 @@ class OutputCoordinates(ABC):
     def driven(self) -> Feedback:
         """Jitable (t, x, u, memory, p) -> the v that an input comes to: ``feedback``'s inverse."""
 
+    @cached_property
+    def applied(self) -> Callable[[Any, Any], Vector]:
+        """Jitable (v, p) -> v: what a law of the linear model about z = 0 asks for, as it is."""
+        return jitable(lambda v, p: v)
+
     @abstractmethod
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
@@ -156,6 +162,16 @@ class OutputCoordinates(ABC):
 
         Raises:
             PremiseError: If there is none near the guess.
+        """
+
+    def require_regular(self, p: Any) -> None:  # noqa: B027  most have nothing to refuse
+        """Refuse a design where no input brings every v about at zero error.
+
+        Args:
+            p: The law's parameters, with ``plant`` and ``reference``.
+
+        Raises:
+            PremiseError: With the reason and what is possible instead.
         """
 
     def workspace(self, p: Any) -> Workspace | None:

@@ -148,6 +148,40 @@ class FeedbackLinearization(Chains):
     def _generate(self, name: str, expressions: Sequence[Any]) -> Callable[..., Any]:
         return generate(name, expressions, "x, p", self.equations.places())
 
+    def require_regular(self, x: Array, p: Any) -> None:
+        """Refuse a state at which no input brings every v about.
+
+        Args:
+            x: State, (n,).
+            p: The plant's numbers.
+
+        Raises:
+            PremiseError: If E is singular there, with E and what is possible instead.
+        """
+        m = self.equations.inputs
+
+        def matrix(state: Array) -> Array:
+            try:
+                return np.reshape(self.decoupling_matrix(state, p), (m, m))
+            except (ArithmeticError, ValueError):  # outside a function's domain
+                return np.full((m, m), np.nan)
+
+        beside = [matrix(x + side * row) for row in np.eye(len(x)) for side in (-0.1, 0.1)]
+        sizes = [np.linalg.norm(E, 2) for E in (matrix(x), *beside) if np.all(np.isfinite(E))]
+        here = matrix(x)
+        if not np.all(np.isfinite(here)) or not sizes:
+            return
+        if np.linalg.svd(here, compute_uv=False).min() > _STILL * max(sizes):
+            return
+        E = self.E[0] if m == 1 else self.E.tolist()
+        raise PremiseError(
+            f"feedback linearization is not possible about x = {np.round(x, 9).tolist()}: the "
+            f"decoupling matrix E = {shown(E, str)} of {', '.join(map(str, self.h))}, of relative "
+            f"degree {self.relative_degree}, is singular there (eq. (21)). Possible are lqr and "
+            "linear-grosmc on the linearization, about an operating point ([plant] at, a "
+            "StateTask); and laws of an approximation that has a relative degree ([design] plant)"
+        )
+
     def inverse(self, z: Sequence[sp.Symbol]) -> list[Mapping[sp.Symbol, sp.Expr]]:
         """x = T^-1(z) as sympy finds it: every branch, each state by its name.
 

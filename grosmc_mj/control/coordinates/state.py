@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.base import Feedback
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import System
+from grosmc_mj.plants import Plant, System
 from grosmc_mj.vectors import Vector, each
 
 
 @dataclass(frozen=True, eq=False)
 class StateCoordinates:
-    """z = x: all of the state, about the origin.
+    """z = x - x_e: all of the state, about the operating point that ``p.reference`` is.
 
     Attributes:
-        system: The plant's equations.
+        system: The plant's signals and names.
     """
 
     system: System
@@ -52,16 +53,46 @@ class StateCoordinates:
     @cached_property
     def state(self) -> Callable[[float, Any, Any], Vector]:
         """(t, x, p) -> z, jitable."""
-        entries = each(self.size, lambda i, x: x[i])
-        return jitable(lambda t, x, p: entries(x))
+        entries = each(self.size, lambda i, x, x_e: x[i] - x_e[i])
+        return jitable(lambda t, x, p: entries(x, p.reference.x))
+
+    @cached_property
+    def applied(self) -> Callable[[Any, Any], Vector]:
+        """Jitable (v, p) -> u = u_e + v: what a law of the linear model comes to."""
+        entries = each(self.inputs, lambda i, v, u_e: u_e[i] + v[i])
+        return jitable(lambda v, p: entries(v, p.reference.u))
+
+    @cached_property
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> v = u - u_e, which the index weighs."""
+        entries = each(self.inputs, lambda i, u, u_e: u[i] - u_e[i])
+        return jitable(lambda t, x, u, memory, p: entries(u, p.reference.u))
+
+    def moved(
+        self,
+        t: float,
+        x: Array,
+        p: Any,
+        plant: Plant,
+        w: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """(drift, gain) of z' = drift + gain (u - u_e) on a true plant, next to the input u.
+
+        Arguments and results are as those of ``OutputCoordinates.moved``.
+        """
+        point = p.reference
+        applied = point.u if u is None else np.atleast_1d(np.asarray(u, float))
+        gain = plant.jacobian(x, applied)[1]
+        return plant.derivative(x, applied, w) - gain @ (applied - point.u), gain
 
     def workspace(self, p: Any) -> None:
         """Nothing that a run computes in."""
 
     def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
         """z at every sample of a trajectory: x (N, n); returns (N, n)."""
-        return np.asarray(x, float)
+        return np.asarray(x, float) - p.reference.x
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """What z is measured from: zero, (N, n)."""
-        return np.zeros((len(np.asarray(time)), self.size))
+        """What z is measured from: the operating point, (N, n)."""
+        return np.tile(parameters.x, (len(np.asarray(time)), 1))

@@ -138,8 +138,8 @@ class ErrorCoordinates(OutputCoordinates):
         w: ArrayLike | None = None,
         u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """As for every coordinates, by the equations with the true plant's parameters."""
-        equations, true = self.system.equations, plant.parameters
+        """As for every coordinates, by the true plant's own equations."""
+        equations, true = plant.system.equations, plant.parameters
         f = np.array(equations.drift(x, true))
         if w is not None:
             f = f + np.array(equations.disturbance(x, np.asarray(w, float), true))
@@ -165,6 +165,14 @@ class ErrorCoordinates(OutputCoordinates):
         near = self.guess if near is None else near
         guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
         return self.linearization.place(self.placed(t, z, p), p.plant, guess)
+
+    def require_regular(self, p: Any) -> None:
+        """Refuse outputs whose E is singular at zero error, as far as a state with it is found."""
+        try:
+            x = self.place(0.0, np.zeros(self.size), p)
+        except (PremiseError, ArithmeticError, ValueError, AttributeError, TypeError):
+            return
+        self.linearization.require_regular(x, p.plant)
 
     def jacobian(self, p: Any) -> tuple[Array, Array]:
         """(A, B) of the linearization of z' about z = 0 with the other coordinates at rest.

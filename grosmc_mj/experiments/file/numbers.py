@@ -10,17 +10,23 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.gains import Uncertainty
+from grosmc_mj.control.state_design import StateUncertainty
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 
-def law_number(name: str, value: Any) -> Any:
+def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     """A number, a matrix or an uncertainty.
+
+    Args:
+        name: What it is called.
+        value: As the file has it.
+        of_states: Whether the law is one on the linearization, with an uncertainty of its own kind.
 
     Raises:
         ArgumentError: If it is none.
     """
     if name == "uncertainty":
-        return uncertainty(value)
+        return (state_uncertainty if of_states else uncertainty)(value)
     entries = np.ravel(np.asarray(value, object)).tolist()
     if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
         raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
@@ -35,12 +41,7 @@ def uncertainty(value: Any) -> Uncertainty:
     Raises:
         ArgumentError: If a key is missing, unknown or has a wrong value.
     """
-    keys = [each.name for each in fields(Uncertainty)]
-    if not isinstance(value, dict):
-        raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
-    for key in value:
-        if key not in keys:
-            raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
+    keys = _known_keys(value, Uncertainty)
     if missing := [key for key in keys if key not in value]:
         raise ArgumentError(f"uncertainty: {', '.join(missing)} is missing")
     kinds = {"scales": dict, "wrench": list, "region": list, "reaching_rate": (int, float)}
@@ -48,18 +49,50 @@ def uncertainty(value: Any) -> Uncertainty:
         if not isinstance(value[key], kind):
             what = {dict: "a table", list: "a list of numbers"}.get(kind, "a number")
             raise ArgumentError(f"uncertainty: {key} = {shown(value[key])} must be {what}")
-    for name, pair in value["scales"].items():
-        if not (isinstance(pair, list) and len(pair) == 2):
-            raise ArgumentError(f"uncertainty: {name} = {shown(pair)} must be [least, largest]")
     try:
         return Uncertainty(
-            {name: (float(low), float(high)) for name, (low, high) in value["scales"].items()},
+            _ranges(value["scales"]),
             tuple(map(float, value["wrench"])),
             tuple(map(float, value["region"])),
             float(value["reaching_rate"]),
         )
     except (TypeError, ValueError, AttributeError) as error:
         raise ArgumentError(f"uncertainty: {error}") from None
+
+
+def state_uncertainty(value: Any) -> StateUncertainty:
+    """A declared uncertainty of a law on the linearization, of which any key may be left out.
+
+    Raises:
+        ArgumentError: If a key is unknown or has a wrong value.
+    """
+    _known_keys(value, StateUncertainty)
+    for key, given in value.items():
+        kind, what = {"body": (str, "a name"), "scales": (dict, "a table")}.get(
+            key, ((int, float), "a number")
+        )
+        if isinstance(given, bool) or not isinstance(given, kind):
+            raise ArgumentError(f"uncertainty: {key} = {shown(given)} must be {what}")
+    return StateUncertainty(**{**value, "scales": _ranges(value.get("scales", {}))})
+
+
+def _known_keys(value: Any, kind: type[Any]) -> list[str]:
+    """The keys that an uncertainty may have, after a look at those that it has."""
+    keys = [each.name for each in fields(kind)]
+    if not isinstance(value, dict):
+        raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
+    for key in value:
+        if key not in keys:
+            raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
+    return keys
+
+
+def _ranges(scales: dict[str, Any]) -> dict[str, tuple[float, float]]:
+    """Ranges of parameters."""
+    for name, pair in scales.items():
+        if not (isinstance(pair, list) and len(pair) == 2):
+            raise ArgumentError(f"uncertainty: {name} = {shown(pair)} must be [least, largest]")
+    return {name: (float(low), float(high)) for name, (low, high) in scales.items()}
 
 
 def weight(name: str, value: Any, size: int) -> Array:

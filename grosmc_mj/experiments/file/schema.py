@@ -44,11 +44,15 @@ class PlantTable(Table):
 
     Attributes:
         system: A system of the package.
-        model: An MJCF file beside the case file: a robot of the user's own.
+        model: An MJCF file beside the case file, or ``package:path`` of one in an installed
+            package, which is read and not imported: a robot of the user's own.
         plant: ``module:name`` of an analytic plant, a plant in MuJoCo or a robot, or of a
             function without arguments that makes one.
         joints: Joints of a robot; all by default.
         actuators: Its actuators, one for each joint; all by default.
+        at: States of the operating point, by name with their units: the other states and the
+            inputs that let the plant rest there are solved for. Runs start there, outputs are held
+            there, and laws on the linearization are designed there.
         compare: Plants to run on; all that there are by default.
     """
 
@@ -57,6 +61,7 @@ class PlantTable(Table):
     plant: str | None = None
     joints: list[str] | None = None
     actuators: list[str] | None = None
+    at: dict[str, Any] | None = None
     compare: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
 
     @model_validator(mode="after")
@@ -66,7 +71,20 @@ class PlantTable(Table):
             raise ValueError(f"give one of system, model and plant, not {given or 'none'}")
         if self.model is None and (self.joints or self.actuators):
             raise ValueError("joints and actuators are for a model")
+        if self.system is not None and self.at is not None:
+            raise ValueError("at is for a plant or a model: the package's systems have their own")
         return self
+
+
+class DesignTable(Table):
+    """``[design]``: what laws are designed for, if it is not the plant itself.
+
+    Attributes:
+        plant: ``module:name`` of an analytic plant with the same states and inputs, or of a
+            function without arguments that makes one.
+    """
+
+    plant: str
 
 
 class RunTable(Table):
@@ -222,6 +240,7 @@ class CaseFile(Table):
         title: For people.
         source: Where it comes from.
         plant: What is controlled.
+        design: What the laws believe in instead.
         run: How it is run.
         edit: What the true plant has that the laws do not know.
         disturbance: What acts on it.
@@ -237,6 +256,7 @@ class CaseFile(Table):
     title: str = ""
     source: str = ""
     plant: PlantTable
+    design: DesignTable | None = None
     run: RunTable
     edit: list[EditTable] = []
     disturbance: list[DisturbanceTable] = []

@@ -31,6 +31,7 @@ def named_in(file: CaseFile) -> list[str]:
     reference = file.task.reference or []
     texts = [
         file.plant.plant or "",
+        file.design.plant if file.design else "",
         *(table.profile for table in file.disturbance),
         *(reference if len(reference) == 1 else ()),
         file.task.outputs.of,

@@ -53,7 +53,7 @@ def read_spec(model: Any) -> mujoco.MjSpec:
 def robot_spec(
     model: Any, joints: Iterable[str] | None = None, actuators: Iterable[str] | None = None
 ) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """A model of a robot, every joint of which has one torque as its input; and what changed.
+    """A model of a robot, whose inputs are torques at joints; and what changed.
 
     Args:
         model: As for ``read_spec``.
@@ -74,15 +74,19 @@ def robot_spec(
     driven = {drive.joint: drive for drive in drives}
     names = [compiled.joint(i).name for i in range(compiled.njnt)]
     idle = [name for name in names if name not in driven]
-    if idle:
+    if not driven:
         raise ModelError(
-            f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..., or "
-            "leave the joint out of joints=..., which locks it"
+            f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..."
         )
-    write_drives(spec, [driven[name] for name in names])
+    write_drives(spec, [driven[name] for name in names if name in driven])
     for part in (*spec.keys, *(s for s in spec.sensors if {s.objname, s.refname} & removed)):
         spec.delete(part)
     said += [drive.said for drive in drives if drive.said]
+    if idle:
+        said.append(
+            f"no actuator drives {', '.join(idle)}: laws are designed from MuJoCo's linearization "
+            "about an operating point (a joint left out of joints=... is locked)"
+        )
     return spec, (*said, *_not_compensated(compile_spec(spec)))
 
 

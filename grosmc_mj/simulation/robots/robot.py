@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.task import AS_PRINTED, Realization, Task
+from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.simulation.models import compile_spec
@@ -28,13 +29,14 @@ _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A tree of n hinges and slides, each with a torque of its own.
+    """A tree of n hinges and slides, all or some of which have a torque of their own.
 
-    Serial arms are such trees; branches do no harm, loops are refused.
+    Serial arms are such trees; branches do no harm, loops are refused. One with fewer torques than
+    joints is underactuated: its laws are designed for its linearization, with a ``StateTask``.
 
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
-            is q, then q'; the inputs are torques at the joints, in the order of the joints.
+            is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
         converted: What differs from the model as it was given, in sentences.
     """
 
@@ -77,8 +79,13 @@ class Robot:
         return self.plant.system.degrees_of_freedom
 
     @property
+    def underactuated(self) -> bool:
+        """Whether a joint has no torque of its own."""
+        return len(self.plant.system.inputs) < self.joints
+
+    @property
     def limits(self) -> Array:
-        """Least and largest torque of each joint [N m or N], (n, 2); infinite for none."""
+        """Least and largest torque of each input [N m or N], (m, 2); infinite for none."""
         return self.plant.input_limits.T
 
     @cached_property
@@ -113,7 +120,15 @@ class Robot:
             Q: Weight of z = [e_1, e_1', e_2, ...], (2 n, 2 n).
             R: Weight of v, the accelerations, (n, n) or a number.
             realization: How a sliding mode law is sampled.
+
+        Raises:
+            ModelError: If it is underactuated.
         """
+        if self.underactuated:
+            raise ModelError(
+                f"{self.plant.system.name} has {len(self.plant.system.inputs)} torques for "
+                f"{self.joints} joints, so its joints cannot all be led: take a StateTask"
+            )
         nominal = AnalyticPlant(self.plant.system, InWorkspace())
         return Task(nominal, self.coordinates(reference), parameters, Q, R, realization)
 
@@ -131,21 +146,26 @@ def _system(spec: mujoco.MjSpec) -> System:
     model = compile_spec(spec)
     joints = tuple(model.joint(i).name for i in range(model.njnt))
     torques = [joint_unit(model, i) for i in range(model.njnt)]
+    driven = [int(model.actuator_trnid[i, 0]) for i in range(model.nu)]
     units = ["m" if unit == "N" else "rad" for unit in torques]
     numbers = [str(i).translate(_SUBSCRIPTS) for i in range(1, model.njnt + 1)]
     named = list(zip(joints, numbers, units, strict=True))
     positions = [Signal(joint, f"q{i}", unit) for joint, i, unit in named]
     rates = [Signal(f"{joint} rate", f"q̇{i}", f"{unit}/s") for joint, i, unit in named]
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
-    inputs = zip(actuators, numbers, torques, strict=True)
+    inputs = [
+        Signal(each, f"τ{numbers[joint]}", torques[joint])
+        for each, joint in zip(actuators, driven, strict=True)
+    ]
     name = spec.modelname or "robot"
     return System(
         name=name,
         title=name,
         states=(*positions, *rates),
-        inputs=tuple(Signal(each, f"τ{i}", unit) for each, i, unit in inputs),
+        inputs=tuple(inputs),
         equations=NoEquations(name),
-        controlled=tuple(range(model.njnt)),
+        # What no actuator drives is what a law has to hold through the others.
+        controlled=tuple(i for i in range(model.njnt) if i not in driven) or tuple(driven),
         joints=joints,
         actuators=actuators,
         bodies=tuple(model.body(i).name for i in range(1, model.nbody)),

@@ -1,4 +1,4 @@
-"""What holding pole and cart costs: the laws of ``control.holding`` on the chapter's cases."""
+"""What holding pole and cart costs: the laws of ``control.cart`` on the chapter's cases."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.cart import holding_ism, holding_lqr, sliding_dynamics
+from grosmc_mj.control.cart import holding_ism, holding_lqr
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.state_design import sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment

@@ -1,0 +1,87 @@
+"""Where a plant rests: an equilibrium and the input that holds it there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import PremiseError
+from grosmc_mj.plants.plant import AT_REST, Plant
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """An equilibrium, 0 = x'(x, u).
+
+    Attributes:
+        x: State, (n,).
+        u: Input that holds it there, (m,).
+    """
+
+    x: Array
+    u: Array
+
+    @classmethod
+    def origin(cls, plant: Plant) -> OperatingPoint:
+        """x = 0 and u = 0 of a plant."""
+        return cls(np.zeros(len(plant.system.states)), np.zeros(len(plant.system.inputs)))
+
+
+def equilibrium(
+    plant: Plant, held: Mapping[int, float] | None = None, near: ArrayLike | None = None
+) -> OperatingPoint:
+    """Where a plant rests with some of its states held: the other states and the inputs.
+
+    Of several that there are, it is one next to ``near``.
+
+    Args:
+        plant: In MuJoCo or as equations.
+        held: Values of states, by their indices.
+        near: State where the search begins, (n,); the system's own ``near`` by default. It begins
+            without input.
+
+    Raises:
+        PremiseError: If it rests nowhere near with these states, or only beyond its input's limits.
+    """
+    system, held = plant.system, dict(held or {})
+    n = len(system.states)
+    x = np.array(system.near or np.zeros(n) if near is None else near, float)
+    x[list(held)] = list(held.values())
+    free = [i for i in range(n) if i not in held]
+    point = OperatingPoint(x, np.zeros(len(system.inputs)))
+
+    def filled(values: Array) -> OperatingPoint:
+        whole = x.copy()
+        whole[free] = values[: len(free)]
+        return OperatingPoint(whole, values[len(free) :])
+
+    def rates(values: Array) -> Array:
+        here = filled(values)
+        found = plant.derivative(here.x, here.u)
+        return np.where(np.isfinite(found), found, 1e6)
+
+    if np.abs(rates(np.concatenate([x[free], point.u]))).max() > 0.0:
+        begun = np.concatenate([x[free], point.u])
+        found = scipy.optimize.least_squares(rates, begun, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        point = filled(found.x)
+    left = plant.derivative(point.x, point.u)
+    named = [(system.states[i], value) for i, value in held.items()]
+    where = ", ".join(f"{state.name} = {value:g} {state.unit}" for state, value in named)
+    if not np.abs(left).max() <= AT_REST:
+        raise PremiseError(
+            f"{system.name} rests nowhere near x = {x.tolist()}"
+            + (f" with {where}" if where else "")
+            + f": the least x' found is {left.tolist()}; hold other states, or begin elsewhere"
+        )
+    low, high = plant.input_limits
+    if np.any(point.u < low) or np.any(point.u > high):
+        raise PremiseError(
+            f"{system.name} rests at x = {point.x.tolist()} under u = {point.u.tolist()}, beyond "
+            f"its limits {low.tolist()} to {high.tolist()}"
+        )
+    return point
