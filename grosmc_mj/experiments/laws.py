@@ -12,7 +12,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 import sympy as sp
 
-from grosmc_mj.control.cart import holding_ism, holding_lqr, holding_pfl
+from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates

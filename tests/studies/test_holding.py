@@ -15,8 +15,8 @@ from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.control import cart as holding
-from grosmc_mj.control.cart import (
+from grosmc_mj.cases.cart_pendulum import cart as holding
+from grosmc_mj.cases.cart_pendulum.cart import (
     LEAN,
     force_needed,
     holding_ism,

@@ -525,7 +525,7 @@ with without_graphics():
 from grosmc_mj.viewer.live import Live, LiveRun
 from grosmc_mj.viewer.viewer import open_window, play
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.control.cart import holding_lqr
+from grosmc_mj.cases.cart_pendulum.cart import holding_lqr
 plant = MujocoPlant.load("cart_pendulum")
 live = Live(LiveRun(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), 1.0))
 class Some:

@@ -1,4 +1,4 @@
-"""What holding pole and cart costs: the laws of ``control.cart`` on the chapter's cases."""
+"""What holding pole and cart costs: ``cases.cart_pendulum.cart`` on the chapter's cases."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.cart import holding_ism, holding_lqr
+from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
