@@ -3,6 +3,7 @@ from .campaign.family.campaign import Campaign
 from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
 from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
+from .control.from_control import from_control
 from .control.gains import Uncertainty
 from .control.lqr import lqr
 from .control.task import Realization, Task
@@ -45,6 +46,7 @@ __all__ = [
     "errors",
     "feedback_linearization",
     "films",
+    "from_control",
     "judge",
     "linearized_lqr",
     "lqr",

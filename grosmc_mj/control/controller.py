@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import keyword
+import math
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -26,6 +27,17 @@ from grosmc_mj.vectors import algebra, each
 
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
 _OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Numbers of a law of one's own.
+
+    Attributes:
+        period: Control period of the run [s]; NaN before there is one.
+    """
+
+    period: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +128,13 @@ class Controller:
             raise ArgumentError(f"{self.name} has no outputs that it regulates")
         return error
 
+    def sampled(self, control_period: float) -> Controller:
+        """The same, told its control period [s] where it reads ``p.period``."""
+        p = self.parameters
+        if not isinstance(p, Sampled) or p.period == control_period:
+            return self
+        return replace(self, parameters=replace(p, period=control_period))
+
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""
         memory, workspace = self.memory(), None
@@ -139,7 +158,8 @@ def custom_controller(
         name: What it is called.
         law: (t, x, memory, p) -> u, a number or, for several inputs, a tuple.
         like: A controller with error coordinates and an optimum, whose index weighs this one.
-        numbers: Fields of p besides ``plant`` and ``reference``: numbers and arrays.
+        numbers: Fields of p besides ``plant``, ``reference`` and ``period``, the control period:
+            numbers and arrays.
         memory: Fields of memory with what they hold when a run begins, such as
             ``{"integral": 0.0, "past": np.zeros(8)}``: numbers and arrays, which the law changes
             in place (``memory.past[0] = e``). Each is recorded in ``Trajectory.memory``.
@@ -154,9 +174,8 @@ def custom_controller(
         raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
     design, m = like.designed, like.designed.error.inputs
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
-    _require_names(numbers or {}, given, "a law's number")
-    fields = {**given, **(numbers or {})}
-    parameters = make_dataclass("Parameters", list(fields), frozen=True, eq=False)(**fields)
+    _require_names(numbers or {}, {*given, "period"}, "a law's number")
+    parameters = extended(Sampled(), **given, **(numbers or {}))
     return Controller(
         name=name,
         law=_weighed(law, m, _weighing(design)),

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
@@ -20,10 +20,12 @@ class LawPolicy:
     Args:
         controller: The controller.
         system: Its plant, which names the states.
+        control_period: Of the environment [s].
     """
 
-    def __init__(self, controller: Controller, system: System) -> None:
-        self._controller, self._names = controller, state_names(system)
+    def __init__(self, controller: Controller, system: System, control_period: float) -> None:
+        self._controller = controller.sampled(control_period)
+        self._names = state_names(system)
         self._u = np.zeros(len(system.inputs))
         self.reset()
 
@@ -56,17 +58,21 @@ class LawPolicy:
     def _check_period(self, t: float) -> None:
         """Refuse another sampling time than the one that the law is made for."""
         design, found = self._controller.design, t - self._last
-        wanted = design.control_period if design else None
+        p, wanted = self._controller.parameters, design.control_period if design else None
+        if isinstance(p, Sampled):
+            wanted = p.period
         # Differences of instants are rounded in the instants' last place.
         if wanted is not None and abs(found - wanted) > 1e-9 * max(1.0, t):
             raise ArgumentError(
-                f"{self._controller.name} is designed for a control period of {wanted:g} s, not "
-                f"{found:g} s: load the environment with control_period={wanted:g}"
+                f"{self._controller.name} is for a control period of {wanted:g} s, not {found:g} s:"
+                f" load the environment, or make the policy, with control_period={wanted:g}"
             )
         self._last = t
 
 
-def law_policy(controller: Controller, system: str | None = None) -> LawPolicy:
+def law_policy(
+    controller: Controller, system: str | None = None, *, control_period: float = 1e-3
+) -> LawPolicy:
     """A law as a policy ``policy(observation) -> action``, for dm_control and Gymnasium alike.
 
     It takes ``time_step.observation`` of the one and the observation of the other, and starts
@@ -75,14 +81,15 @@ def law_policy(controller: Controller, system: str | None = None) -> LawPolicy:
     Args:
         controller: Any controller.
         system: Its system's name; needed if the controller has no design.
+        control_period: Of the environment [s], which a law of one's own may read.
 
     Raises:
         ArgumentError: If the system is not known.
     """
     if system is not None:
-        return LawPolicy(controller, find_system(system))
+        return LawPolicy(controller, find_system(system), control_period)
     if controller.design is None:
         raise ArgumentError(
             f"{controller.name} does not say which plant it is for: give law_policy its system"
         )
-    return LawPolicy(controller, controller.design.error.system)
+    return LawPolicy(controller, controller.design.error.system, control_period)

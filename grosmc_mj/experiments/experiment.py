@@ -22,7 +22,7 @@ from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
 from grosmc_mj.experiments.file.shipped import find_file
-from grosmc_mj.experiments.file.user_code import blamed, named_in
+from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.requirements import Judgement, Limit, judge_all, limits
@@ -145,14 +145,15 @@ class Experiment:
         Raises:
             GrosmcError: If there is no such law, a number does not fit, or the design fails.
         """
-        table = self.file.law(name)
-        key = design_variant(plant), repr(table)
+        table, period = self.file.law(name), self.settings.control_period
+        key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
         try:
             if key not in self._designs:
-                made = design(table, self.file, self.nominal, plant, self.folder)
+                made = design(table, self.file, self.nominal, plant, self.folder, period)
                 self._designs[key] = made
             made = self._designs[key]
-            return _realized(made, self._realization_of(table, made))
+            made = _realized(made, self._realization_of(table, made))
+            return _sampled(made, period)
         except GrosmcError as error:
             raise ArgumentError(f"controller {name}: {error}") from error
 
@@ -162,8 +163,8 @@ class Experiment:
         Raises:
             GrosmcError: As for ``law``.
         """
-        table = self.file.law(name)
-        made = design(table, self.file, NominalPlant(nominal), "corrected", self.folder)
+        table, period = self.file.law(name), self.settings.control_period
+        made = design(table, self.file, NominalPlant(nominal), "corrected", self.folder, period)
         return _realized(made, self._realization_of(table, made))
 
     @property
@@ -265,6 +266,7 @@ class Experiment:
 
 
 _realized = lru_cache(maxsize=512)(realized)
+_sampled = lru_cache(maxsize=512)(Controller.sampled)
 
 
 def judge(target: str | Path | Experiment) -> list[Judgement]:

@@ -24,6 +24,7 @@ from grosmc_mj.control.design import (
     regulating_grosmc,
     tracking_grosmc,
 )
+from grosmc_mj.control.from_control import from_control, is_linear_system
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.state_design import state_grosmc
 from grosmc_mj.control.task import FeedbackParameters, StateTask, Task
@@ -78,7 +79,12 @@ class Formulas:
 
 
 def design(
-    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
+    table: ControllerTable,
+    file: CaseFile,
+    nominal: NominalPlant,
+    plant: PlantName,
+    folder: Path,
+    control_period: float,
 ) -> Controller:
     """The controller of a table, designed for the nominal plant and sampled as printed.
 
@@ -88,11 +94,15 @@ def design(
         nominal: The plant that it believes in.
         plant: Which plant it shall run on.
         folder: Where the user's own Python is.
+        control_period: Of its runs [s].
 
     Raises:
         GrosmcError: If there is no such law, a number does not fit, or the design fails.
     """
-    made = (_users if is_named(table.law) else _ours)(table, file, nominal, plant, folder)
+    if is_named(table.law):
+        made = _users(table, file, nominal, plant, folder, control_period)
+    else:
+        made = _ours(table, file, nominal, plant, folder)
     return replace(made, name=table.called)
 
 
@@ -141,9 +151,14 @@ def _linear_model(nominal: NominalPlant, plant: PlantName) -> Any:
 
 
 def _users(
-    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
+    table: ControllerTable,
+    file: CaseFile,
+    nominal: NominalPlant,
+    plant: PlantName,
+    folder: Path,
+    control_period: float,
 ) -> Controller:
-    """A law of the user's own: a controller, a function that makes one, or a law."""
+    """A law of the user's own: a controller, what makes one, a linear system, or a law."""
     # One that numba has compiled stands for its source.
     found = load_named(table.law, folder)
     found = getattr(found, "py_func", found)
@@ -151,13 +166,19 @@ def _users(
     if isinstance(found, Controller):
         _refuse_memory(table)
         return found if not numbers else _refuse("a controller has its numbers already")
-    if _is_law(found, table.law):
+    linear = is_linear_system(found)
+    if linear or _is_law(found, table.law):
         whole = nominal.robot is not None or nominal.at is not None
         like = file.law("lqr" if whole else "fl-lqr").law
         weights = {k: v for k, v in table.numbers.items() if k in _WEIGHTS}
         followed = ControllerTable.model_validate({"law": like, **weights})
         like = _ours(followed, file, nominal, plant, folder)
         own = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
+        if linear:
+            _refuse_memory(table)
+            if own:
+                _refuse(f"a linear system has its numbers already, not {list(own)}")
+            return from_control(found, control_period, like, table.called)
         memory = {name: law_number(f"memory: {name}", v) for name, v in table.memory.items()}
         return custom_controller(table.called, found, like, own, memory)
     _refuse_memory(table)
@@ -189,7 +210,8 @@ def _is_law(found: Any, text: str) -> bool:
     if not callable(found):
         _refuse(
             f"{text} is a {type(found).__name__}, must be a law (t, x, memory, p) -> u, a function "
-            "(nominal plant, numbers ...) -> Controller, or a Controller"
+            "(nominal plant, numbers ...) -> Controller, a Controller, or a StateSpace or "
+            "TransferFunction of python-control"
         )
     names = [each.name for each in _needed(found)]
     if len(names) == 4 and names[:2] != ["t", "x"]:

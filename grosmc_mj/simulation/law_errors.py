@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
+import textwrap
 import traceback
 import warnings
 from collections.abc import Iterator
@@ -12,6 +15,8 @@ from pathlib import Path
 import numba
 from numba.core.errors import NumbaError, NumbaWarning
 
+from grosmc_mj.control.controller import Controller, Sampled
+from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError, GrosmcError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -23,6 +28,27 @@ _REASON = re.compile(
     r"No implementation of function .* found|Unknown attribute .*|Untyped global .*|.*unsupported.*"
     r"|.*not supported.*|Cannot .*|Invalid .*"
 )
+# Fields of memory that no law of one's own names.
+_OF_THE_RUN = ("v", "undefined", "workspace", "meters")
+# What to write instead, by what numba says.
+_INSTEAD = {
+    r"use of yield|generator": "a generator is not compiled: add up in a for loop",
+    r"list\.(append|insert|extend)|Cannot unify .*[Ll]ist|[Rr]eflected list": (
+        "a list keeps one type: put numbers only into it, or an array into memory"
+    ),
+    r"Unknown attribute '(\w+)' of type Record": (
+        "it has no such field: give what a law remembers as memory = {{ {0} = 0 }}, its numbers "
+        "beside it"
+    ),
+    r"Cannot unify": "a variable keeps one type: give it another name",
+    r"Untyped global name '(\w+)'": (
+        "{0} is no number, array or function: put it into the law's numbers"
+    ),
+    r"_cast|build_map|[Dd]ict": "a dictionary keeps one type: use variables",
+    r"Use of unsupported opcode|not supported|unsupported|No implementation of function": (
+        "use numbers, arrays, loops, conditions, math and numpy functions of them"
+    ),
+}
 
 
 class LawError(ArgumentError):
@@ -57,8 +83,8 @@ def law_error(name: str, t: float, error: Exception) -> LawError:
         t: When it was asked [s].
         error: What it raised.
     """
-    said = " ".join(str(error).split())
-    if not said or not isinstance(error, ValueError):
+    said = _lacking(error) or " ".join(str(error).split())
+    if not said or not (isinstance(error, ValueError) or _lacking(error)):
         said = f"{type(error).__name__}: {said}".rstrip(": ")
     frames = traceback.extract_tb(error.__traceback__)
     place = _own_place([(frame.filename, frame.lineno or 0) for frame in frames])
@@ -69,9 +95,28 @@ def law_error(name: str, t: float, error: Exception) -> LawError:
     return made
 
 
+def _lacking(error: Exception) -> str:
+    """What a law reads of its memory or its numbers that is not there; empty for other errors."""
+    owner = getattr(error, "obj", None)
+    if not isinstance(error, AttributeError) or not isinstance(owner, (Memory, Sampled)):
+        return ""
+    what = "memory" if isinstance(owner, Memory) else "p"
+    there = ", ".join(name for name in vars(owner) if name not in _OF_THE_RUN)
+    return f"{_no_field(what, str(error.name))}; it has {there or 'nothing'}"
+
+
+def _no_field(owner: str, field: str) -> str:
+    """What to do about a field that is not there."""
+    how = f"{field} = 0" if owner == "p" else f"memory = {{ {field} = 0 }}"
+    return f"{owner} has no {field!r}: give it as {how} beside the law, or to custom_controller"
+
+
 @contextmanager
-def compiling(name: str) -> Iterator[None]:
+def compiling(controller: Controller) -> Iterator[None]:
     """Compile a law in this block: without numba's warnings, and its errors in one line.
+
+    Args:
+        controller: Of the law.
 
     Raises:
         LawError: In place of what numba raises.
@@ -83,9 +128,28 @@ def compiling(name: str) -> Iterator[None]:
     except GrosmcError:
         raise
     except Exception as error:
+        # What a record has no field for is all that numba says of it.
+        if isinstance(error, KeyError) and (said := _missing(controller, str(error.args[0]))):
+            raise LawError(said) from error
         raise LawError(
-            f'{_not_compiled(name, error)}; engine = "python" runs it uncompiled'
+            f'{_not_compiled(controller.name, error)}; engine = "python" runs it uncompiled'
         ) from error
+
+
+def _missing(controller: Controller, field: str) -> str:
+    """Where a law reads or writes a field that neither its memory nor its numbers have."""
+    law = getattr(controller.law, "own", controller.law)
+    try:
+        lines, first = inspect.getsourcelines(law)
+        file = Path(inspect.getsourcefile(law) or "").name
+        tree = ast.parse(textwrap.dedent("".join(lines)))
+    except (OSError, TypeError, SyntaxError):
+        return ""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and node.attr == field:
+            owner = ast.unparse(node.value)
+            return f"{file}:{first + node.lineno - 1}: {_no_field(owner, field)}"
+    return ""
 
 
 def _not_compiled(name: str, error: Exception) -> str:
@@ -96,10 +160,19 @@ def _not_compiled(name: str, error: Exception) -> str:
     if not isinstance(error, NumbaError) or not place:
         lines = _REASON.findall(page) or page.splitlines() or [""]
         said = lines[-1 if isinstance(error, NumbaError) else 0].strip()
-        return f"numba cannot compile the law: {type(error).__name__}: {said} ({name})"
+        said = f"{type(error).__name__}: {said} ({name}){_instead(said)}"
+        return f"numba cannot compile the law: {said}"
     marks = [each for each in _COMPILED.finditer(page) if Path(each[1]).suffix == ".py"]
     reason = (_REASON.findall(page[: marks[0].start()]) or page.splitlines())[-1].strip()
-    return f"{place}numba cannot compile this: {reason}"
+    return f"{place}numba cannot compile this: {reason}{_instead(reason)}"
+
+
+def _instead(reason: str) -> str:
+    """What to write instead of what numba cannot compile; empty if nothing is known."""
+    for pattern, advice in _INSTEAD.items():
+        if found := re.search(pattern, reason):
+            return f" ({advice.format(*found.groups())})"
+    return ""
 
 
 def _own_place(places: list[tuple[str, int]]) -> str:

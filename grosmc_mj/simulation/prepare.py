@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
@@ -66,7 +66,7 @@ def prepare(
     _require_flag("record", record)
     problem = Problem(
         plants=_repeat(plants, nsim),
-        controllers=_repeat(controllers, nsim),
+        controllers=_repeat(_sampled(controllers, period), nsim),
         x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
         steps=_steps(duration, h),
         stride=stride,
@@ -120,11 +120,19 @@ def _require_numbers(controller: Controller) -> None:
     p = controller.parameters
     for item in fields(p) if is_dataclass(p) else ():
         value = getattr(p, item.name)
+        if item.name == "period" and isinstance(p, Sampled):  # it has none before its run
+            continue
         entries = pack(value) if is_dataclass(value) else value
         if isinstance(entries, (float, np.ndarray)) and np.any(np.isnan(entries)):
             raise ArgumentError(
                 f"{controller.name}: its number {item.name} = {shown(value)} must not be NaN"
             )
+
+
+def _sampled(controllers: tuple[Controller, ...], period: float) -> tuple[Controller, ...]:
+    """The controllers with their control period, each of them once."""
+    told = {each: each.sampled(period) for each in dict.fromkeys(controllers)}
+    return tuple(told[each] for each in controllers)
 
 
 def _starts(x0: ArrayLike, system: System) -> Array:

@@ -296,7 +296,7 @@ def run(*arguments: str) -> int:
     ("arguments", "says"),
     [
         (("study", "region"), "SYSTEM"),
-        (("study", "region", "leg"), "unknown case 'leg': valid: arm, cart_pendulum"),
+        (("study", "region", "leg"), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
         (("study", "region", "arm", "--points", "1"), "must be from 2 to 1000"),
         (("study", "region", "arm", "--points", "2.5"), "--points"),
         (("study", "region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),

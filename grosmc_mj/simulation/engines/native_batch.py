@@ -46,7 +46,7 @@ class NativeBatch:
         self._problem = problem
         self._kept_alive: list[Workspace | None] = []
         self._dtype = userdata_dtype(problem)
-        with compiling(problem.controller.name):
+        with compiling(problem.controller):
             self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
         pushes = most_pushes(problem.disturbances) if problem.pushed_by_callback else 0
         size, nsim = self._dtype.itemsize // 8 + PUSH * pushes, len(problem.x0)

@@ -49,7 +49,7 @@ def run_native(problem: Problem) -> Record:
 
 def _run_analytic(problem: Problem) -> Record:
     """Run analytic plants: one compiled call a simulation, which releases Python's lock."""
-    with compiling(problem.controller.name):
+    with compiling(problem.controller):
         kernel = analytic_kernel(problem)
     record = Record.empty(problem)
     nothing = np.zeros(6 * len(problem.system.bodies))

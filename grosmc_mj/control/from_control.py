@@ -1,0 +1,130 @@
+"""A controller designed with python-control, run as it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arguments import real, require
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.laws import Coordinates, Law
+from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.vectors import algebra, each
+
+
+class _Matrices(NamedTuple):
+    """q+ = A q + B e, u = C q + D e."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+
+def from_control(
+    sys: Any, period: float, like: Controller, name: str = "from_control"
+) -> Controller:
+    """A linear controller of python-control as a law, in both engines.
+
+    It sees the errors e = y_r - y of the outputs that ``like`` regulates, and gives the plant's
+    input, about the operating point if ``like`` has one:
+
+        q+ = A q + B e,   u = C q + D e.
+
+    Args:
+        sys: A ``control.StateSpace`` or ``control.TransferFunction``: discrete with this sampling
+            time, or continuous, which Tustin's rule then samples.
+        period: Control period [s]; a run with another one is refused.
+        like: A controller whose outputs it regulates and whose index weighs it.
+        name: What it is called.
+
+    Raises:
+        ArgumentError: If it is no such system, has another sampling time, or its inputs and
+            outputs are not as many as the plant's outputs and inputs.
+    """
+    require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
+    if not 0 < real(period) < math.inf:
+        raise ArgumentError(f"period {shown(period)} s must be finite and positive")
+    if not is_linear_system(sys):
+        raise ArgumentError(
+            f"{name} is a {type(sys).__name__}, must be a StateSpace or TransferFunction of "
+            "python-control"
+        )
+    error, found = like.designed.error, _sampled(sys, float(period), name)
+    outputs, inputs = len(error.output_rows), error.inputs
+    if found.D.shape != (inputs, outputs):
+        raise ArgumentError(
+            f"{name} has {found.D.shape[1]} inputs and {found.D.shape[0]} outputs, must see "
+            f"{outputs} errors and give {inputs} inputs of {error.system.name}"
+        )
+    order = len(found.A)
+    memory = {"q": np.zeros(order)}
+    made = custom_controller(name, _law(error, order), like, found._asdict(), memory)
+    design = replace(made.designed, source="python-control", control_period=float(period))
+    return replace(made, design=design)
+
+
+def is_linear_system(found: Any) -> bool:
+    """Whether something is a state space or a transfer function of python-control."""
+    kinds = {f"{kind.__module__.split('.')[0]}.{kind.__name__}" for kind in type(found).__mro__}
+    return bool(kinds & {"control.StateSpace", "control.TransferFunction"})
+
+
+def _sampled(sys: Any, period: float, name: str) -> _Matrices:
+    """The matrices at a sampling time; a static gain gets one state, of zeros."""
+    import control
+
+    if sys.dt in (0, None):
+        sys = control.sample_system(sys, period, method="tustin")
+    elif sys.dt is not True and not math.isclose(sys.dt, period, rel_tol=1e-9):
+        raise ArgumentError(
+            f"{name} has a sampling time of {sys.dt:g} s, the control period is {period:g} s"
+        )
+    # A transfer function of several inputs needs slycot for this.
+    try:
+        made = control.ss(sys)
+    except (ImportError, control.ControlMIMONotImplemented) as error:
+        raise ArgumentError(
+            f"{name}: its state space cannot be made ({error}): give a StateSpace"
+        ) from None
+    A, B, C, D = (np.asarray(part, float) for part in (made.A, made.B, made.C, made.D))
+    if not len(A):
+        A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
+    return _Matrices(*map(np.ascontiguousarray, (A, B, C, D)))
+
+
+@cache
+def _law(error: Coordinates, order: int) -> Law:
+    """The law of a state space of that order on some error coordinates."""
+    error_state, applied, m = error.state, error.applied, error.inputs
+    rows, sign = tuple(error.output_rows), float(error.sign)
+    seen = len(rows)
+    errors = each(seen, lambda i, z: -sign * z[rows[i]])
+    given = algebra(m).given
+
+    def entry(i: int, M: Any, q: Any, N: Any, e: Any) -> float:
+        total = 0.0
+        for j in range(order):
+            total += M[i, j] * q[j]
+        for j in range(seen):
+            total += N[i, j] * e[j]
+        return total
+
+    output: Callable[..., Any] = each(m, entry)
+    following: Callable[..., Any] = each(order, entry)
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
+        e = errors(error_state(t, x, p))
+        v = output(p.C, memory.q, p.D, e)
+        after = following(p.A, memory.q, p.B, e)
+        for i in range(order):
+            memory.q[i] = after[i]
+        return given(applied(v, p))
+
+    return law
