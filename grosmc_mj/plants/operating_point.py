@@ -72,16 +72,14 @@ def equilibrium(
     left = plant.derivative(point.x, point.u)
     named = [(system.states[i], value) for i, value in held.items()]
     where = ", ".join(f"{state.name} = {value:g} {state.unit}" for state, value in named)
-    if not np.abs(left).max() <= AT_REST:
+    low, high = plant.input_limits
+    limited = np.any(point.u < low) or np.any(point.u > high)
+    if limited or not np.abs(left).max() <= AT_REST:
         raise PremiseError(
             f"{system.name} rests nowhere near x = {x.tolist()}"
             + (f" with {where}" if where else "")
-            + f": the least x' found is {left.tolist()}; hold other states, or begin elsewhere"
-        )
-    low, high = plant.input_limits
-    if np.any(point.u < low) or np.any(point.u > high):
-        raise PremiseError(
-            f"{system.name} rests at x = {point.x.tolist()} under u = {point.u.tolist()}, beyond "
-            f"its limits {low.tolist()} to {high.tolist()}"
+            + f": the least x' found is {left.tolist()}"
+            + (f" under inputs cut to {low.tolist()} ... {high.tolist()}" if limited else "")
+            + "; hold other states, or begin elsewhere"
         )
     return point
