@@ -16,7 +16,7 @@ from .simulation.edits import AddedMass, BodyEdit, JointEdit
 from .simulation.mujoco_plant import MujocoPlant
 from .simulation.robots.robot import Robot
 from .simulation.simulate import simulate
-from .simulation.trajectory import Trajectory
+from .simulation.trajectory import Trajectory, load_trajectory
 
 __version__: str
 
@@ -49,6 +49,7 @@ __all__ = [
     "from_control",
     "judge",
     "linearized_lqr",
+    "load_trajectory",
     "lqr",
     "plants",
     "regulating_grosmc",

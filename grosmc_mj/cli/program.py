@@ -19,6 +19,8 @@ from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
 
+# Of ``run --save``, what it stands for alone first.
+_FORMATS = ("parquet", "csv", "npz")
 # What commands were called, and how they begin and end now.
 _RENAMED = {
     "compare": ("study agreement", ""),
@@ -54,7 +56,7 @@ def parse(arguments: Sequence[str]) -> Command:
     """
     if now := _name_now(arguments):
         raise ArgumentError(now)
-    given, said = list(arguments) or ["--help"], io.StringIO()
+    given, said = _with_format(arguments) or ["--help"], io.StringIO()
     # The first help has a line of each command, not its whole text.
     brief = given[0] in ("-h", "--help")
     try:
@@ -82,6 +84,17 @@ def _one_of(commands: Mapping[str, type[Command] | Studies], *, brief: bool) -> 
             words = (each.__doc__ or "").partition("\n")[0] if brief else None
             kinds.append(Annotated[each, subcommand(name, description=words)])
     return functools.reduce(operator.or_, kinds)
+
+
+def _with_format(arguments: Sequence[str]) -> list[str]:
+    """The arguments with the format that ``--save`` alone stands for."""
+    words = list(arguments)
+    for at, word in enumerate(words):
+        if word == "--save" and words[at + 1 : at + 2] and words[at + 1] in _FORMATS:
+            return words
+        if word == "--save":
+            return [*words[: at + 1], _FORMATS[0], *words[at + 1 :]]
+    return words
 
 
 def _name_now(arguments: Sequence[str]) -> str:

@@ -113,6 +113,28 @@ class RunResult:
         film = film_of([self])
         return write_case_film(self.case, film, Path(path), settings=self.experiment.settings).film
 
+    def save(self, path: str | Path) -> Path:
+        """Write the trajectory as ``.parquet``, ``.npz`` or ``.csv``; see ``Trajectory.save``."""
+        unit = self.controller.design.sliding_unit if self.controller.design else ""
+        return self.trajectory.save(path, sliding_unit=unit or "1")
+
+    def __repr__(self) -> str:
+        """What was run and what came out, in five lines."""
+        kept = [each.kept for each in self.requirements]
+        words = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
+        until, status = self.trajectory.time[-1], self.status.name.lower()
+        named = ("deviation", "settling_time", "max_input", "cost_whole", "cost_optimal")
+        values = [f"{name.replace('_', ' ')} {_shown(self.metrics[name])}" for name in named]
+        return "\n".join(
+            [
+                f"{self.key}: {self.case.title}",
+                f"{status} at {until:g} s" + (f": {self.ended}" if self.ended else ""),
+                ", ".join(values[:3]),
+                ", ".join(values[3:]),
+                f"requirements: {words}",
+            ]
+        )
+
     @property
     def key(self) -> str:
         """Name of the run in files: system/case/plant/controller."""
@@ -127,6 +149,14 @@ class RunResult:
     def status(self) -> Status:
         """How the run ended."""
         return self.trajectory.status  # pyright: ignore[reportReturnType]
+
+
+def _shown(metric: Metric) -> str:
+    """A metric with its unit, or why it has no value."""
+    if metric.value is None:
+        return f"- ({metric.note})"
+    unit = "" if metric.unit == "1" else f" {metric.unit}"
+    return f"{metric.value:.4g}{unit}"
 
 
 def run_on(experiment: Experiment, name: PlantName, law: Controller, plant: Plant) -> RunResult:

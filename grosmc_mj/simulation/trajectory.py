@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
 from enum import Enum
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.columns import Column, arrow_table, read_columns, write_columns
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.plants import System
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.plants import SYSTEMS, Signal, System
+from grosmc_mj.plants.equations import NoEquations
+from grosmc_mj.versions import versions
 
 
 class Status(Enum):
@@ -63,6 +71,104 @@ class Trajectory:
     status: NDArray[np.object_]
     valid_until: Array
 
+    def __repr__(self) -> str:
+        """What it is, without its rows."""
+        runs = "" if self.state.ndim == 2 else f"{len(self.state)} runs, "
+        until, ended = self.time[-1], {each.name.lower() for each in np.ravel(self.status)}
+        return (
+            f"Trajectory({self.system.name}: {runs}{len(self.time)} instants, 0 to {until:g} s, "
+            f"{', '.join(sorted(ended))})"
+        )
+
+    def to_arrow(self) -> Any:
+        """The signals of one run as a ``pyarrow.Table``; a column each, see ``save``.
+
+        Raises:
+            ArgumentError: For a batch.
+        """
+        return arrow_table(*self._columns())
+
+    def to_pandas(self) -> Any:
+        """The same as a pandas frame, indexed by time; pandas must be installed.
+
+        Raises:
+            ArgumentError: For a batch.
+            SetupError: Without pandas.
+        """
+        if find_spec("pandas") is None:
+            raise SetupError("pandas is not installed; run: pip install pandas")
+        return self.to_arrow().to_pandas().set_index("time")
+
+    def save(self, path: str | Path, *, sliding_unit: str = "1") -> Path:
+        """Write one run as ``.parquet``, ``.npz`` or ``.csv``, by the ending.
+
+        A column is a signal with its unit: ``time``, each state by its name, the inputs as they
+        were applied and as they were asked for, ``s``, ``v``, memory, forces and torques. A row is
+        an instant; what is held over an interval stands at its beginning, and the last row has
+        none. The first two formats keep all of the run, for ``load_trajectory``.
+
+        Args:
+            path: The file.
+            sliding_unit: Unit of s, which the law's design knows.
+
+        Returns:
+            Where it is.
+
+        Raises:
+            ArgumentError: For a batch, or another ending.
+            SetupError: If it cannot be written.
+        """
+        file, (columns, about) = Path(path), self._columns(sliding_unit)
+        if file.suffix == ".csv":  # which cannot be read again as a run
+            columns = [each for each in columns if each.name not in about["groups"]["physics"]]
+        write_columns(file, columns, about)
+        return file
+
+    def _columns(self, sliding_unit: str = "1") -> tuple[list[Column], dict[str, Any]]:
+        """The signals, and what else the run is."""
+        if self.state.ndim != 2:
+            raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
+        system = self.system
+        groups: list[tuple[str, list[tuple[str, str]], Array | None]] = [
+            ("state", [(each.name, each.unit) for each in system.states], self.state),
+            ("input", [(each.name, each.unit) for each in system.inputs], self.input),
+            ("command", [(f"{u.name} asked", u.unit) for u in system.inputs], self.command),
+            ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
+            ("weighed", _numbered("v", "1", self.weighed), self.weighed),
+            ("wrench", _wrench_names(system) if self.wrench is not None else [], self.wrench),
+            ("physics", _numbered("mjSTATE_FULLPHYSICS", "1", self.physics), self.physics),
+        ]
+        remembered = self.memory.dtype.names or ()
+        # An address means nothing after the run.
+        for name in [each for each in remembered if each != "workspace"]:
+            rows = self.memory[name].reshape(len(self.memory), -1)
+            groups.append((f"memory {name}", _numbered(f"memory {name}", "1", rows), rows))
+        columns = [Column("time", "s", self.time)]
+        named: dict[str, list[str]] = {}
+        for group, names, rows in groups:
+            taken = {each.name for each in columns}
+            named[group] = [f"{group} {n}" if n in taken else n for n, _ in names]
+            for name, (_, unit), values in zip(named[group], names, _by_column(rows), strict=True):
+                columns.append(Column(name, unit, _lengthened(values, len(self.time))))
+        about = {
+            "system": system.name,
+            "states": [list(astuple(each)) for each in system.states],
+            "inputs": [list(astuple(each)) for each in system.inputs],
+            "controlled": list(system.controlled),
+            "bodies": list(system.bodies),
+            "groups": named,
+            "memory": {name: list(self.memory.dtype[name].shape) for name in remembered},
+            "one_axis": {
+                "sliding": self.sliding is not None and self.sliding.ndim == 1,
+                "weighed": self.weighed.ndim == 1,
+                "input": self.input.ndim == 1,
+            },
+            "status": np.ravel(self.status)[0].name,
+            "valid_until": float(np.ravel(self.valid_until)[0]),
+            "versions": versions(),
+        }
+        return columns, about
+
     def __len__(self) -> int:
         """Number of runs in a batch.
 
@@ -90,6 +196,86 @@ class Trajectory:
             status=self.status[run],
             valid_until=self.valid_until[run],
         )
+
+
+def _numbered(name: str, unit: str, rows: Array | None) -> list[tuple[str, str]]:
+    """Names of the columns of a signal: its own if it has one."""
+    count = _by_column(rows)
+    return [(name if len(count) == 1 else f"{name} {i + 1}", unit) for i in range(len(count))]
+
+
+def _wrench_names(system: System) -> list[tuple[str, str]]:
+    """Names of the columns of the wrenches."""
+    kinds = (("force", "N"), ("torque", "N m"))
+    return [
+        (f"{kind} {axis} on {body}", unit)
+        for body in system.bodies
+        for kind, unit in kinds
+        for axis in "xyz"
+    ]
+
+
+def _by_column(rows: Array | None) -> list[Array]:
+    """The columns of (N,) or (N, m); none of None."""
+    return [] if rows is None else list(rows.reshape(len(rows), -1).T)
+
+
+def _lengthened(values: Array, rows: int) -> Array:
+    """With NaN at the end of what is held over intervals."""
+    return np.append(values, [np.nan] * (rows - len(values)))
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """A run that ``Trajectory.save`` wrote as ``.parquet`` or ``.npz``; nothing is executed.
+
+    Its system has the names and units of the run's and, if it is none of the package, no equations.
+
+    Raises:
+        ArgumentError: If there is no such file, or it is another one.
+    """
+    file = Path(path)
+    columns, about = read_columns(file)
+    try:
+        return _restored({each.name: each.values for each in columns}, about)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise ArgumentError(f"{file}: holds no trajectory: {error!r}") from None
+
+
+def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajectory:
+    """A trajectory from its columns and what is said about them."""
+    groups, time = about["groups"], found["time"]
+
+    def rows(group: str) -> Array | None:
+        names = groups[group]
+        held = group not in ("state", "physics")
+        if not names:
+            return None
+        made = np.column_stack([found[name][: len(time) - held] for name in names])
+        single = about["one_axis"].get("input" if group == "command" else group, False)
+        return made[:, 0].copy() if single else made
+
+    fields = [(name, np.float64, tuple(shape)) for name, shape in about["memory"].items()]
+    memory = np.zeros(len(time) - 1, np.dtype(fields))
+    for name, _, shape in fields:
+        held = rows(f"memory {name}") if f"memory {name}" in groups else None
+        memory[name] = 0.0 if held is None else held.reshape(-1, *shape)
+    states = tuple(Signal(*each) for each in about["states"])
+    inputs = tuple(Signal(*each) for each in about["inputs"])
+    shipped = SYSTEMS.get(about["system"])
+    if shipped is None or (shipped.states, shipped.inputs) != (states, inputs):
+        shipped = System(
+            about["system"], about["system"], states, inputs, NoEquations(about["system"]),
+            controlled=tuple(about["controlled"]), bodies=tuple(about["bodies"]),
+        )  # fmt: skip
+    given: dict[str, Any] = {
+        group: rows(group)
+        for group in ("state", "command", "input", "sliding", "weighed", "wrench", "physics")
+    }
+    ended: Any = Status[about["status"]]
+    until: Any = np.float64(about["valid_until"])
+    return Trajectory(
+        system=shipped, time=time, memory=memory, status=ended, valid_until=until, **given
+    )
 
 
 def why_ended(status: Status, system: System, controller: Controller, time: float, x: Array) -> str:

@@ -63,7 +63,7 @@ def test_the_search_begins_where_the_plant_is_used() -> None:
             h=[x],
             parameters={},
             near={"x": near},
-        )  # fmt: skip
+        )
         for near in (0.8, -0.8)
     ]
     assert [round(equilibrium(each).x[0], 6) for each in plant] == [1.0, -1.0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from tyro.conf import Positional, arg
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from grosmc_mj.premises.audit import Audit
 
 
+# Files of trajectories that are listed one by one.
+_LISTED = 4
+
+
 @dataclass(frozen=True)
 class RunCommand(Command):
     """Run an experiment, and say whether it keeps what it requires.
@@ -41,12 +45,15 @@ class RunCommand(Command):
         target: A system, a case of the package or a case file.
         out: Folder for the results.
         figures: Whether to draw the figure.
+        save: Write each trajectory too, a column a signal with its unit: --save for Parquet, or
+            csv or npz. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
         film: Whether to film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
     figures: bool = True
+    save: Literal["parquet", "csv", "npz"] | None = None
     film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def execute(self) -> int:
@@ -70,12 +77,23 @@ class RunCommand(Command):
         files = [each.file for each in done]
         if self.figures:
             files += [_draw(each.results, each.file.with_suffix(".png")) for each in done]
+        saved = [file for each in done for file in self._saved(each)]
         console = screen.console()
-        screen.say_files(console, *files)
+        screen.say_files(console, *files, *(saved if len(saved) <= _LISTED else ()))
+        if len(saved) > _LISTED:
+            console.print(f"{len(saved)} trajectories in {saved[0].parent}", style="dim")
         for each in done if self.film else ():
             path = self.out / FOLDER / f"{each.name}.mp4"
             film_runs(console, each.results, each.experiment.settings, path)
         return screen.DONE if all(each.kept for each in done) else screen.DIFFERS
+
+    def _saved(self, done: _JudgedExperiment) -> list[Path]:
+        """The trajectories, if they are wanted."""
+        folder = self.out / "trajectories"
+        return [
+            each.save(folder / f"{done.name}.{each.plant}.{each.controller.name}.{self.save}")
+            for each in (done.results if self.save else ())
+        ]
 
     def _say(self, done: Sequence[_JudgedExperiment]) -> None:
         """The answer, and the tables."""

@@ -1,0 +1,114 @@
+"""Signals as files: a column each, with its name and its unit, as Parquet, CSV or NPZ."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.files import written_aside
+
+_KEY = b"grosmc_mj"
+_UNIT = b"unit"
+FORMATS = (".parquet", ".csv", ".npz")
+
+
+class Column(NamedTuple):
+    """One signal.
+
+    Attributes:
+        name: Such as ``pole angle``.
+        unit: Such as ``rad``; ``1`` for a number.
+        values: (rows,); NaN where there is none.
+    """
+
+    name: str
+    unit: str
+    values: Array
+
+
+def arrow_table(columns: Sequence[Column], about: Mapping[str, Any]) -> Any:
+    """The columns as a ``pyarrow.Table``, with units and ``about`` in its metadata."""
+    import pyarrow as pa
+
+    fields = [pa.field(each.name, pa.float64(), metadata={_UNIT: each.unit}) for each in columns]
+    schema = pa.schema(fields, metadata={_KEY: json.dumps(about).encode()})
+    return pa.table([each.values for each in columns], schema=schema)
+
+
+def write_columns(path: Path, columns: Sequence[Column], about: Mapping[str, Any]) -> None:
+    """Write the columns by the file's ending, the whole file or none.
+
+    A CSV has ``name [unit]`` in its first row and nothing of ``about``.
+
+    Raises:
+        ArgumentError: If it ends in none of ``FORMATS``.
+        SetupError: If it cannot be written.
+    """
+    if path.suffix not in FORMATS:
+        raise ArgumentError(unknown_name("ending", path.suffix, FORMATS))
+    with written_aside(path) as part:
+        if path.suffix == ".parquet":
+            import pyarrow.parquet as pq
+
+            pq.write_table(arrow_table(columns, about), part)
+        elif path.suffix == ".csv":
+            with part.open("w", encoding="utf-8", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow([f"{each.name} [{each.unit}]" for each in columns])
+                for row in zip(*(each.values.tolist() for each in columns), strict=True):
+                    writer.writerow(["" if value != value else repr(value) for value in row])
+        else:
+            units = {each.name: each.unit for each in columns}
+            described = json.dumps({"units": units, "about": about})
+            with part.open("wb") as file:
+                arrays: dict[str, Any] = {each.name: each.values for each in columns}
+                np.savez_compressed(file, **arrays, __about__=np.array(described))
+
+
+def read_columns(path: Path) -> tuple[list[Column], dict[str, Any]]:
+    """Columns of a Parquet or NPZ file and what is said about them; nothing in it is executed.
+
+    Raises:
+        ArgumentError: If there is no such file, or none that ``write_columns`` wrote.
+    """
+    if not path.is_file():
+        raise ArgumentError(f"there is no file {shown(str(path), str)}")
+    try:
+        found = _parquet(path) if path.suffix == ".parquet" else _npz(path)
+    except ArgumentError:
+        raise
+    # pyarrow, zipfile and numpy have no common class for what they cannot read.
+    except Exception as error:
+        said = " ".join(str(error).split())
+        raise ArgumentError(f"{path}: is no file of signals, or is damaged: {said}") from None
+    return found
+
+
+def _parquet(path: Path) -> tuple[list[Column], dict[str, Any]]:
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    about = json.loads((table.schema.metadata or {})[_KEY])
+    columns = [
+        Column(field.name, (field.metadata or {})[_UNIT].decode(), values.to_numpy())
+        for field, values in zip(table.schema, table.columns, strict=True)
+    ]
+    return columns, about
+
+
+def _npz(path: Path) -> tuple[list[Column], dict[str, Any]]:
+    if path.suffix != ".npz":
+        raise ArgumentError(
+            f"{path}: signals are read again from .parquet and .npz, which keep all that a run is"
+        )
+    with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+        described = json.loads(str(file["__about__"]))
+        columns = [Column(name, unit, file[name]) for name, unit in described["units"].items()]
+    return columns, described["about"]

@@ -1,0 +1,152 @@
+"""Trajectories as files: what is written is what is read."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import grosmc_mj as gm
+from grosmc_mj import cli
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.runs import RunResult
+
+_ARRAYS = ("time", "state", "command", "input", "sliding", "weighed", "wrench", "physics")
+
+
+def result(case: str, **changes: float) -> RunResult:
+    return Experiment.load(case).varied(**changes).run(law="grosmc")
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".npz"])
+@pytest.mark.parametrize("case", ["servo/case1", "two_link_arm/case2", "maglev/warm"])
+def test_a_run_is_read_as_it_was_written(case: str, ending: str, tmp_path: Path) -> None:
+    run = result(case, duration=0.05)
+    found = gm.load_trajectory(run.save(tmp_path / f"run{ending}"))
+    for name in _ARRAYS:
+        ours, theirs = getattr(run.trajectory, name), getattr(found, name)
+        assert (ours is None) == (theirs is None), name
+        if ours is not None:
+            np.testing.assert_array_equal(ours, theirs)
+    kept = run.trajectory.memory.dtype.names or ()
+    assert found.memory.dtype == run.trajectory.memory.dtype
+    for name in kept:
+        if name != "workspace":
+            np.testing.assert_array_equal(run.trajectory.memory[name], found.memory[name])
+    assert (found.status, found.valid_until) == (run.status, run.trajectory.valid_until)
+    ours, theirs = run.trajectory.system, found.system
+    for name in ("states", "inputs", "controlled", "bodies"):
+        assert getattr(ours, name) == getattr(theirs, name)
+    assert (theirs is ours) == case.startswith(("servo", "two_link"))
+
+
+def test_every_column_says_its_unit(tmp_path: Path) -> None:
+    run = result("cart_pendulum/case2", duration=0.02)
+    table = run.trajectory.to_arrow()
+    unit = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert unit["pole angle"] == "rad"
+    assert unit["force"] == unit["force asked"] == "N"
+    assert unit["torque y on pole"] == "N m"
+    assert table["pole angle"].to_numpy()[0] == pytest.approx(-np.radians(10))
+    # What is held has no value at the last instant.
+    assert np.isnan(table["force"].to_numpy()[-1])
+    # A workspace's address is no signal.
+    assert "memory workspace" not in unit
+    written = pq.read_schema(run.save(tmp_path / "run.parquet"))
+    assert written.field("s").metadata[b"unit"].decode() == "rad/s"
+    assert json.loads(written.metadata[b"grosmc_mj"])["versions"]["grosmc_mj"] == gm.__version__
+
+
+def test_a_csv_is_for_others(tmp_path: Path) -> None:
+    run = result("servo/case1", duration=0.01)
+    file = run.save(tmp_path / "run.csv")
+    rows = list(csv.reader(file.read_text(encoding="utf-8").splitlines()))
+    assert rows[0][:4] == ["time [s]", "rotor angle [rad]", "rotor speed [rad/s]", "current [A]"]
+    assert not any(name.startswith("mjSTATE") for name in rows[0])
+    assert float(rows[5][1]) == run.trajectory.state[4, 0]
+    assert rows[-1][3] == ""
+    with pytest.raises(ArgumentError, match=r"read again from \.parquet and \.npz"):
+        gm.load_trajectory(file)
+
+
+def test_two_signals_of_one_name_are_told_apart() -> None:
+    """A plant whose state is called v, as what the index weighs is."""
+    plant = gm.affine_plant("cart", states={"p": "m", "v": "m/s"}, inputs={"force": "N"},
+                            f=["v", 0], g=[0, 1], h=["p"], parameters={})  # fmt: skip
+    task = gm.Task(plant, gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2)),
+                   gm.control.Setpoint(), np.eye(2), 1.0)  # fmt: skip
+    run = gm.simulate(plant, gm.linearized_lqr(task), [1.0, 0.0], duration=0.01)
+    assert run.to_arrow().schema.names[:6] == [
+        "time", "p", "v", "force", "force asked", "weighed v"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1 no", b"PK\x03\x04 neither"])
+@pytest.mark.parametrize("ending", [".parquet", ".npz"])
+def test_what_is_no_trajectory_is_told(content: bytes, ending: str, tmp_path: Path) -> None:
+    file = tmp_path / f"bad{ending}"
+    file.write_bytes(content)
+    with pytest.raises(ArgumentError, match=rf"bad{ending}: is no file of signals"):
+        gm.load_trajectory(file)
+
+
+def test_other_files_are_told(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(ArgumentError, match="no file of signals"):
+        gm.load_trajectory(tmp_path / "other.npz")
+    # A pickle is not opened.
+    np.savez(tmp_path / "pickle.npz", __about__=np.array({"a": 1}, dtype=object))
+    with pytest.raises(ArgumentError, match="no file of signals"):
+        gm.load_trajectory(tmp_path / "pickle.npz")
+    with pytest.raises(ArgumentError, match="there is no file"):
+        gm.load_trajectory(tmp_path / "none.parquet")
+    run = result("servo/case1", duration=0.01)
+    with pytest.raises(ArgumentError, match=r"unknown ending '\.txt'"):
+        run.save(tmp_path / "run.txt")
+    file = run.save(tmp_path / "run.parquet")
+    table = pq.read_table(file)
+    pq.write_table(table.drop(["rotor angle"]), file)
+    with pytest.raises(ArgumentError, match="holds no trajectory"):
+        gm.load_trajectory(file)
+    batch = gm.simulate([gm.MujocoPlant.load("servo")], run.controller, [0.0, 0.0], duration=0.01)
+    with pytest.raises(ArgumentError, match=r"take one of them, trajectory\[i\]"):
+        batch.to_arrow()
+
+
+def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = result("servo/case1", duration=0.01).trajectory
+    monkeypatch.setattr("grosmc_mj.simulation.trajectory.find_spec", lambda _: None)
+    with pytest.raises(SetupError, match="pip install pandas"):
+        run.to_pandas()
+
+
+def test_a_run_prints_as_five_lines() -> None:
+    run = result("servo/case1")
+    lines = repr(run).splitlines()
+    assert len(lines) == 5
+    assert lines[0].startswith("servo/case1/physics/grosmc: ")
+    assert lines[1] == "completed at 18 s"
+    assert lines[4] == "requirements: 3 of 3 kept"
+    assert "18001 instants" in repr(run.trajectory)
+
+
+@pytest.mark.parametrize(("words", "ending"), [(["--save"], "parquet"), (["--save", "csv"], "csv")])
+def test_run_saves_what_it_ran(words: list[str], ending: str, tmp_path: Path) -> None:
+    arguments = [
+        "run",
+        *words,
+        "own_laws/transfer_function",
+        "--no-figures",
+        "--out",
+        str(tmp_path),
+    ]
+    assert cli.main(arguments) == 0
+    names = sorted(path.name for path in (tmp_path / "trajectories").iterdir())
+    assert names == [
+        f"own_laws_transfer_function.physics.{law}.{ending}" for law in ("lead", "lqr")
+    ]
