@@ -1,9 +1,9 @@
-"""The figure of a case file: output, distance from the optimum, sliding variable, input."""
+"""The figure of a case file: outputs, distance from the optimum, what is limited, s and input."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,41 +11,206 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.metrics.recorded import has_cart
+from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
-from grosmc_mj.report.figure import TITLE_SIZE, labelled_below, shade
-from grosmc_mj.report.palette import LINES, PLANTS, REFERENCE, law_styles
+from grosmc_mj.report.figure import TITLE_SIZE, envelope, jumps, labelled_below, shade
+from grosmc_mj.report.palette import FAILED, LINES, PLANTS, REFERENCE, LawStyle, law_styles
 
-SIZE = (7.2, 9.0)
+# Of a panel [inch], and what stands around them all.
+_WIDTH, _HEIGHT, _AROUND = 7.2, 1.9, 1.3
 _ALONE: dict[str, Any] = {"lw": 1.6}
-# Thin enough to show how dense a signal is that jumps at every sample.
-_THIN: dict[str, Any] = {"lw": 0.8}
+_LIMIT: dict[str, Any] = {"color": "#777777", "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
+_MARK_SIZE = 8
+# More outputs than this are drawn side by side in pairs.
+_ONE_BELOW_THE_OTHER = 3
+
+
+class _Panel(NamedTuple):
+    """One quantity over time.
+
+    Attributes:
+        label: Name and unit.
+        curve: Its values in a run at instants, or at the beginnings of intervals.
+        limits: Kinds of requirement that speak of it.
+        reference: Where it should be; None for nowhere.
+        every_plant: Whether runs on every plant are drawn, or those on the last one only.
+        signed: Whether it has a sign, so that a limit is one to both sides.
+    """
+
+    label: str
+    curve: Callable[[RunResult], Array]
+    limits: tuple[str, ...]
+    reference: Callable[[RunResult], Array] | None = None
+    every_plant: bool = True
+    signed: bool = True
+
+
+def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
+    """Width and height of the figure of these runs [inch]."""
+    columns, rows = _grid(len(_panels(results)), results)
+    return columns * _WIDTH * (0.75 if columns > 1 else 1.0), rows * _HEIGHT + _AROUND
 
 
 def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
-    """Draw all runs of a case file on an empty figure, over time."""
-    sliding = any(result.trajectory.sliding is not None for result in results)
-    panels = list(figure.subplots(4 if sliding else 3, 1, sharex=True))
+    """Draw all runs of a case file on an empty figure, over time.
+
+    A panel whose requirement is not kept has a frame and says which.
+    """
+    panels = _panels(results)
+    columns, rows = _grid(len(panels), results)
+    axes = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
+    for empty in axes[len(panels) :]:
+        empty.set_visible(False)
     styles = law_styles(result.controller.name for result in results)
-    smooth, switched = panels[:2], panels[2:]
-    for result in results:
-        law = styles[result.controller.name]
-        label = f"{law.label}, {PLANTS[result.plant]}"
-        line = LINES[result.plant] if len(_plants(results)) > 1 else _ALONE
-        for panel, curve in zip(smooth, _outputs(result), strict=True):
-            time = result.trajectory.time
-            panel.plot(time, curve, color=law.colour, label=label, rasterized=True, **line)
-    for result in _calmest_last(results):
-        for panel, curve in zip(switched, _signals(result, sliding=sliding), strict=True):
-            held = result.trajectory.time[:-1]
-            colour = styles[result.controller.name].colour
-            panel.plot(held, curve, color=colour, rasterized=True, **_THIN)
-    _reference(panels[0], results[0])
-    for panel, label in zip(panels, _labels(results, sliding=sliding), strict=True):
-        panel.set_ylabel(label)
-        shade_disturbances(panel, results[0].case)
-    panels[-1].set_xlabel("time t [s]")
+    for where, panel in zip(axes, panels, strict=False):
+        drawn = results if panel.every_plant else _calmest_last(results)
+        for result in drawn:
+            _draw(where, panel, result, styles, several=len(_plants(drawn)) > 1)
+        if panel.reference is not None:
+            time = results[0].comparison.time
+            where.plot(time, panel.reference(results[0]), label="reference", **REFERENCE)
+        where.set_ylabel(panel.label)
+        shade_disturbances(where, results[0].case)
+        _mark(where, panel, results)
+    for where in axes[max(0, len(panels) - columns) : len(panels)]:
+        where.set_xlabel("time t [s]")
+        where.tick_params(labelbottom=True)
     figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
-    labelled_below(figure, panels)
+    labelled_below(figure, list(axes[: len(panels)]))
+
+
+def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
+    """Columns and rows."""
+    columns = 2 if len(results[0].comparison.outputs) > _ONE_BELOW_THE_OTHER else 1
+    return columns, -(-panels // columns)
+
+
+def _draw(
+    axes: Axes, panel: _Panel, result: RunResult, styles: dict[str, LawStyle], *, several: bool
+) -> None:
+    """A run's curve; of one that jumps at every sample its range and its mean."""
+    law, values = styles[result.controller.name], panel.curve(result)
+    time = result.trajectory.time[: len(values)]
+    label = f"{law.label}, {PLANTS[result.plant]}"
+    line = LINES[result.plant] if several else _ALONE
+    if jumps(values[np.isfinite(values)]):
+        found = envelope(time, values)
+        axes.fill_between(
+            found.time, found.least, found.largest, color=law.colour, alpha=0.25, lw=0
+        )
+        time, values = found.time, found.mean
+    axes.plot(time, values, color=law.colour, label=label, rasterized=True, **line)
+
+
+def _panels(results: Sequence[RunResult]) -> list[_Panel]:
+    """What is drawn of these runs."""
+    first = results[0]
+    system, error = first.trajectory.system, first.controller.designed.error
+    wanted = {limit.kind for limit in first.experiment.limits}
+    panels = list(_outputs(results))
+    distance = "|y − y*|" if len(panels) > 1 else "distance from y*"
+    unit = error.units[first.comparison.outputs[0]]
+    one = len(system.inputs) == 1
+    panels.append(
+        _Panel(
+            f"{distance} [{unit}]",
+            lambda run: run.comparison.deviation,
+            ("deviation_below",),
+            signed=len(panels) == 1,
+        )
+    )
+    if "cart_travel_below" in wanted and has_cart(system):
+        cart = system.states[0]
+        panels.append(
+            _Panel(
+                f"travel of the {cart.name.removesuffix(' position')} [{cart.unit}]",
+                lambda run: run.trajectory.state[:, 0] - run.trajectory.state[0, 0],
+                ("cart_travel_below",),
+            )
+        )
+    units = [found for r in results if (found := r.controller.designed.sliding_unit)]
+    if units:
+        name, kinds = "s" if one else "largest |s|", ("sliding_below", "no_reaching_phase")
+        panels.append(
+            _Panel(f"{name} [{units[0]}]", _sliding, kinds, every_plant=False, signed=one)
+        )
+    u = system.inputs[0]
+    name = u.name if one else "largest |u|"
+    panels.append(
+        _Panel(
+            f"{name} [{u.unit}]",
+            lambda run: _largest(run.trajectory.input),
+            ("input_below",),
+            every_plant=False,
+            signed=one,
+        )
+    )
+    return panels
+
+
+def _outputs(results: Sequence[RunResult]) -> Iterator[_Panel]:
+    """A panel for each output, with its reference."""
+    first = results[0]
+    system, error = first.trajectory.system, first.controller.designed.error
+    rows, kinds = first.comparison.outputs, ("stays_within", "settles_within")
+    named = error.outputs is None and len(rows) == len(system.controlled)
+    for j, row in enumerate(rows):
+        name = system.states[system.controlled[j]].name if named else "output y"
+        if not named and len(rows) > 1:
+            name = f"output y{j + 1}"
+
+        def curve(run: RunResult, j: int = j) -> Array:
+            comparison, error = run.comparison, run.controller.designed.error
+            z = comparison.z[:, comparison.outputs[j]]
+            return comparison.reference[:, j] + error.sign * z
+
+        def reference(run: RunResult, j: int = j) -> Array:
+            return run.comparison.reference[:, j]
+
+        yield _Panel(f"{name} [{error.units[row]}]", curve, kinds, reference)
+
+
+def _sliding(run: RunResult) -> Array:
+    """s, or nothing where a law has no surface."""
+    sliding = run.trajectory.sliding
+    return np.full(len(run.trajectory.time) - 1, np.nan) if sliding is None else _largest(sliding)
+
+
+def _mark(axes: Axes, panel: _Panel, results: Sequence[RunResult]) -> None:
+    """The limits of what a panel shows, and a frame with words where one is not kept."""
+    judged = [each for run in results for each in run.requirements]
+    of_it = [each for each in judged if each.limit.kind in panel.limits]
+    failed = [each for each in of_it if not each.kept]
+    for limit in dict.fromkeys(each.limit for each in of_it):
+        broken = any(each.limit == limit for each in failed)
+        for level in _levels(limit, panel, results[0]):
+            style = {"color": FAILED, "label": "limit, not kept"} if broken else {"label": "limit"}
+            axes.plot(*level, **{**_LIMIT, **style})
+    if not failed:
+        return
+    for side in axes.spines.values():
+        side.set(visible=True, color=FAILED, linewidth=1.6)
+    laws = dict.fromkeys((each.limit.words, each.controller) for each in failed)
+    said = "\n".join(f"not kept by {law}: {words}" for words, law in laws)
+    axes.text(
+        0.985, 0.94, said, transform=axes.transAxes, ha="right", va="top", fontsize=_MARK_SIZE,
+        color=FAILED, bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1.5}, zorder=6,
+    )  # fmt: skip
+
+
+def _levels(limit: Limit, panel: _Panel, run: RunResult) -> Iterator[tuple[Array, Array]]:
+    """Where a requirement's limit is, as times and values; none of those without a level."""
+    if limit.kind in ("no_reaching_phase", "settles_within"):
+        return
+    end = run.case.duration
+    for side in (1.0, -1.0) if panel.signed else (1.0,):
+        if panel.reference is None:
+            yield np.array([limit.after, end]), np.full(2, side * limit.value)
+        else:
+            time = run.comparison.time
+            since = time >= limit.after
+            yield time[since], panel.reference(run)[since] + side * limit.value
 
 
 def _plants(results: Sequence[RunResult]) -> list[PlantName]:
@@ -59,52 +224,9 @@ def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:
     return sorted(last, key=lambda result: -(result.metrics["total_variation"].value or 0.0))
 
 
-def _outputs(result: RunResult) -> list[Array]:
-    """The output, or the size of several outputs' errors; and the distance from the optimum."""
-    comparison, error = result.comparison, result.controller.designed.error
-    output = comparison.error
-    if len(comparison.outputs) == 1:
-        output = comparison.reference[:, 0] + error.sign * comparison.error
-    return [output, comparison.deviation]
-
-
-def _signals(result: RunResult, *, sliding: bool) -> list[Array]:
-    """s, where a law has a surface, and the input."""
-    run = result.trajectory
-    s = np.full(len(run.time) - 1, np.nan) if run.sliding is None else _largest(run.sliding)
-    return [s, _largest(run.input)] if sliding else [_largest(run.input)]
-
-
 def _largest(rows: Array) -> Array:
     """A single signal as it is; of several the largest magnitude."""
     return rows if rows.ndim == 1 else np.abs(rows).max(axis=1)
-
-
-def _labels(results: Sequence[RunResult], *, sliding: bool) -> list[str]:
-    """What the panels' axes are called."""
-    result = results[0]
-    error, system = result.controller.designed.error, result.trajectory.system
-    several = len(result.comparison.outputs) > 1
-    unit = error.units[result.comparison.outputs[0]]
-    output = "|y − yᵣ|" if several else "output y"
-    units = [unit for r in results if (unit := r.controller.designed.sliding_unit)]
-    s = [f"{'largest |s|' if several else 's'} [{units[0]}]"] if sliding and units else []
-    s = s or (["s"] if sliding else [])
-    u = system.inputs[0]
-    return [
-        f"{output} [{unit}]",
-        f"distance from y* [{unit}]",
-        *s,
-        f"{'largest |u|' if len(system.inputs) > 1 else u.name} [{u.unit}]",
-    ]
-
-
-def _reference(axes: Axes, result: RunResult) -> None:
-    """Where the output should be."""
-    comparison = result.comparison
-    several = len(comparison.outputs) > 1
-    y = np.zeros(len(comparison.time)) if several else comparison.reference[:, 0]
-    axes.plot(comparison.time, y, label="reference", **REFERENCE)
 
 
 def shade_disturbances(axes: Axes, case: Case) -> None:

@@ -25,7 +25,7 @@ from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.report.document import origin, write_json
-from grosmc_mj.report.palette import colour_of, label_of
+from grosmc_mj.report.palette import law_styles
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
@@ -95,14 +95,14 @@ def film_of(
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
     moving = max(spans) > _STILL
     names = names or [result.controller.name for result in results]
-    takes = []
+    takes, styles = [], law_styles(names)
     for result, name in zip(results, names, strict=True):
         run = result.trajectory
         ended = _ENDED[result.status]
         takes.append(
             Take(
-                label=label_of(name),
-                colour=colour_of(name, len(takes)),
+                label=styles[name].label,
+                colour=styles[name].colour,
                 run=run,
                 ghost=_ghost(result, moving=moving),
                 sliding_unit=result.controller.designed.sliding_unit,

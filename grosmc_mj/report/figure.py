@@ -114,6 +114,35 @@ def jumps(values: Array) -> bool:
     return len(values) > 1 and bool(np.abs(np.diff(values)).sum() > _JUMPS * np.ptp(values))
 
 
+class Envelope(NamedTuple):
+    """What a signal that jumps does in each of many short times.
+
+    Attributes:
+        time: Their middles [s], (n,).
+        least: The least value in each, (n,).
+        largest: The largest.
+        mean: The mean.
+    """
+
+    time: Array
+    least: Array
+    largest: Array
+    mean: Array
+
+
+def envelope(time: Array, values: Array, pieces: int = 300) -> Envelope:
+    """Range and mean of a signal (N,) in so many pieces of its time."""
+    count = max(1, min(pieces, len(values) // 2))
+    edges = np.linspace(0, len(values), count + 1).astype(int)[:-1]
+    sizes = np.diff(np.append(edges, len(values)))
+    return Envelope(
+        np.add.reduceat(time, edges) / sizes,
+        np.minimum.reduceat(values, edges),
+        np.maximum.reduceat(values, edges),
+        np.add.reduceat(values, edges) / sizes,
+    )
+
+
 class Board(NamedTuple):
     """A figure of panels between a title and a footnote.
 

@@ -290,9 +290,9 @@ def _tables(console: Console, done: _JudgedExperiment) -> None:
 
 def _draw(results: Sequence[RunResult], path: Path) -> Path:
     """The figure."""
-    from grosmc_mj.experiments.figure import SIZE, draw_experiment
+    from grosmc_mj.experiments.figure import draw_experiment, figure_size
     from grosmc_mj.report.figure import figure_written
 
-    with figure_written(path, SIZE) as figure:
+    with figure_written(path, figure_size(results)) as figure:
         draw_experiment(figure, results)
     return path

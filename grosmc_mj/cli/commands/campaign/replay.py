@@ -97,13 +97,13 @@ def _draw(
     console: Console, command: CampaignCommand, campaign: Campaign, found: ReplayedRun, base: Path
 ) -> None:
     """The figure and the film, and where all is."""
-    from grosmc_mj.experiments.figure import SIZE, draw_experiment
+    from grosmc_mj.experiments.figure import draw_experiment, figure_size
     from grosmc_mj.report.figure import figure_written
 
     files = [Path(f"{base}.json")]
     if command.figures:
         files.append(Path(f"{base}.png"))
-        with figure_written(files[-1], SIZE) as figure:
+        with figure_written(files[-1], figure_size([found.result])) as figure:
             draw_experiment(figure, [found.result])
     screen.say_files(console, *files)
     if command.film:

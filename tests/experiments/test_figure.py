@@ -1,0 +1,103 @@
+"""The figure of a case file: what it draws, in which unit, and what it marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.figure import draw_experiment, figure_size
+from grosmc_mj.experiments.films import film_of
+from grosmc_mj.report.figure import envelope
+from grosmc_mj.report.palette import FAILED, law_styles
+
+CASE = """
+[plant]
+system = "cart_pendulum"
+compare = ["physics"]
+[run]
+start = {{ "pole angle" = "-10 deg" }}
+duration = "1 s"
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "grosmc"
+[[requirement]]
+deviation_below = "{deviation}"
+cart_travel_below = "40 cm"
+"""
+
+
+def figure_of(experiment: Experiment) -> Figure:
+    results = list(experiment.runs())
+    figure = Figure(figsize=figure_size(results))
+    draw_experiment(figure, results)
+    return figure
+
+
+def labels(figure: Figure) -> list[str]:
+    return [axes.get_ylabel() for axes in figure.axes if axes.get_visible()]
+
+
+def mine(folder: Path, deviation: str) -> Experiment:
+    file = folder / "mine.toml"
+    file.write_text(CASE.format(deviation=deviation))
+    return Experiment.load(file)
+
+
+def test_every_panel_has_its_own_unit(tmp_path: Path) -> None:
+    """The output's is not that of s."""
+    figure = figure_of(mine(tmp_path, "1 rad"))
+    assert labels(figure) == [
+        "pole angle [rad]", "distance from y* [rad]", "travel of the cart [m]", "s [rad/s]",
+        "force [N]",
+    ]  # fmt: skip
+
+
+def test_each_output_has_a_panel_and_its_reference() -> None:
+    experiment = Experiment.load("two_link_arm/case1").varied(duration=0.2)
+    figure = figure_of(experiment)
+    assert labels(figure)[:3] == ["output y1 [m]", "output y2 [m]", "|y − y*| [m]"]
+    reference = [line for line in figure.axes[1].lines if line.get_label() == "reference"]
+    run = experiment.run(law="grosmc")
+    np.testing.assert_array_equal(reference[0].get_ydata(), run.comparison.reference[:, 1])
+
+
+def test_what_is_not_kept_is_framed_and_said(tmp_path: Path) -> None:
+    figure = figure_of(mine(tmp_path, "1e-9 rad"))
+    framed = [
+        axes.get_ylabel().split(" [")[0]
+        for axes in figure.axes
+        if to_hex(axes.spines["top"].get_edgecolor()) == FAILED.lower()
+    ]
+    assert framed == ["distance from y*", "travel of the cart"]
+    said = figure.axes[1].texts[0].get_text().splitlines()
+    assert said == [f"not kept by {law}: deviation below 1e-9 rad" for law in ("lqr", "grosmc")]
+    kept = figure_of(mine(tmp_path, "1 rad"))
+    assert not kept.axes[1].texts
+    levels = [line for line in kept.axes[1].lines if line.get_label() == "limit"]
+    assert sorted(line.get_ydata()[0] for line in levels) == [-1.0, 1.0]
+
+
+def test_a_signal_that_jumps_is_its_range_and_its_mean(tmp_path: Path) -> None:
+    figure = figure_of(mine(tmp_path, "1 rad"))
+    force = figure.axes[4]
+    assert len(force.collections) == 1  # of GROSMC alone
+    time = np.linspace(0.0, 1.0, 1001)
+    found = envelope(time, np.where(np.arange(1001) % 2, 3.0, -1.0), 100)
+    assert len(found.time) == 100
+    assert set(found.least) == {-1.0}
+    assert set(found.largest) == {3.0}
+    np.testing.assert_allclose(found.mean, 1.0, atol=0.2)
+    short = envelope(np.zeros(1), np.ones(1))
+    assert (short.least.tolist(), short.mean.tolist()) == ([1.0], [1.0])
+
+
+def test_a_law_has_one_colour_in_figures_and_films() -> None:
+    results = list(Experiment.load("own_laws/pid").varied(duration=0.05).runs())
+    styles = law_styles(result.controller.name for result in results)
+    takes = film_of(results).takes
+    assert [take.colour for take in takes] == [styles[r.controller.name].colour for r in results]
