@@ -12,6 +12,7 @@ from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, Verdict
 from grosmc_mj.chapter.claims.faults import Caught
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Reading
+from grosmc_mj.report.formulas import in_text
 from grosmc_mj.report.palette import FAILED, KEPT, OPEN
 from grosmc_mj.report.tables import WIDTH, numbers, table, text, words
 
@@ -74,7 +75,7 @@ def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
     yield from _paragraph("statement", claim.statement)
     yield from _paragraph("source", claim.source)
     if claim.equation:
-        yield from _paragraph("equation", claim.equation)
+        yield from _paragraph("equation", in_text(claim.equation))
     yield from _paragraph("criterion", claim.criterion)
     yield from _paragraph("why so", claim.why)
     T = lab.settings.control_period

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 WIDTH = 100
 # The tables of --verbose may be as wide.
 _FULL_WIDTH = 120
+# Seconds between two lines of progress where there is no bar.
+LINE_EVERY = 10.0
 # Of one kind, such as results that differ.
 _MOST_LINES = 5
 
@@ -108,9 +111,32 @@ def brief_table(
     )
 
 
+class _Lines:
+    """Progress as lines on standard error, one every ten seconds at most."""
+
+    def __init__(self, console: Console, total: int, unit: str) -> None:
+        self._console, self._total, self._unit, self._done = console, total, unit, 0
+        self._began = self._said = time.monotonic()
+
+    def __call__(self, text: str = "", by: int = 1) -> None:
+        """Note what has been done."""
+        self._done += by
+        now = time.monotonic()
+        if now - self._said < LINE_EVERY:
+            return
+        self._said = now
+        words = f"{self._done} of {self._total} {self._unit}".rstrip()
+        text = f": {' '.join(text.split())}" if text.strip() else ""
+        line = f"{words} in {now - self._began:.0f} s{text}"
+        self._console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
 @contextlib.contextmanager
 def progress(total: int, unit: str = "") -> Iterator[Any]:
-    """A progress bar on standard error, where that is a terminal; advance it by calling."""
+    """A progress bar on standard error; advance it by calling.
+
+    Where that is no terminal, a line now and then.
+    """
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -122,6 +148,9 @@ def progress(total: int, unit: str = "") -> Iterator[Any]:
     )
 
     error_console = Console(stderr=True)
+    if not error_console.is_terminal:
+        yield _Lines(error_console, total, unit)
+        return
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -132,7 +161,6 @@ def progress(total: int, unit: str = "") -> Iterator[Any]:
         TimeRemainingColumn(),
         console=error_console,
         transient=True,
-        disable=not error_console.is_terminal,
     ) as bar:
         task = bar.add_task("", total=total)
         yield lambda text="", by=1: bar.update(task, advance=by, description=f"{text:<40}")

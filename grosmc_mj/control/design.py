@@ -50,7 +50,7 @@ def linearized_lqr(task: Task, name: str = "fl-lqr") -> Controller:
     return _controller(name, law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
 
 
-def computed_torque_pd(task: Task, frequency: float, damping: float) -> Controller:
+def computed_torque_pd(task: Task, frequency: float, damping: float = 1.0) -> Controller:
     """Feedback linearization with the same two poles for every output: v = -w^2 e - 2 D w e'.
 
     What it is compared with is its own nominal trajectory, not an optimum; J* is what that costs.
@@ -58,7 +58,7 @@ def computed_torque_pd(task: Task, frequency: float, damping: float) -> Controll
     Args:
         task: What is designed for; every output must have relative degree two.
         frequency: w [rad/s].
-        damping: D.
+        damping: D; critical by default.
 
     Raises:
         GainError: If a number is not positive or an output has another relative degree.

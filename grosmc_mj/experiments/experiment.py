@@ -25,7 +25,7 @@ from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
-from grosmc_mj.experiments.requirements import Judgement, Limit, judge_all, limits
+from grosmc_mj.experiments.requirements import Judgement, Limit, judge_all, judgeable, limits
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
@@ -104,9 +104,25 @@ class Experiment:
             for name in self.controllers
         }
 
-    @cached_property
+    @property
     def limits(self) -> Sequence[Limit]:
-        """What the laws must keep."""
+        """What the laws must keep, as far as a run tells."""
+        return self._judged[0]
+
+    @property
+    def not_judged(self) -> Sequence[str]:
+        """Which requirements a run does not tell about, and why."""
+        return self._judged[1]
+
+    @cached_property
+    def _judged(self) -> tuple[Sequence[Limit], Sequence[str]]:
+        case = self.case
+        begins = [d.window[0] for d in case.disturbances if d.window[0] > 0]
+        return judgeable(self.required, min([case.duration, *begins]))
+
+    @cached_property
+    def required(self) -> Sequence[Limit]:
+        """All that the file requires of the laws."""
         plants, found = self.plant_names, []
         designed = [self.law(plants[0], name) for name in self.controllers]
         for index, table in enumerate(self.file.requirement):
@@ -294,7 +310,7 @@ def experiment_of(file: CaseFile, path: Path) -> Experiment:
     """
     try:
         made = undesigned(file, path)
-        _ = made.plants, made.laws, made.limits
+        _ = made.plants, made.laws, made.required
     except GrosmcError as error:
         raise ArgumentError(f"{path}: {error}") from error
     return made

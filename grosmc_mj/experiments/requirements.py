@@ -202,28 +202,38 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
     return float(found[limit.metric][0]), ""
 
 
-def required(limits: Sequence[Limit], laws: Container[str], transient: float) -> tuple[Limit, ...]:
+def judgeable(limits: Sequence[Limit], transient: float) -> tuple[list[Limit], list[str]]:
+    """The requirements that runs tell about, and of the others why they do not.
+
+    Args:
+        limits: All that there are.
+        transient: How long every run goes on before a disturbance begins, or until its end [s].
+    """
+    told, found, notes = (1 - DWELL) * transient, [], []
+    for limit in limits:
+        if limit.kind == "settles_within" and limit.value > told * (1 + 1e-12):
+            notes.append(
+                f"not judged: {limit.words}: there are {transient:g} s before a run ends or a "
+                f"disturbance begins; they tell up to {told:g} s, since an error counts as settled "
+                "after a tenth of them in the band"
+            )
+        else:
+            found.append(limit)
+    return found, notes
+
+
+def required(limits: Sequence[Limit], laws: Container[str]) -> tuple[Limit, ...]:
     """The requirements of the laws that are run, each with a key of its own.
 
     Args:
         limits: All that there are.
         laws: Names of those that are run.
-        transient: How long every run goes on before a disturbance begins, or until its end [s].
-
-    Raises:
-        ArgumentError: If one is of a time that no run tells about.
     """
     found: list[Limit] = []
     for limit in limits:
         of = tuple(name for name in limit.of if name in laws)
         if not of:
             continue
-        if limit.kind == "settles_within" and limit.value > (1 - DWELL) * transient:
-            raise ArgumentError(
-                f"{limit.words}: there are {transient:g} s before a run ends or a disturbance "
-                f"begins; they tell up to {(1 - DWELL) * transient:g} s, since an error counts as "
-                "settled after a tenth of them in the band"
-            )
         same = sum(each.kind == limit.kind for each in found)
         key = f"{limit.kind} {same + 1}" if same else limit.kind
         found.append(limit._replace(of=of, key=key))

@@ -14,6 +14,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.gains import authority_together
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -31,12 +32,15 @@ from grosmc_mj.premises.audit import (
     reading_of,
 )
 from grosmc_mj.premises.balance import balance
+from grosmc_mj.simulation.edits import shrunk
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.robots.dynamics import bias, inertia
 
 # The balance is computed at so many instants of a run; torques and angles at all.
 _INSTANTS = 400
+# Instants at which smaller edits are tried, and how finely.
+_WORST, _HALVINGS = 20, 7
 
 
 def is_robots(result: RunResult) -> bool:
@@ -92,7 +96,7 @@ def robot_audit(result: RunResult) -> Audit:
     points = _along(result)
     premises = []
     if run.sliding is not None:
-        premises = [_rate(result, points), _authority(points), initial_surface(run.sliding)]
+        premises = [_rate(result, points), _authority(result, points), initial_surface(run.sliding)]
     premises.append(_torque(result))
     if isinstance(law.designed.error, RobotCoordinates):
         premises.append(_headroom(law, result.true, points))
@@ -144,6 +148,8 @@ def _rate(result: RunResult, points: Points) -> Premise:
     )
     if found.holds:
         return found
+    if not np.isfinite(most.required):
+        return replace(found, restores="no ρ, while r is not positive: see the input gain")
     return replace(found, restores=f"ρ = {most.required:.3g} {unit} instead of what is configured")
 
 
@@ -166,10 +172,10 @@ def _joint_by_joint(points: Points) -> str:
     return f", or {required:.3g} with each joint's push against its own row of R"
 
 
-def _authority(points: Points) -> Premise:
+def _authority(result: RunResult, points: Points) -> Premise:
     """The true inertia leaves something of the switching rate."""
     ratios = [each.gain_ratio for _, _, each in points]
-    return Premise(
+    found = Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
         "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹, of all joints M*⁻¹ M",
@@ -179,6 +185,56 @@ def _authority(points: Points) -> Premise:
         note=f"r from {min(ratios):.3g} to {max(ratios):.3g}; M has armature in it, which no "
         "payload changes",
     )
+    if found.holds:
+        return found
+    least = min(points, key=lambda point: point[2].gain_ratio)
+    taken = _taken_away(result, least[2].R)
+    return replace(found, note=f"{found.note}; {taken}", restores=_dominance_again(result, points))
+
+
+def _taken_away(result: RunResult, R: Array) -> str:
+    """Which joint's row of R has lost its dominance, and to which other."""
+    driven, beside = _driven(result), np.abs(R) - np.diag(np.abs(np.diag(R)))
+    row = int((np.diag(R) - beside.sum(axis=1)).argmin())
+    other = int(beside[row].argmax())
+    return (
+        f"in the row of {driven[row]} {R[row, row]:.3g} is its own and {beside[row].sum():.3g} the "
+        f"others', most of it {driven[other]}'s"
+    )
+
+
+def _dominance_again(result: RunResult, points: Points) -> str:
+    """What makes r positive: one switch for all joints, or a smaller part of the edits."""
+    together = min(authority_together(found.R) for _, _, found in points)
+    said = []
+    if together > 0 and "unit-vector" not in result.controller.designed.switching:
+        said.append(f"a unit-vector switching law (r = {together:.3g} as one switch for all)")
+    part = _bearable(result, points)
+    if part is not None:
+        said.append(f"the edits at {100 * part:.0f} % of their size")
+    return " or ".join(said) or "another G, or a nominal model nearer to the true one"
+
+
+def _bearable(result: RunResult, points: Points) -> float | None:
+    """The largest part of the case's edits, of masses and lengths, that leaves r positive."""
+    nominal, edits = result.experiment.nominal.plant, result.case.edits
+    worst = sorted(points, key=lambda point: point[2].gain_ratio)[:_WORST]
+
+    def keeps(part: float) -> bool:
+        plant = nominal.changed([shrunk(edit, part) for edit in edits])
+        found = (
+            balance(result.controller, plant, t, x, np.zeros(6 * len(plant.system.bodies)))
+            for t, x, _ in worst
+        )
+        return all(each.gain_ratio > 0 for each in found)
+
+    if not edits or not keeps(0.0):
+        return None
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if keeps(middle) else (low, middle)
+    return low
 
 
 def _shares(torque: Array, limits: Array) -> Array:

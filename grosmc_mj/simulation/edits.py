@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -104,6 +104,19 @@ class JointEdit:
 
 
 Edit = BodyEdit | AddedMass | JointEdit
+
+
+def shrunk(edit: Edit, part: float) -> Edit:
+    """A part of an edit of mass and length, from 0 to 1; a joint's numbers stay as they are."""
+    if isinstance(edit, AddedMass):
+        return replace(edit, mass=max(part, 1e-9) * edit.mass)
+    if isinstance(edit, BodyEdit):
+        return replace(
+            edit,
+            mass_scale=1 + part * (edit.mass_scale - 1),
+            length_scale=1 + part * (edit.length_scale - 1),
+        )
+    return edit
 
 
 def _require(owner: str, name: str, value: float, *, positive: bool = False) -> None:

@@ -182,7 +182,7 @@ def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
     meters |= {"band": np.ones(1), "outside": np.array([0.5]), "error": np.array([[0.7]])}
     recording = Recording.sampled(0.25, 0.6, np.array([np.inf]), afters(limits))
     found = {**folded(meters, recording), "cost_ratio": np.array([0.6])}
-    margins = margins_of(required(limits, ["lqr"], 2.0), found, np.array([True]))
+    margins = margins_of(required(limits, ["lqr"]), found, np.array([True]))
     assert {key: margin.item() for key, margin in margins.items()} == {
         kind: 1 - measured for kind, measured in kinds.items()
     }

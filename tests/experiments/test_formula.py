@@ -153,3 +153,29 @@ def test_text_never_reaches_sympy(tmp_path: Path):
         with pytest.raises(ArgumentError, match="must be an expression of sympy"):
             reference([text])
     assert not canary.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "plain"),
+    [
+        ("10 deg * sin(2 Hz * t)", "0.17453292519943295*sin(12.566370614359172*t)"),
+        ("5 cm + 20mm*t", "0.05 + 0.02*t"),
+        ("1.5 mrad", "0.0015"),
+        ("exp(-t/(0.5 s))", "exp(-t/0.5)"),
+        ("2e1 ms", "0.02"),
+    ],
+)
+def test_numbers_may_have_units(text: str, plain: str) -> None:
+    if "20mm" in text:
+        with pytest.raises(ArgumentError, match="is no formula"):
+            formula(text, TIME)
+        return
+    assert float(formula(text, TIME).subs(TIME, 0.3)) == pytest.approx(
+        float(formula(plain, TIME).subs(TIME, 0.3)), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("text", ["10 kg", "2 deg deg", "sin(2 parsec*t)", "deg", "1 m2"])
+def test_other_units_are_no_formula(text: str) -> None:
+    with pytest.raises(ArgumentError):
+        formula(text, TIME)

@@ -19,7 +19,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, afters, required
+from grosmc_mj.experiments.requirements import Limit, afters, judgeable, required
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
@@ -34,7 +34,8 @@ class Campaign:
         experiment: The case file, with its laws designed.
         family: The uncertain numbers.
         laws: The controllers, by name.
-        requirements: What they must keep.
+        requirements: What they must keep, as far as runs tell.
+        not_judged: Which requirements they do not tell about, and why.
     """
 
     specification: Specification
@@ -42,6 +43,7 @@ class Campaign:
     family: Family
     laws: Mapping[str, Controller]
     requirements: tuple[Limit, ...]
+    not_judged: tuple[str, ...] = ()
 
     @classmethod
     def load(cls, target: str, **asked: Any) -> Campaign:
@@ -83,8 +85,9 @@ class Campaign:
         family = family_of(experiment.file, experiment.case, plants[name])
         if specification.sampler == "corners":
             _refuse_corners(specification, family)
-        requirements = required(experiment.limits, laws, _transient(experiment, family))
-        found = cls(specification, experiment, family, laws, requirements)
+        limits, notes = judgeable(experiment.required, _transient(experiment, family))
+        requirements = required(limits, laws)
+        found = cls(specification, experiment, family, laws, requirements, tuple(notes))
         found.plant_sample(found.family.nominal).plant(found.plant)
         for law in laws.values():
             found._refuse_unmeasurable(law)
@@ -109,6 +112,11 @@ class Campaign:
                 raise ArgumentError(
                     f"stays_within after {after:g} s: the last sample of a run is at {last:g} s"
                 )
+
+    @property
+    def judged(self) -> list[str]:
+        """The laws that something is required of."""
+        return [law for law in self.laws if any(law in each.of for each in self.requirements)]
 
     @cached_property
     def plant(self) -> Plant:

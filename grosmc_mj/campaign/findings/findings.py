@@ -39,7 +39,8 @@ class Findings:
         margins: By requirement, in words, and law, (n,) each.
         summaries: Of these.
         differences: By requirement, first and second law.
-        drivers: By law: what drives its least margin, in parts of the limit.
+        sensitivities: By law that something is required of: what drives its least margin, in parts
+            of the limit.
         worst: By law: numbers of its worst runs, the worst first.
         units: Of margins, by requirement.
     """
@@ -79,15 +80,17 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     for law, own in columns.items():
         order = own["relative"].argsort(kind="stable")
         worst[law] = own["id"][order[:_WORST]].tolist()
+        if law not in campaign.judged:
+            continue
         values = {name: own[name] for name in campaign.family.names}
         causes[law] = sensitivities(values, own["relative"], confidence)
-    margins = {(ALL, law): own["relative"] for law, own in columns.items()}
+    margins = {(ALL, law): columns[law]["relative"] for law in campaign.judged if law in columns}
     for each in campaign.requirements:
         margins |= {(each.words, law): columns[law][margin_column(each.key)] for law in each.of}
     looked = len(next(iter(columns.values()))["id"])
     runs = next(iter(counts.values()))["runs"]
     sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
-    last = list(campaign.laws)[-1]
+    last = [*campaign.laws, *campaign.judged][-1]
     return Findings(
         sampled=sampled,
         looked_at=sampled._replace(runs=looked),
@@ -112,7 +115,7 @@ def _rates(
     """Pass rates of all requirements, and of all together."""
     asked = [(COMPLETES, COMPLETES, tuple(campaign.laws))]
     asked += [(each.words, each.key, each.of) for each in campaign.requirements]
-    asked.append((ALL, EVERYTHING, tuple(campaign.laws)))
+    asked.append((ALL, EVERYTHING, tuple(campaign.judged)))
     return {
         (words, law): pass_rate(counts[law][key], counts[law]["runs"], confidence)
         for words, key, of in asked

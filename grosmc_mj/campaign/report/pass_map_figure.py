@@ -129,7 +129,8 @@ def write_pass_map(
     (_, first), (_, second) = (shown_unit(each.unit) for each in axes)
     laws, boundaries = {}, {}
     names = [each.name for each in axes]
-    for law, columns in folder.columns(campaign, [*names, "relative"], shards).items():
+    found_columns = folder.columns(campaign, [*names, "relative"], shards)
+    for law, columns in ((law, found_columns[law]) for law in campaign.judged):
         x, y = columns[names[0]] * first, columns[names[1]] * second
         laws[law] = Points(x, y, columns["relative"])
         grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
@@ -151,9 +152,10 @@ def map_axes(
 ) -> tuple[Quantity, Quantity] | None:
     """The two numbers of the map: the named ones, or those that drive margins most.
 
-    Of the latter, those that premises speak of come first, since their boundary can be drawn over
-    these. None where only one number is uncertain.
+    None where only one number is uncertain, or nothing is required of any law.
     """
+    if not campaign.judged:
+        return None
     by_name = {each.name: each for each in campaign.family.quantities}
     if names:
         return by_name[names[0]], by_name[names[1]]
@@ -161,7 +163,7 @@ def map_axes(
     for several in found.sensitivities.values():
         for each in several:
             shares[each.parameter] = max(shares.get(each.parameter, 0.0), each.share or 0.0)
-    ordered = sorted(by_name, key=lambda name: (not speaks_of(by_name[name]), -shares[name]))
+    ordered = sorted(by_name, key=lambda name: -shares.get(name, 0.0))
     if len(ordered) < 2:
         return None
     first, second = sorted(ordered[:2], key=list(by_name).index)

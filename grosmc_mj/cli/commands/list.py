@@ -14,6 +14,7 @@ class ListCommand(Command):
 
     def execute(self) -> int:
         """Systems, cases, controllers; with their titles and plants, if asked for."""
+        from grosmc_mj.campaign.family.specification import campaign_files
         from grosmc_mj.experiments.catalogue import find_experiments
         from grosmc_mj.experiments.file.reading import read_case_file
         from grosmc_mj.experiments.file.shipped import shipped_files
@@ -21,6 +22,7 @@ class ListCommand(Command):
         from grosmc_mj.plants import SYSTEMS
 
         files, console = shipped_files(), screen.console()
+        campaigns = campaign_files()
         others = [name for name in files if name.partition("/")[0] not in SYSTEMS]
         console.print(f"{len(SYSTEMS)} systems, {len(files)} case files.")
         for name, system in SYSTEMS.items():
@@ -29,6 +31,8 @@ class ListCommand(Command):
             console.print(f"[bold]{name}[/]  {system.title}")
             console.print(f"  cases        {', '.join(one.case.name for one in experiments)}")
             console.print(f"  controllers  {', '.join(laws)}")
+            if name in campaigns:
+                console.print(f"  campaign     {read_case_file(campaigns[name]).title}")
         console.print("[bold]Other case files[/]")
         console.print(f"  {', '.join(others)}")
         console.print("A target is SYSTEM, SYSTEM/CASE such as servo/case1, or FILE.toml.")

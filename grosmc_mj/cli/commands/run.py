@@ -186,7 +186,10 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     words = _kept(len(wrong), len(all_of_them))
     if not done.experiment.limits:
         words = "The file requires nothing: give it a [[requirement]]."
+        if done.experiment.not_judged:
+            words = "Nothing that the file requires can be judged."
     screen.say_verdict(console, words, good=done.kept)
+    screen.say_lines(console, list(done.experiment.not_judged), "#D55E00", all=full)
     screen.say_lines(console, tables.endings(done.results), all=full)
     fails = [
         f"premise fails: {premise.name} of {audit.controller} ({premise.source})"

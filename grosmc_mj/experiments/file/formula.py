@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.experiments.file.units import number_in
 
 # Of a formula: characters, parts, and how deep they are nested.
 _LONGEST, _MOST_PARTS, _DEEPEST = 1000, 200, 40
@@ -24,6 +26,17 @@ _LONGEST, _MOST_PARTS, _DEEPEST = 1000, 200, 40
 _LARGEST, _LARGEST_POWER, _LARGEST_RATE = 1e100, 64.0, 1e4
 # Functions and such exponents inside each other: sympy's work grows with powers of their number.
 _MOST_INSIDE = 5
+
+# Numbers with a unit in a formula, and the unit that each is turned into: 2 Hz are 4 pi rad/s.
+_UNITS = {
+    **dict.fromkeys(("deg", "mrad", "rad"), "rad"),
+    **dict.fromkeys(("mm", "cm", "m"), "m"),
+    **dict.fromkeys(("ms", "s"), "s"),
+    "Hz": "rad/s",
+}
+_QUANTITY = re.compile(
+    r"(?<![\w.])(\d+\.?\d*(?:[eE][+-]?\d+)?)\s+(" + "|".join(_UNITS) + r")\b(?!\s*\()"
+)
 
 FUNCTIONS = (
     "sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan",
@@ -58,12 +71,18 @@ class _Part(NamedTuple):
     inside: int = 0
 
 
+def _converted(found: re.Match[str]) -> str:
+    """A number with a unit as the number in rad, m, s or rad/s."""
+    return repr(number_in(f"{found[1]} {found[2]}", _UNITS[found[2]]))
+
+
 def formula(text: str, symbol: sp.Symbol) -> sp.Expr:
     """The expression that a text describes.
 
     Args:
         text: Numbers, ``pi``, the symbol, ``+ - * / **``, brackets and the functions of one
-            argument in ``FUNCTIONS``.
+            argument in ``FUNCTIONS``. A number may have one of the units ``deg``, ``mrad``,
+            ``rad``, ``mm``, ``cm``, ``m``, ``ms``, ``s`` and ``Hz``: ``10 deg * sin(2 Hz * t)``.
         symbol: What may be in it.
 
     Raises:
@@ -73,10 +92,11 @@ def formula(text: str, symbol: sp.Symbol) -> sp.Expr:
         raise ArgumentError(
             f"{shown(text)} has {len(text)} characters, a formula may have {_LONGEST}"
         )
+    plain = _QUANTITY.sub(_converted, text.strip())
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            tree = ast.parse(text.strip(), mode="eval").body
+            tree = ast.parse(plain, mode="eval").body
     # Besides what is no Python: too many brackets, and what only warns, such as 1if.
     except (SyntaxError, ValueError, MemoryError, RecursionError, Warning):
         raise ArgumentError(f"{shown(text)} is no formula in {symbol}") from None

@@ -12,6 +12,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.state_design import StateUncertainty
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.experiments.file.units import number_in
 
 
 def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
@@ -27,6 +28,11 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     """
     if name == "uncertainty":
         return (state_uncertainty if of_states else uncertainty)(value)
+    if name == "frequency" and isinstance(value, str):
+        try:
+            return number_in(value, "rad/s")
+        except ValueError as error:
+            raise ArgumentError(f"{name}: {error}") from None
     entries = np.ravel(np.asarray(value, object)).tolist()
     if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
         raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")

@@ -47,6 +47,11 @@ def resolved_text(path: Path) -> str:
 
 def _checked_text(path: Path) -> str:
     """The text of a file that is TOML."""
+    if path.suffix in (".xml", ".mjcf"):
+        raise ArgumentError(
+            f"{path} is a model: write a case file beside it that names it, with [plant] model = "
+            f'"{path.name}"; grosmc-mj new NAME writes one to begin with'
+        )
     text = read_text(path)
     _content(text, path)
     return text

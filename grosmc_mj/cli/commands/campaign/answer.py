@@ -19,12 +19,13 @@ if TYPE_CHECKING:
 
 
 def say_verdict(
-    console: Console, found: Findings, at_least: float | None, confidence: float
+    console: Console, asked: Campaign, found: Findings, at_least: float | None, confidence: float
 ) -> int:
     """Say on how many plants each law keeps everything, the worst law first.
 
     Args:
         console: Where to.
+        asked: The campaign.
         found: What the runs say.
         at_least: Share that each must be shown to keep; None if none is asked for.
         confidence: Of the intervals.
@@ -48,6 +49,9 @@ def say_verdict(
         else:
             words = f"{law} keeps everything on {rate.kept} of {rate.runs} plants: {_rate(rate)}."
             screen.say_verdict(console, words, good=rate.kept == rate.runs)
+    for law in asked.laws:
+        if law not in asked.judged:
+            console.print(f"{law}: nothing is required of it.", style="dim")
     return screen.DIFFERS if missed else screen.DONE
 
 
@@ -101,7 +105,7 @@ def say_tables(console: Console, asked: Campaign, found: Findings) -> None:
     if found.differences:
         console.print()
         console.print(tables.paired_table(found.differences, found.units, found.looked_at))
-    for law in asked.laws:
+    for law in asked.judged:
         console.print()
         console.print(tables.sensitivity_table(found.sensitivities[law], ALL, law, found.looked_at))
     console.print()

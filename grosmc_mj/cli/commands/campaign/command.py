@@ -158,13 +158,15 @@ class CampaignCommand(Command):
             for line in folder.begin(asked, resume=self.resume):
                 notice(line)
             say_integrator(asked)
+            for line in asked.not_judged:
+                notice(line)
             for name in asked.idle:
                 notice(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
             done = run_parts(asked, folder, executor)
         found = findings(asked, folder, self.confidence)
         files = [folder.path / RESULTS]
         write_json(files[0], results_document(asked, found))
-        code = answer.say_verdict(console, found, self.at_least, self.confidence)
+        code = answer.say_verdict(console, asked, found, self.at_least, self.confidence)
         answer.say_findings(console, asked, found)
         for line in done:
             console.print(line, style="dim")
@@ -199,8 +201,8 @@ class CampaignCommand(Command):
         from grosmc_mj.report.document import write_json
 
         searched = []
-        with screen.progress(2 * self.evaluations * len(asked.laws), "runs") as advance:
-            for law in asked.laws:
+        with screen.progress(2 * self.evaluations * len(asked.judged), "runs") as advance:
+            for law in asked.judged:
                 advance(f"worst plant under {law}", 0)
                 searched.append(
                     worst(
@@ -223,8 +225,8 @@ class CampaignCommand(Command):
         from grosmc_mj.report.document import write_json
 
         reached = []
-        with screen.progress(len(asked.laws), "controllers") as advance:
-            for law in asked.laws:
+        with screen.progress(len(asked.judged), "controllers") as advance:
+            for law in asked.judged:
                 advance(f"radius under {law}", 0)
                 reached.append(
                     radius(
