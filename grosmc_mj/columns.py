@@ -19,7 +19,7 @@ _UNIT = b"unit"
 FORMATS = (".parquet", ".csv", ".npz")
 
 
-class Column(NamedTuple):
+class SignalColumn(NamedTuple):
     """One signal.
 
     Attributes:
@@ -33,7 +33,7 @@ class Column(NamedTuple):
     values: Array
 
 
-def arrow_table(columns: Sequence[Column], about: Mapping[str, Any]) -> Any:
+def arrow_table(columns: Sequence[SignalColumn], about: Mapping[str, Any]) -> Any:
     """The columns as a ``pyarrow.Table``, with units and ``about`` in its metadata."""
     import pyarrow as pa
 
@@ -42,7 +42,7 @@ def arrow_table(columns: Sequence[Column], about: Mapping[str, Any]) -> Any:
     return pa.table([each.values for each in columns], schema=schema)
 
 
-def write_columns(path: Path, columns: Sequence[Column], about: Mapping[str, Any]) -> None:
+def write_columns(path: Path, columns: Sequence[SignalColumn], about: Mapping[str, Any]) -> None:
     """Write the columns by the file's ending, the whole file or none.
 
     A CSV has ``name [unit]`` in its first row and nothing of ``about``.
@@ -72,7 +72,7 @@ def write_columns(path: Path, columns: Sequence[Column], about: Mapping[str, Any
                 np.savez_compressed(file, **arrays, __about__=np.array(described))
 
 
-def read_columns(path: Path) -> tuple[list[Column], dict[str, Any]]:
+def read_columns(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
     """Columns of a Parquet or NPZ file and what is said about them; nothing in it is executed.
 
     Raises:
@@ -91,24 +91,26 @@ def read_columns(path: Path) -> tuple[list[Column], dict[str, Any]]:
     return found
 
 
-def _parquet(path: Path) -> tuple[list[Column], dict[str, Any]]:
+def _parquet(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
     import pyarrow.parquet as pq
 
     table = pq.read_table(path)
     about = json.loads((table.schema.metadata or {})[_KEY])
     columns = [
-        Column(field.name, (field.metadata or {})[_UNIT].decode(), values.to_numpy())
+        SignalColumn(field.name, (field.metadata or {})[_UNIT].decode(), values.to_numpy())
         for field, values in zip(table.schema, table.columns, strict=True)
     ]
     return columns, about
 
 
-def _npz(path: Path) -> tuple[list[Column], dict[str, Any]]:
+def _npz(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
     if path.suffix != ".npz":
         raise ArgumentError(
             f"{path}: signals are read again from .parquet and .npz, which keep all that a run is"
         )
     with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         described = json.loads(str(file["__about__"]))
-        columns = [Column(name, unit, file[name]) for name, unit in described["units"].items()]
+        columns = [
+            SignalColumn(name, unit, file[name]) for name, unit in described["units"].items()
+        ]
     return columns, described["about"]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 import sympy as sp
@@ -91,6 +93,21 @@ def take() -> gm.films.Take:
     return gm.films.Take("lqr", "black", recorded())
 
 
+@cache
+def state_task() -> gm.control.StateTask:
+    return gm.control.StateTask(servo(), np.eye(2), 1.0)
+
+
+def bounded(declared: gm.control.StateUncertainty) -> gm.Controller:
+    return gm.control.state_grosmc(state_task(), declared)
+
+
+@cache
+def saved() -> Path:
+    folder = Path(tempfile.mkdtemp())
+    return recorded().save(folder / "run.npz")
+
+
 def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Public functions and classes, each with arguments that it takes."""
     plain = {"plant": servo(), "controller": lqr_law(), "x0": [0.0, 0.0], "duration": 0.002}
@@ -112,6 +129,28 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             gm.custom_controller,
             {"name": "k", "law": law, "like": lqr_law(), "numbers": {"k": 1.0}},
         ),
+        "from_control": (
+            gm.from_control,
+            {"sys": control.tf([1], [1, 1]), "period": 1e-3, "like": lqr_law(), "name": "lag"},
+        ),
+        "load_trajectory": (gm.load_trajectory, {"path": saved()}),
+        "StateTask": (
+            lambda **given: gm.control.linear_lqr(gm.control.StateTask(**given)),
+            {"plant": servo(), **weights, "reference": None, "model": None},
+        ),
+        "StateUncertainty": (
+            lambda **given: gm.control.state_grosmc(
+                state_task(), gm.control.StateUncertainty(**given)
+            ),
+            {"body": "rotor", "mass": 2.0, "length": 1.0, "force": 0.1, "reaching_rate": 0.2}
+            | {"push": 1.0, "scales": {}},
+        ),
+        "state_grosmc": (
+            gm.control.state_grosmc,
+            {"task": state_task(), "uncertainty": gm.control.StateUncertainty(), "G": None}
+            | {"limit": None},
+        ),
+        "linear_lqr": (gm.control.linear_lqr, {"task": state_task()}),
         "chapter_controller": (
             gm.chapter_controller,
             {"name": "lqr", "nominal": analytic(), "realization": gm.Realization()}
@@ -128,7 +167,8 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "affine_plant": (
             gm.affine_plant,
-            {"name": "chain", **chain, "parameters": {"b": 1.0}, "region": True, "where": ""},
+            {"name": "chain", **chain, "parameters": {"b": 1.0}, "region": True, "where": ""}
+            | {"near": None},
         ),
         "feedback_linearization": (
             gm.feedback_linearization,

@@ -36,6 +36,7 @@ from grosmc_mj.errors import GainError, shown
 
 def linear_lqr(task: Task | StateTask) -> Controller:
     """LQR (5) on the plant's linearization."""
+    require_task(task, of_states=True)
     optimum = task.linearization_optimum()
     law = laws.state_feedback(task.error)
     return _controller("lqr", law, task, task.feedback(optimum.K), optimum, "eqs. (5)-(6)")

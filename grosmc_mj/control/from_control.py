@@ -48,6 +48,7 @@ def from_control(
         ArgumentError: If it is no such system, has another sampling time, or its inputs and
             outputs are not as many as the plant's outputs and inputs.
     """
+    require("name", name, str, "a text")
     require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
     if not 0 < real(period) < math.inf:
         raise ArgumentError(f"period {shown(period)} s must be finite and positive")

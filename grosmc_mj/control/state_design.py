@@ -57,6 +57,7 @@ class StateUncertainty:
     push: float = 0.0
 
     def __post_init__(self) -> None:
+        require("body", self.body, str, "the name of a body", GainError)
         if not all(1 <= real(each) < math.inf for each in (self.mass, self.length)):
             raise GainError(
                 f"mass x{shown(self.mass)} and length x{shown(self.length)} must be 1 or more, "

@@ -246,6 +246,11 @@ class StateTask:
     def __post_init__(self) -> None:
         require("plant", self.plant, Plant, "a plant, such as MujocoPlant.load(...)")
         require("realization", self.realization, Realization, "a Realization")
+        kinds = (OperatingPoint, type(None))
+        require("reference", self.reference, kinds, "an OperatingPoint, as equilibrium gives it")
+        pair = isinstance(self.model, tuple) and len(self.model) == 2
+        if self.model is not None and not pair:
+            raise ArgumentError(f"model = {shown(self.model)} must be a pair (A, B)")
 
     @property
     def point(self) -> OperatingPoint:
@@ -283,13 +288,18 @@ def _state_coordinates(system: System) -> StateCoordinates:
     return StateCoordinates(system)
 
 
-def require_task(task: Task) -> None:
+def require_task(task: Task | StateTask, *, of_states: bool = False) -> None:
     """Refuse what is no task.
+
+    Args:
+        task: What a law is designed for.
+        of_states: Whether a task of the whole state will do too.
 
     Raises:
         ArgumentError: If it is something else.
     """
-    require("task", task, Task, "a Task(plant, error, reference, Q, R)")
+    kinds = (Task, StateTask) if of_states else Task
+    require("task", task, kinds, "a Task(plant, error, reference, Q, R)")
 
 
 def require_analytic(what: str, plant: Any) -> None:

@@ -12,10 +12,11 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.environments.reward import Index
 from grosmc_mj.environments.signals import Signals, input_label, state_names
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import Plant, find_system
@@ -43,12 +44,16 @@ class EpisodeSetup:
     The instants and the wrenches are those that ``simulate`` lays out for the same case.
 
     Args:
-        system: Name of the system.
-        task: Name of one of its cases, or an experiment.
-        control_period: Time between two actions [s], a multiple of the timestep.
-        timestep: Physics timestep [s].
+        target: A system, with one of its cases as the task; or SYSTEM/CASE or the path of a case
+            file, which is a task itself.
+        task: Name of one of a system's cases, or an experiment.
+        control_period: Time between two actions [s], a multiple of the timestep; the case's own
+            by default.
+        timestep: Physics timestep [s]; the case's own by default.
         spread: Half widths of the starts about the case's own, (n,), in the states' units, or
             one number for all of them.
+        action_limit: Largest magnitude of each action, (m,) or one number, in the inputs' units,
+            where the actuators' own limits are wider.
 
     Attributes:
         case: The case.
@@ -57,7 +62,7 @@ class EpisodeSetup:
         signals: What is observed.
         index: What is to be minimized.
         problem: Instants and wrenches, as for ``simulate``.
-        low: Least input that the actuators apply, (m,); infinite without a limit.
+        low: Least action, (m,): the declared or the actuators' limit; infinite without one.
         high: The largest one, (m,).
 
     Raises:
@@ -67,28 +72,35 @@ class EpisodeSetup:
 
     def __init__(
         self,
-        system: str,
-        task: str | Experiment = "nominal",
+        target: str,
+        task: str | Experiment | None = None,
         *,
-        control_period: float = 1e-3,
-        timestep: float = 1e-3,
+        control_period: float | None = None,
+        timestep: float | None = None,
         spread: ArrayLike = 0.0,
+        action_limit: ArrayLike | None = None,
     ) -> None:
-        experiment = _experiment(find_system(system).name, task)
+        experiment = _experiment(target, task)
         experiment = experiment.with_settings(control_period=control_period, timestep=timestep)
+        if "physics" not in experiment.nominal.names:
+            raise ArgumentError(
+                f"{experiment.nominal.system.name} has no model in MuJoCo, which an environment "
+                "steps"
+            )
+        settings = experiment.settings
         self.case, self.plant = experiment.case, experiment.plant("physics")
-        self.law = experiment.law("physics", INDEX_LAW)
+        self.law = experiment.law("physics", _index_law(experiment))
         self.signals, self.index = Signals(self.law), Index(self.law)
         self.problem, _ = prepare(
             self.plant,
             self.law,
             self.case.x0,
             duration=self.case.duration,
-            control_period=control_period,
-            timestep=timestep,
+            control_period=settings.control_period,
+            timestep=settings.timestep,
             disturbances=self.case.disturbances,
         )
-        self.low, self.high = self.plant.input_limits
+        self.low, self.high = _limited(self.plant, action_limit)
         self._spread = _half_widths(self.plant, spread)
         self._require_start()
 
@@ -220,12 +232,12 @@ class Episode:
             ArgumentError: If it is not m finite numbers.
         """
         setup, problem = self.setup, self.setup.problem
-        u = setup.checked(action)
+        u = np.clip(setup.checked(action), setup.low, setup.high)
         self._data.ctrl[:] = u
         left = problem.steps - self.done
         whole = left >= problem.stride
         interval = problem.control_period if whole else left * problem.timestep
-        cost = setup.index.stage_cost(self.time, self.x, np.clip(u, setup.low, setup.high))
+        cost = setup.index.stage_cost(self.time, self.x, u)
         self.reward = -interval * cost
 
     def advance(self, steps: int) -> None:
@@ -258,13 +270,38 @@ class Episode:
         return f"t = {self.time:g} s: {why}"
 
 
-def _experiment(system: str, task: str | Experiment) -> Experiment:
-    """The experiment of a system."""
-    if not isinstance(task, Experiment):
-        return find_experiment(system, task)
-    if (case := task.case).system != system:
-        raise ArgumentError(f"case {case.name!r} is one of {case.system}, not of {system}")
-    return task
+def _experiment(target: str, task: str | Experiment | None) -> Experiment:
+    """The experiment of a target, or of a case of a system."""
+    if isinstance(task, Experiment):
+        system = find_system(target).name
+        if (case := task.case).system != system:
+            raise ArgumentError(f"case {case.name!r} is one of {case.system}, not of {system}")
+        return task
+    if "/" in target or target.endswith(".toml"):
+        if task is not None:
+            raise ArgumentError(f"{shown(target, str)} is a task itself: leave out task={task!r}")
+        return Experiment.load(target)
+    return find_experiment(find_system(target).name, "nominal" if task is None else task)
+
+
+def _index_law(experiment: Experiment) -> str:
+    """The law whose index gives the reward: the chapter's, or the last one of the file."""
+    known = {*experiment.controllers, *experiment.file.laws}
+    return INDEX_LAW if INDEX_LAW in known else experiment.controllers[-1]
+
+
+def _limited(plant: Plant, declared: ArrayLike | None) -> tuple[Array, Array]:
+    """Bounds of the actions, (m,) each."""
+    low, high = plant.input_limits
+    if declared is None:
+        return low, high
+    limit = reals(declared)
+    if limit.shape not in {(), low.shape} or not np.all(np.isfinite(limit) & (limit > 0)):
+        raise ArgumentError(
+            f"action_limit = {declared!r} must be positive and finite, one number or {len(low)}: "
+            f"{input_label(plant.system)}"
+        )
+    return np.maximum(low, -limit), np.minimum(high, limit)
 
 
 def _half_widths(plant: Plant, spread: ArrayLike) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, ClassVar
 
 import gymnasium
@@ -12,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.environments.episode import Episode, EpisodeSetup
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.environments.signals import input_label
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 
 # Named arrays; Gymnasium's own types say no more than Any.
@@ -26,12 +28,17 @@ class CaseEnv(gymnasium.Env[Named, Array]):
     ``info["ended"]`` says why, ``info["units"]`` gives the unit of every entry observed.
 
     Args:
-        system: Name of the system.
-        task: Name of one of its cases, or an experiment.
-        control_period: Time between two actions [s].
-        timestep: Physics timestep [s].
+        system: A system, SYSTEM/CASE or the path of a case file.
+        task: Name of one of a system's cases, or an experiment.
+        control_period: Time between two actions [s]; the case's own by default.
+        timestep: Physics timestep [s]; the case's own by default.
         spread: Half widths of the starts about the case's own, (n,) or one number.
-        render_mode: None; films are made of recorded runs, by ``grosmc_mj.write_film``.
+        action_limit: Largest magnitude of each action, (m,) or one number; by default the
+            actuators' own limits, which may be none.
+        normalized: Whether actions are parts of their limits, from -1 to 1, instead of inputs in
+            their own units.
+        render_mode: ``rgb_array`` for pictures by ``render()``, or None.
+        size: Width and height of a picture.
 
     Raises:
         ModelError: If there is no such system.
@@ -39,34 +46,49 @@ class CaseEnv(gymnasium.Env[Named, Array]):
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
-        "render_modes": []
+        "render_modes": ["rgb_array"],
+        "render_fps": 30,
     }
 
     def __init__(
         self,
         system: str,
-        task: str | Experiment = "nominal",
-        control_period: float = 1e-3,
-        timestep: float = 1e-3,
+        task: str | Experiment | None = None,
+        control_period: float | None = None,
+        timestep: float | None = None,
         spread: ArrayLike = 0.0,
-        render_mode: None = None,
+        action_limit: ArrayLike | None = None,
+        *,
+        normalized: bool = False,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (640, 480),
     ) -> None:
-        if render_mode is not None:
-            raise ArgumentError(
-                f"render_mode = {render_mode!r}: the environments do not render; film a recorded "
-                "run with grosmc_mj.write_film"
-            )
+        if render_mode not in (None, "rgb_array"):
+            raise ArgumentError(unknown_name("render_mode", render_mode, ["rgb_array"]))
         self.setup = EpisodeSetup(
-            system, task, control_period=control_period, timestep=timestep, spread=spread
+            system,
+            task,
+            control_period=control_period,
+            timestep=timestep,
+            spread=spread,
+            action_limit=action_limit,
         )
         setup, model = self.setup, self.setup.plant.model
         self._model, self._data = model, mujoco.MjData(model)
         self._episode = Episode(setup, model, self._data)
         self.render_mode = render_mode
-        self.action_space = spaces.Box(setup.low, setup.high, dtype=np.float64)
+        self._size, self._renderer = size, None
+        self._scale = _scale(setup) if normalized else None
+        low, high = (setup.low, setup.high) if self._scale is None else (-1.0, 1.0)
+        shape = (setup.inputs,)
+        self.action_space = spaces.Box(
+            np.broadcast_to(low, shape), np.broadcast_to(high, shape), shape, np.float64
+        )
+        # There are no bounds; Gymnasium takes infinite ones for a slip.
+        most = float(np.finfo(np.float64).max)
         self.observation_space = spaces.Dict(
             {
-                name: spaces.Box(0.0 if name == "time" else -np.inf, np.inf, (size,), np.float64)
+                name: spaces.Box(0.0 if name == "time" else -most, most, (size,), np.float64)
                 for name, size in setup.signals.sizes.items()
             }
         )
@@ -100,12 +122,70 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         episode, ended = self._episode, self._episode.ended
         if ended or episode.over:
             raise ArgumentError(f"the episode is over{ended and ' at ' + ended}: reset it")
-        episode.hold(action)
+        episode.hold(action if self._scale is None else self._inputs(action))
         episode.advance(self.setup.problem.stride)
         terminated = bool(episode.ended)
         truncated = episode.over and not terminated
         return episode.observation(), episode.reward, terminated, truncated, self._info()
 
+    def render(self) -> Any:
+        """A picture of the state, (height, width, 3), with ``render_mode="rgb_array"``; else None.
+
+        Raises:
+            SetupError: If nothing here can draw: MUJOCO_GL says what does, read once at start.
+        """
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            # The plant's own model is not to be changed.
+            self._renderer = _renderer(copy.copy(self._model), *self._size)
+        mujoco.mj_forward(self._model, self._data)
+        self._renderer.update_scene(self._data, 0 if self._model.ncam else -1)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Free what draws."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _inputs(self, action: ArrayLike) -> Array:
+        """Inputs of a normalized action."""
+        middle, half = self._scale or (np.zeros(1), np.ones(1))
+        return middle + half * self.setup.checked(action)
+
     def _info(self) -> dict[str, Any]:
         """What is known beside the observation."""
         return {"ended": self._episode.ended, "units": dict(self.setup.signals.units)}
+
+
+def _scale(setup: EpisodeSetup) -> tuple[Array, Array]:
+    """Middle and half width of the actions, (m,) each.
+
+    Raises:
+        ArgumentError: If one has no limit.
+    """
+    if not np.all(np.isfinite([setup.low, setup.high])):
+        raise ArgumentError(
+            f"normalized actions need limits, {input_label(setup.plant.system)} has none: give "
+            "action_limit=..."
+        )
+    return (setup.low + setup.high) / 2, (setup.high - setup.low) / 2
+
+
+def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """What draws a model.
+
+    Raises:
+        SetupError: If it cannot be had.
+    """
+    buffer = model.vis.global_
+    buffer.offwidth, buffer.offheight = max(buffer.offwidth, width), max(buffer.offheight, height)
+    try:
+        return mujoco.Renderer(model, height, width)
+    # Each backend has errors of its own.
+    except Exception as error:
+        raise SetupError(
+            f"nothing here can draw ({error}): start Python with MUJOCO_GL=egl or "
+            "MUJOCO_GL=osmesa; grosmc-mj doctor tells what works"
+        ) from error

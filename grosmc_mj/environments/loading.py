@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 
 def load(
-    system: str,
-    task: str | Experiment = "nominal",
+    target: str,
+    task: str | Experiment | None = None,
     *,
-    control_period: float = 1e-3,
-    timestep: float = 1e-3,
+    control_period: float | None = None,
+    timestep: float | None = None,
     spread: ArrayLike = 0.0,
+    action_limit: ArrayLike | None = None,
     seed: int | None = None,
 ) -> Environment:
     """A case as a dm_control environment, with its edits and disturbances.
@@ -29,12 +30,16 @@ def load(
     A law that runs in it gets the states and inputs that ``simulate`` gives it, bit for bit.
 
     Args:
-        system: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``.
-        task: Name of one of its cases, or an experiment.
-        control_period: Time between two actions [s], a multiple of the timestep.
-        timestep: Physics timestep [s].
+        target: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``; or ``SYSTEM/CASE``, or
+            the path of a case file on a model in MuJoCo, robots included.
+        task: Name of one of a system's cases, the nominal one by default, or an experiment.
+        control_period: Time between two actions [s], a multiple of the timestep; the case's own
+            by default.
+        timestep: Physics timestep [s]; the case's own by default.
         spread: Half widths of the starts about the case's own, (n,), in the states' units, or
             one number for all of them. Starts are drawn uniformly by ``task.random``.
+        action_limit: Largest magnitude of each action, (m,) or one number; by default the
+            actuators' own limits, which may be none.
         seed: Of the starts; None for others each time.
 
     Returns:
@@ -46,7 +51,12 @@ def load(
         SetupError: If dm_control is not installed.
     """
     setup = EpisodeSetup(
-        system, task, control_period=control_period, timestep=timestep, spread=spread
+        target,
+        task,
+        control_period=control_period,
+        timestep=timestep,
+        spread=spread,
+        action_limit=action_limit,
     )
     try:
         with warnings.catch_warnings():

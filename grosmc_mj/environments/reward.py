@@ -7,14 +7,15 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.vectors import quadratic
 
 
 class Index:
     """J = 1/2 ∫ z'Qz + v'Rv dt of eqs. (13), (27) and (48).
 
-    v is u itself for a law on the plant's linear model, and alpha + E u of eqs. (23) and (44)
-    after feedback linearization.
+    v is u, about its operating point, for a law on the plant's linear model, and alpha + E u of
+    eqs. (23) and (44) after feedback linearization.
 
     Args:
         law: A controller with error coordinates and the optimum that it was designed for.
@@ -37,6 +38,8 @@ class Index:
             u: Input, (m,).
         """
         u = np.atleast_1d(np.asarray(u, float))
+        if isinstance(self._design.error, StateCoordinates):
+            return u - self._law.parameters.reference.u
         if not self._design.linearizing:
             return u
         alpha, E = self._law.coordinates.dynamics(t, x, self._law.parameters)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grosmc_mj.arguments import require
 from grosmc_mj.arrays import Array
-from grosmc_mj.columns import Column, arrow_table, read_columns, write_columns
+from grosmc_mj.columns import SignalColumn, arrow_table, read_columns, write_columns
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.plants import SYSTEMS, Signal, System
@@ -124,7 +125,7 @@ class Trajectory:
         write_columns(file, columns, about)
         return file
 
-    def _columns(self, sliding_unit: str = "1") -> tuple[list[Column], dict[str, Any]]:
+    def _columns(self, sliding_unit: str = "1") -> tuple[list[SignalColumn], dict[str, Any]]:
         """The signals, and what else the run is."""
         if self.state.ndim != 2:
             raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
@@ -143,13 +144,13 @@ class Trajectory:
         for name in [each for each in remembered if each != "workspace"]:
             rows = self.memory[name].reshape(len(self.memory), -1)
             groups.append((f"memory {name}", _numbered(f"memory {name}", "1", rows), rows))
-        columns = [Column("time", "s", self.time)]
+        columns = [SignalColumn("time", "s", self.time)]
         named: dict[str, list[str]] = {}
         for group, names, rows in groups:
             taken = {each.name for each in columns}
             named[group] = [f"{group} {n}" if n in taken else n for n, _ in names]
             for name, (_, unit), values in zip(named[group], names, _by_column(rows), strict=True):
-                columns.append(Column(name, unit, _lengthened(values, len(self.time))))
+                columns.append(SignalColumn(name, unit, _lengthened(values, len(self.time))))
         about = {
             "system": system.name,
             "states": [list(astuple(each)) for each in system.states],
@@ -233,6 +234,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
     Raises:
         ArgumentError: If there is no such file, or it is another one.
     """
+    require("path", path, (str, Path), "the path of a file")
     file = Path(path)
     columns, about = read_columns(file)
     try:

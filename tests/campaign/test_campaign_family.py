@@ -198,10 +198,6 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
             "corners: correlated numbers have none",
         ),
         (plain(more=SECOND), {}, "two disturbances have the label 'load': give each its own"),
-        (plain(more=SHORT.replace("10", "19")), {}, "there are 0.02 s before"),
-        (plain(ONSET.format(0.001), SHORT), {}, "there are 0.001 s before"),
-        # A load that may come at once leaves nothing to settle in.
-        (plain(ONSET.format(0), SHORT), {}, "there are 0 s before"),
         (
             plain(more='[[requirement]]\nstays_within = "1 rad"\nafter = "49.5 ms"\n'),
             {},
@@ -213,6 +209,21 @@ def test_what_cannot_be_run_or_measured_is_refused_at_once(
     text: str, asked: dict[str, Any], says: str
 ) -> None:
     assert says in refusal(lambda: Campaign.of(specification(text, **asked)))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (plain(more=SHORT.replace("10", "19")), "there are 0.02 s before"),
+        (plain(ONSET.format(0.001), SHORT), "there are 0.001 s before"),
+        # A load that may come at once leaves nothing to settle in.
+        (plain(ONSET.format(0), SHORT), "there are 0 s before"),
+    ],
+)
+def test_what_runs_do_not_tell_is_not_judged_and_said(text: str, says: str) -> None:
+    asked = Campaign.of(specification(text))
+    assert [says in line for line in asked.not_judged] == [True]
+    assert "settles_within" not in {each.kind for each in asked.requirements}
 
 
 def test_a_disturbance_after_the_end_is_idle() -> None:

@@ -170,9 +170,11 @@ def test_a_run_has_its_metrics_and_what_is_required_of_it() -> None:
     assert result.metrics["deviation"].unit == "rad"
     # Requirements are of physics.
     assert result.requirements == []
-    assert {each.limit.kind for each in experiment.run().requirements} == {
-        "settles_within", "deviation_below", "no_reaching_phase"
-    }  # fmt: skip
+    kinds = {"deviation_below", "no_reaching_phase"}
+    assert {each.limit.kind for each in experiment.run().requirements} == kinds
+    # Half a second does not tell of 5 s.
+    assert ["settles within 5 s" in line for line in experiment.not_judged] == [True]
+    assert gm.Experiment.load("servo/nominal").not_judged == []
 
 
 @pytest.mark.slow

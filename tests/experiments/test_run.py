@@ -245,7 +245,7 @@ def line_of(python: str, part: str) -> int:
     ("good", "bad", "said"),
     [
         ("p.a * x[0]", "p.a * x[9]", "IndexError"),
-        ("p.a * x[0]", "p.aa * x[0]", "AttributeError"),
+        ("p.a * x[0]", "p.aa * x[0]", "p has no 'aa'"),
         ("math.sin(x[0])", "math.sin(1 / 0)", "ZeroDivisionError"),
         ("return gm.affine_plant", "return gm.affine_plan", "AttributeError"),
         ("import sympy as sp", "import sympi as sp", "No module named 'sympi'"),
