@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
@@ -25,14 +26,7 @@ from grosmc_mj.simulation.simulate import simulate
 gymnasium = pytest.importorskip("gymnasium")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker")
 
-# What the checker may say: states and unlimited actuators have no bounds.
-BOUNDS = (
-    "A Box observation space minimum value is -infinity. This is probably too low.",
-    "A Box observation space maximum value is infinity. This is probably too high.",
-    "A Box action space minimum value is -infinity. This is probably too low.",
-    "A Box action space maximum value is infinity. This is probably too high.",
-    "For Box action spaces, we recommend using a symmetric and normalized space",
-)
+from grosmc_mj.environments.gymnasium_face import CaseEnv  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -41,14 +35,95 @@ def known() -> None:
 
 
 @pytest.mark.parametrize("name", list(IDS))
-def test_gymnasium_s_checker_has_nothing_to_say_but_of_bounds(name: str) -> None:
-    environment = gymnasium.make(name, spread=0.01)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+def test_gymnasium_s_checker_has_nothing_to_say(name: str) -> None:
+    environment = gymnasium.make(name, spread=0.01, action_limit=10.0, normalized=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
         # It wants the environment without the wrappers that make puts around it.
-        env_checker.check_env(environment.unwrapped)
-    others = [str(each.message) for each in said if not any(b in str(each.message) for b in BOUNDS)]
-    assert others == []
+        env_checker.check_env(environment.unwrapped, skip_render_check=True)
+
+
+def test_a_normalized_action_is_a_part_of_its_limits() -> None:
+    plain = gymnasium.make("grosmc_mj/Servo-v0", action_limit=4.0)
+    parts = gymnasium.make("grosmc_mj/Servo-v0", action_limit=4.0, normalized=True)
+    assert (plain.action_space.low, plain.action_space.high) == (-4.0, 4.0)
+    assert (parts.action_space.low, parts.action_space.high) == (-1.0, 1.0)
+    found = []
+    for environment, action in ((plain, 3.0), (parts, 0.75), (plain, 9.0), (plain, 4.0)):
+        environment.reset()
+        seen, reward, *_ = environment.step(np.array([action]))
+        found.append((reward, float(seen["rotor speed"][0])))
+    assert found[0] == found[1]
+    # What is beyond the declared limit is cut, as an actuator does.
+    assert found[2] == found[3] != found[0]
+    with pytest.raises(ArgumentError, match="normalized actions need limits, current"):
+        gymnasium.make("grosmc_mj/Servo-v0", normalized=True)
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan, [1.0, 2.0], "ten"])
+def test_a_limit_that_is_none_is_refused(limit: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"action_limit = .* must be positive and finite"):
+        gymnasium.make("grosmc_mj/Servo-v0", action_limit=limit)
+
+
+@pytest.mark.parametrize("target", ["furuta/heavier", "own_laws/pid", "jaco/sines"])
+def test_any_case_on_a_model_is_an_environment(target: str) -> None:
+    """Robots too; a law in it gets what simulate gives it, to the last bit."""
+    experiment = Experiment.load(target).varied(duration=0.03)
+    environment = CaseEnv(target)
+    law = experiment.law("physics", experiment.controllers[0])
+    period = experiment.settings.control_period
+    policy = law_policy(law, control_period=period) if law.design else None
+    assert policy is not None
+    observation, _ = environment.reset()
+    states, names = [], [state.name for state in experiment.nominal.system.states]
+    for _ in range(20):
+        states.append([observation[name][0] for name in names])
+        observation, reward, *_ = environment.step(policy(observation))
+        assert np.isfinite(reward)
+    settings = experiment.settings
+    run = simulate(
+        experiment.plant("physics"), law, experiment.case.x0, duration=0.03,
+        control_period=period, timestep=settings.timestep,
+        disturbances=experiment.case.disturbances, engine="python",
+    )  # fmt: skip
+    stride = round(period / settings.timestep)
+    assert np.array_equal(states, run.state[: 20 * stride : stride])
+
+
+def test_a_file_is_a_task_itself() -> None:
+    with pytest.raises(ArgumentError, match="is a task itself: leave out task='case1'"):
+        CaseEnv("furuta/heavier", "case1")
+    with pytest.raises(ArgumentError, match="maglev has no model in MuJoCo"):
+        CaseEnv("maglev/warm")
+
+
+DRAWN = """
+import numpy as np
+from grosmc_mj.environments.gymnasium_face import CaseEnv
+environment = CaseEnv("furuta/heavier", render_mode="rgb_array", size=(200, 150))
+environment.reset()
+first = environment.render()
+assert first.shape == (150, 200, 3)
+for _ in range(150):
+    environment.step(np.array([0.15]))
+assert np.abs(environment.render().astype(int) - first).max() > 30
+environment.close()
+"""
+
+
+@pytest.mark.render
+def test_it_draws_what_it_is_at() -> None:
+    """In a process of its own: MuJoCo reads once what draws."""
+    subprocess.run(
+        [sys.executable, "-c", DRAWN], check=True, env={**os.environ, "MUJOCO_GL": "egl"}
+    )
+
+
+def test_other_ways_of_rendering_are_refused() -> None:
+    assert CaseEnv("servo").render() is None
+    with pytest.raises(ArgumentError, match="unknown render_mode 'human': valid: rgb_array"):
+        CaseEnv("servo", render_mode="human")
 
 
 def test_every_system_has_an_id_and_registering_twice_changes_nothing() -> None:
@@ -200,12 +275,6 @@ def test_an_action_that_is_none_is_refused() -> None:
     environment.reset()
     with pytest.raises(ArgumentError, match=r"must be 1 finite number.*: current \[A\]"):
         environment.step(np.array([np.nan]))
-
-
-def test_rendering_is_refused_with_what_to_do_instead() -> None:
-    face = pytest.importorskip("grosmc_mj.environments.gymnasium_face")
-    with pytest.raises(ArgumentError, match=r"film a recorded run with grosmc_mj\.write_film"):
-        face.CaseEnv("servo", render_mode="human")
 
 
 def test_without_gymnasium_the_message_says_what_to_install(
