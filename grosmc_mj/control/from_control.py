@@ -89,7 +89,7 @@ def _sampled(sys: Any, period: float, name: str) -> _Matrices:
         )
     # A transfer function of several inputs needs slycot for this.
     try:
-        made = control.ss(sys)
+        made: Any = control.ss(sys)
     except (ImportError, control.ControlMIMONotImplemented) as error:
         raise ArgumentError(
             f"{name}: its state space cannot be made ({error}): give a StateSpace"

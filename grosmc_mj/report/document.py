@@ -73,6 +73,29 @@ def write_json(path: Path, content: Any) -> None:
         part.write_text(text, encoding="utf-8")
 
 
+def keep_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None:
+    """Put a document with another ``part`` aside before it is replaced, as NAME.previous.json.
+
+    Args:
+        path: Where the new document will be.
+        content: The new document.
+        part: Key of what tells one from another, such as ``configuration``.
+
+    Returns:
+        Where the older one is now; None if there is none, or it has the same part.
+    """
+    try:
+        older = json.loads(path.read_text(encoding="utf-8"))
+        same = older[part] == json.loads(json_text(content[part]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    if same:
+        return None
+    aside = path.with_name(f"{path.stem}.previous{path.suffix}")
+    path.replace(aside)
+    return aside
+
+
 def _plain(value: Any) -> Any:
     """Values that JSON has."""
     if isinstance(value, Mapping):

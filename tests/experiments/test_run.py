@@ -575,3 +575,21 @@ def test_outputs_of_different_units_have_no_one_error(folder: Path):
     case = ROBOT_CASE.replace('hip = "10 deg"', 'hip = "1 cm"')
     with pytest.raises(ArgumentError, match="different units"):
         Experiment.load(Path(robot(folder, case, mixed)))
+
+
+def test_results_of_another_file_are_put_aside(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the same name, or of other settings; not those of the same file run again."""
+    out = folder / "out"
+    arguments = ("own.toml", "--no-figures", "--out", str(out))
+    own(folder, CASE, PYTHON)
+    for _ in range(2):
+        run("run", *arguments)
+        assert sorted(each.name for each in out.iterdir()) == ["own.json"]
+    first = (out / "own.json").read_text(encoding="utf-8")
+    own(folder, CASE.replace('duration = "', 'duration = "1', 1), PYTHON)
+    capsys.readouterr()
+    run("run", *arguments)
+    assert (out / "own.previous.json").read_text(encoding="utf-8") == first
+    assert "own.json had results of another file or other settings" in capsys.readouterr().out

@@ -53,4 +53,4 @@ def from_positions(t, x, memory, p):
 
 # A lead compensator for the servo, as python-control designs it; continuous, so that the control
 # period samples it by Tustin's rule.
-lead = 2 * control.tf([0.4, 1], [0.05, 1])
+lead = control.tf([0.8, 2], [0.05, 1])

@@ -80,6 +80,10 @@ class RunCommand(Command):
         saved = [file for each in done for file in self._saved(each)]
         console = screen.console()
         screen.say_files(console, *files, *(saved if len(saved) <= _LISTED else ()))
+        for each in done:
+            if each.aside is not None:
+                said = f"{each.file.name} had results of another file or other settings: now in "
+                console.print(f"{said}{each.aside.name}", style="dim")
         if len(saved) > _LISTED:
             console.print(f"{len(saved)} trajectories in {saved[0].parent}", style="dim")
         for each in done if self.film else ():
@@ -118,6 +122,7 @@ class _JudgedExperiment:
         results: The runs that are done.
         premises: Those of a robot's laws.
         judgements: Of the requirements.
+        aside: Where results of the same name are now that another file or other settings gave.
     """
 
     name: str
@@ -126,6 +131,7 @@ class _JudgedExperiment:
     results: list[RunResult] = field(default_factory=list)
     premises: Sequence[Audit] = ()
     judgements: Sequence[Judgement] = ()
+    aside: Path | None = None
 
     @property
     def failed(self) -> list[Judgement]:
@@ -144,7 +150,7 @@ class _JudgedExperiment:
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
         from grosmc_mj.premises.robot import audits
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.report.document import keep_other, write_json
 
         complete = False
         try:
@@ -164,6 +170,7 @@ class _JudgedExperiment:
                     complete=complete,
                     premises=[audit_document(audit) for audit in self.premises],
                 )
+                self.aside = keep_other(self.file, content, "configuration")
                 write_json(self.file, content)
 
 
