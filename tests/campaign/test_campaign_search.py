@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,12 @@ def test_the_search_finds_the_known_worst_plant(known: Worst) -> None:
     assert known.relative == relative(asked, *known.values)
     assert known.relative <= min(known.random, known.samples)
     assert known.evaluations == 256
+
+
+def test_what_just_keeps_its_limit_does_not_fail(known: Worst) -> None:
+    assert [replace(known, relative=margin).fails for margin in (-1e-12, 0.0, 0.5)] == [
+        True, False, False
+    ]  # fmt: skip
 
 
 def test_the_shrunk_plant_fails_and_is_next_to_one_that_does_not(known: Worst) -> None:

@@ -179,3 +179,10 @@ def test_numbers_may_have_units(text: str, plain: str) -> None:
 def test_other_units_are_no_formula(text: str) -> None:
     with pytest.raises(ArgumentError):
         formula(text, TIME)
+
+
+def test_a_root_halves_the_power_below_it() -> None:
+    """64 is the bound of powers on each other."""
+    assert formula("sqrt(t**64)**2", TIME) == TIME**64 or formula("sqrt(t**64)**2", TIME).has(TIME)
+    with pytest.raises(ArgumentError, match="exponent"):
+        formula("sin(t**64)**2", TIME)

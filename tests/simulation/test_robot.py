@@ -477,7 +477,16 @@ WELD = "<equality><weld body1='link'/></equality>"
         (one_joint(actuator="<motor joint='j' gear='0'/>"), "no gear"),
         (one_joint(actuator="<motor joint='j' armature='1'/>"), "belongs to its joint"),
         (one_joint("actuatorgravcomp='true'"), "actuatorgravcomp"),
-        (one_joint(more=TENDON.format("stiffness='2'")), "tendons with stiffness"),
+        *(
+            (one_joint(more=TENDON.format(numbers)), "tendons with stiffness")
+            for numbers in (
+                "stiffness='2'",
+                "damping='2'",
+                "frictionloss='2'",
+                "armature='2'",
+                "limited='true' range='-1 1'",
+            )
+        ),
         (one_joint().replace("<joint name='j' />", "").replace("<motor joint='j'/>", ""), "no joi"),
         (one_joint().replace("size='0.1'", "size='0.1' mass='0'"), "mass and inertia"),
         ("<mujoco><nonsense/></mujoco>", "cannot be read"),

@@ -515,3 +515,17 @@ def test_numbers_of_a_batch_have_one_layout():
     except ArgumentError:
         return  # refusing is as good
     assert np.all(run.command == 1.0)
+
+
+def test_a_run_that_ends_at_its_start_repeats_it() -> None:
+    """Rows of a batch: the start, no input, and MuJoCo's own state as it was."""
+    plant = MujocoPlant.load("cart_pendulum")
+    law = chapter_controller("fl-lqr", plant.analytic())
+    starts = np.array([[0.0, 0.1, 0.0, 0.0], [0.2, 2.0, 0.3, 0.0]])
+    runs = simulate(plant, law, starts, duration=0.01)
+    assert [each.name for each in runs.status] == ["COMPLETED", "UNDEFINED_LAW"]
+    np.testing.assert_array_equal(runs.state[1], np.tile(starts[1], (11, 1)))
+    assert not runs.input[1].any()
+    assert runs.physics is not None
+    np.testing.assert_array_equal(runs.physics[1], np.tile(runs.physics[1, 0], (11, 1)))
+    np.testing.assert_array_equal(runs.physics[1, 0, 1:], starts[1])
