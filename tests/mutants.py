@@ -1,10 +1,12 @@
 """Do the tests notice? Faults of one operator or number, put in one at a time.
 
 A sample of lines, drawn by a seed from the code that decides results, each with one mutant of
-cosmic-ray's. A mutant is noticed if a fast test of what depends on it fails. Each worker has a copy
-of the checkout: this one stays as it is.
+cosmic-ray's. A mutant is noticed if a fast test of what depends on it fails; ``--again`` tries those
+that survived with the slow tests too. Each worker has a copy of the checkout: this one stays as it
+is.
 
     python tests/mutants.py --number 200 --seed 0 --out build/mutants.json
+    python tests/mutants.py --number 200 --seed 0 --out build/mutants.json --again
 """
 
 from __future__ import annotations
@@ -40,6 +42,17 @@ WATCHED = {
     "experiments": ("experiments", "premises", "studies", "cli"),
     "premises": ("premises",),
     "campaign": ("campaign",),
+    "cases": ("cases", "studies"),
+}
+# What else notices, slowly: whole runs, studies, verdicts, films, commands.
+_SLOWLY = {
+    "plants": ("premises",),
+    "control": ("studies", "premises"),
+    "simulation": ("bench", "campaign", "environments"),
+    "experiments": ("films", "campaign", "environments"),
+    "premises": ("campaign", "cli"),
+    "campaign": ("experiments",),
+    "cases": ("chapter",),
 }
 # The rest either is the same program (`is` for `==` on an enum, another bit operation on a union of
 # types, a cache that is not there) or stands for so many others that it would crowd them out.
@@ -81,17 +94,24 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/mutants.json"))
+    parser.add_argument("--again", action="store_true")
     asked = parser.parse_args()
     os.chdir(ROOT)
     drawn = sample(candidates(), asked.number, asked.seed)
     rows: list[dict[str, Any]] = []
+    try_one = attempt
+    if asked.again:
+        known = json.loads(asked.out.read_text())["mutants"]
+        rows = [row for row in known if row["outcome"] == "noticed"]
+        survived = {row["where"] for row in known if row["outcome"] == "survived"}
+        drawn, try_one = [each for each in drawn if _where(each) in survived], attempt_slowly
     with (
         tempfile.TemporaryDirectory(prefix="grosmc_mj_mutants_") as scratch,
         ProcessPoolExecutor(
             asked.workers, get_context("spawn"), initializer=_in_a_copy, initargs=(scratch,)
         ) as pool,
     ):
-        for row in pool.map(attempt, drawn):
+        for row in pool.map(try_one, drawn):
             rows.append(row)
             asked.out.parent.mkdir(parents=True, exist_ok=True)
             asked.out.write_text(json.dumps({"seed": asked.seed, "mutants": rows}, indent=1))
@@ -160,18 +180,30 @@ def _in_a_copy(scratch: str) -> None:
     os.environ["PYTHONPATH"] = str(place)
 
 
-def attempt(mutant: MutationSpec) -> dict[str, Any]:
+def _where(mutant: MutationSpec) -> str:
+    """File and line."""
+    return f"{mutant.module_path}:{mutant.start_pos[0]}"
+
+
+def attempt_slowly(mutant: MutationSpec) -> dict[str, Any]:
+    """The same with slow tests and with those further away."""
+    area = mutant.module_path.parts[1]
+    return attempt(mutant, "not render", (*WATCHED[area], *_SLOWLY[area]))
+
+
+def attempt(
+    mutant: MutationSpec, which: str = "not slow and not render", folders: tuple[str, ...] = ()
+) -> dict[str, Any]:
     """Put a fault in, run the tests, take it out."""
     area = mutant.module_path.parts[1]
-    command = (
-        f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m 'not slow and not render' "
-        + " ".join(_tests(mutant.module_path, area))
+    command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m '{which}' " + " ".join(
+        _tests(mutant.module_path, folders or WATCHED[area])
     )
     line = mutant.module_path.read_text(encoding="utf-8").splitlines()[mutant.start_pos[0] - 1]
     result = mutate_and_test([mutant], command, _TIMEOUT)
     return {
         "area": area,
-        "where": f"{mutant.module_path}:{mutant.start_pos[0]}",
+        "where": _where(mutant),
         "kind": mutant.operator_name.removeprefix("core/"),
         "line": line.strip(),
         "diff": result.diff,
@@ -180,13 +212,11 @@ def attempt(mutant: MutationSpec) -> dict[str, Any]:
     }
 
 
-def _tests(module: Path, area: str) -> Iterator[str]:
+def _tests(module: Path, folders: tuple[str, ...]) -> Iterator[str]:
     """Tests that shall notice, those named like the module first."""
     words = set(module.stem.split("_"))
     files = [
-        file
-        for folder in WATCHED[area]
-        for file in sorted((Path("tests") / folder).glob("test_*.py"))
+        file for folder in folders for file in sorted((Path("tests") / folder).glob("test_*.py"))
     ]
     near = sorted(files, key=lambda file: not words & set(file.stem.split("_")[1:]))
     yield from map(str, near)
