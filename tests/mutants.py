@@ -1,9 +1,9 @@
 """Do the tests notice? Faults of one operator or number, put in one at a time.
 
 A sample of lines, drawn by a seed from the code that decides results, each with one mutant of
-cosmic-ray's. A mutant is noticed if a fast test of what depends on it fails; ``--again`` tries those
-that survived with the slow tests too. Each worker has a copy of the checkout: this one stays as it
-is.
+cosmic-ray's. A mutant is noticed if a fast test of what depends on it fails; ``--again`` tries
+those that survived with the slow tests too. Each worker has a copy of the checkout: this one stays
+as it is.
 
     python tests/mutants.py --number 200 --seed 0 --out build/mutants.json
     python tests/mutants.py --number 200 --seed 0 --out build/mutants.json --again
