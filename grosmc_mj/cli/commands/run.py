@@ -272,7 +272,7 @@ def runs_table(results: Sequence[RunResult]) -> Table:
         rows.append((result.plant, law, *(metric_cell(metrics.get(name)) for name in names)))
         styles.append("red" if result.ended else "")
     columns = (
-        "plant", "law", f"max|x1-x1*| [{output}]", "settled [s]", "J", "J*",
+        "plant", "law", f"max|y-y*| [{output}]", "settled [s]", "J", "J*",
         f"max|u| [{system.input.unit}]",
     )  # fmt: skip
     return screen.brief_table("", columns, rows, words=2, most=9, styles=styles)
