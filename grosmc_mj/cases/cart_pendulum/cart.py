@@ -193,7 +193,8 @@ def shaped_regulator(reach: Reach) -> laws.Law:
     circle: (4/3 L (M + m)/cos theta - m L cos theta) w - (M + m) g tan theta + m L theta'^2
     sin theta. What it differs by from the nominal one, times E, is the switching rate rho.
     """
-    nonlinearity, matrix = _ANGLE.nonlinearity, _ANGLE.decoupling_matrix
+    # Of the angle itself: nothing is followed.
+    nonlinearity, matrix = _ANGLE.linearization.nonlinearity, _ANGLE.decoupling_matrix
     linearizable, accumulate = CART_PENDULUM.linearizable, accumulated(1)
 
     def law(t: float, x: Any, memory: Any, p: Any) -> float:
@@ -211,7 +212,7 @@ def shaped_regulator(reach: Reach) -> laws.Law:
         rho = E * force_needed(abs(w), x, E, p)
         v = w + reach((s,), 0.0, rho, memory, p.switching)[0]
         memory.v[0] = v
-        return (v - nonlinearity(t, x, p)[0]) / E
+        return (v - nonlinearity(x, p.plant)[0]) / E
 
     return law
 
