@@ -67,9 +67,14 @@ def write_columns(path: Path, columns: Sequence[SignalColumn], about: Mapping[st
         else:
             units = {each.name: each.unit for each in columns}
             described = json.dumps({"units": units, "about": about})
-            with part.open("wb") as file:
-                arrays: dict[str, Any] = {each.name: each.values for each in columns}
-                np.savez_compressed(file, **arrays, __about__=np.array(described))
+            arrays: dict[str, Any] = {_key(each.name): each.values for each in columns}
+            with part.open("wb") as opened:
+                np.savez_compressed(opened, **arrays, __about__=np.array(described))
+
+
+def _key(name: str) -> str:
+    """What a column is called in an NPZ, where numpy takes some names for its own options."""
+    return f"{name} " if name in {"file", "args", "kwds", "allow_pickle", "__about__"} else name
 
 
 def read_columns(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
@@ -111,6 +116,6 @@ def _npz(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
     with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         described = json.loads(str(file["__about__"]))
         columns = [
-            SignalColumn(name, unit, file[name]) for name, unit in described["units"].items()
+            SignalColumn(name, unit, file[_key(name)]) for name, unit in described["units"].items()
         ]
     return columns, described["about"]

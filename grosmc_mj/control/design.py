@@ -17,7 +17,7 @@ from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.gains import Uncertainty, switching_gains
 from grosmc_mj.control.lqr import LqrDesign, priced
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.surface import drift_of_surface, surface_matrix
+from grosmc_mj.control.surface import drift_of_surface, held_gain, surface_matrix
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.task import (
     AS_PRINTED,
@@ -90,9 +90,11 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
+    require_task(task)
+    require("uncertainty", uncertainty, Uncertainty, "an Uncertainty")
     optimum, with_reach = task.linearization_optimum(), partial(laws.grosmc_linear, task.error)
     bounded, declared = _bounded(task, optimum, uncertainty, G, linearizing=False)
-    parameters = LinearParameters(**vars(bounded))
+    parameters = LinearParameters(**vars(bounded), GB_held=bounded.GB)
     return _of_outputs(with_reach, task, parameters, optimum, "eqs. (8)+(12)", declared)
 
 
@@ -155,6 +157,8 @@ def realized(controller: Controller, realization: Realization) -> Controller:
     if isinstance(p, SurfaceParameters):
         period = realization.control_period
         changes["S"] = drift_of_surface(p.G, design.lqr, period)
+    if isinstance(p, LinearParameters):
+        changes["GB_held"] = held_gain(p.G, design.lqr, period)
     memory, m = controller.memory(), len(design.lqr.K)
     return replace(
         controller,

@@ -81,18 +81,19 @@ def _sampled(sys: Any, period: float, name: str) -> _Matrices:
     """The matrices at a sampling time; a static gain gets one state, of zeros."""
     import control
 
-    if sys.dt in (0, None):
-        sys = control.sample_system(sys, period, method="tustin")
-    elif sys.dt is not True and not math.isclose(sys.dt, period, rel_tol=1e-9):
+    continuous = sys.dt in (0, None)
+    if not continuous and sys.dt is not True and not math.isclose(sys.dt, period, rel_tol=1e-9):
         raise ArgumentError(
             f"{name} has a sampling time of {sys.dt:g} s, the control period is {period:g} s"
         )
-    # A transfer function of several inputs needs slycot for this.
+    # A transfer function of several inputs needs slycot for this; an improper one has none.
     try:
-        made: Any = control.ss(sys)
-    except (ImportError, control.ControlMIMONotImplemented) as error:
+        found = control.sample_system(sys, period, method="tustin") if continuous else sys
+        made: Any = control.ss(found)
+    except (ImportError, ValueError, control.ControlMIMONotImplemented) as error:
         raise ArgumentError(
-            f"{name}: its state space cannot be made ({error}): give a StateSpace"
+            f"{name}: its state space cannot be made ({' '.join(str(error).split())}): of an "
+            "improper one, such as a PD, filter the derivative; of several inputs give a StateSpace"
         ) from None
     A, B, C, D = (np.asarray(part, float) for part in (made.A, made.B, made.C, made.D))
     if not len(A):

@@ -75,7 +75,7 @@ def grosmc_linear(error: Coordinates, reach: Reach) -> Law:
         wanted = subtract(nothing, times(p.K, z))
         nominal = within(wanted, p.limit)
         # The surface has noted S z = G (A - B K) z for the time up to the next sample.
-        missing = times(p.GB, subtract(nominal, wanted))
+        missing = times(p.GB_held, subtract(nominal, wanted))
         for i in range(m):
             memory.rate[i] += missing[i]
         rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * p.size_of_GB

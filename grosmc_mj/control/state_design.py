@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, require
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import sliding, surface_numbers
+from grosmc_mj.control.gains import authority, authority_together
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.task import LinearParameters, StateTask
 from grosmc_mj.errors import GainError, shown
@@ -71,7 +72,8 @@ class StateUncertainty:
             )
         require("scales", self.scales, Mapping, "a range by the name of each number", GainError)
         for name, ends in self.scales.items():
-            if np.shape(ends) != (2,) or not 0 < ends[0] <= ends[1] < math.inf:
+            bounds = reals(ends)
+            if bounds.shape != (2,) or not 0 < bounds[0] <= bounds[1] < math.inf:
                 raise GainError(f"uncertainty of {name}: the range {shown(ends)} must be positive")
 
     def members(self, plant: Plant) -> Iterator[tuple[str, Plant]]:
@@ -107,7 +109,8 @@ class Spread(NamedTuple):
     """What a family asks of the gains of the law (12).
 
     Attributes:
-        gain_ratio: Least r = G B_t (G B)^-1; for several inputs of its symmetric part.
+        gain_ratio: Least r = G B_t (G B)^-1; for several inputs what dominance leaves of it, and
+            its symmetric part, so that one switch an input and one for all are both covered.
         gamma0: Constant part of the bound, in the unit of the input.
         gamma1: Its slope over |z|.
         unmatched: Largest part of A_t - B_t K - (A - B K) that the input does not reach, over all
@@ -132,7 +135,8 @@ def state_grosmc(
 
     On the linear models of the family, with A_t, B_t and the rest r_t = x'(x_e, u_e) of a member,
 
-        gamma0 = force + sup (|G r_t| + push |G D_t|) / |r G B|,   eta = reaching_rate / min r,
+        gamma0 = sup (|G r_t| + force |G B_t| + push |G D_t|) / |r G B|,
+        eta    = reaching_rate / min r,
         gamma1 = sup |G (A_t - B_t K - A + B K)| / |r G B|,   r = G B_t (G B)^-1,
 
     where D_t is what 1 N along each axis does to x'.
@@ -163,6 +167,7 @@ def state_grosmc(
     parameters = LinearParameters(
         **vars(task.feedback(optimum.K)),
         **numbers,
+        GB_held=numbers["GB"],
         eta=uncertainty.reaching_rate / found.gain_ratio,
         gamma0=found.gamma0,
         gamma1=found.gamma1,
@@ -208,7 +213,7 @@ def spread(
     for said, member in uncertainty.members(plant):
         A_t, B_t = member.jacobian(point.x, point.u)
         share = G @ B_t @ np.linalg.inv(GB)
-        r = float(np.linalg.eigvalsh((share + share.T) / 2).min())
+        r = min(authority(share), authority_together(share))
         where = f"{plant.system.name} with {said}"
         if not r > 0:
             raise GainError(f"{where}: G B is {r:g} of the nominal one: choose another G")
@@ -221,6 +226,9 @@ def spread(
         difference = A_t - B_t @ K - optimum.closed_loop
         rest = member.derivative(point.x, point.u)
         constant = np.linalg.norm(G @ rest)
+        # Each input may be disturbed by as much.
+        spread_out = uncertainty.force * math.sqrt(B_t.shape[1])
+        constant += spread_out * np.linalg.norm(G @ B_t, 2)
         if uncertainty.push:
             body = uncertainty.body or plant.system.uncertain_body
             constant += uncertainty.push * np.linalg.norm(G @ _pushed(member, point, body), 2)
@@ -233,7 +241,7 @@ def spread(
             max(found.unmatched, float(np.linalg.norm(beyond)) / whole if whole > 0 else 0.0),
             max(found.slowest, pole),
         )
-    return found._replace(gamma0=uncertainty.force + found.gamma0)
+    return found
 
 
 def _pushed(plant: Plant, point: OperatingPoint, body: str) -> Array:

@@ -82,12 +82,30 @@ def drift_of_surface(G: Array, optimum: LqrDesign, control_period: float | None)
     """
     if control_period is None:
         return G @ optimum.closed_loop
+    A_d, B_d = _held(optimum, control_period)
+    return G @ (A_d - B_d @ optimum.K - np.eye(len(A_d))) / control_period
+
+
+def held_gain(G: Array, optimum: LqrDesign, control_period: float | None) -> Array:
+    """What a unit of held input moves G z by, per second: G B as printed, else G B_d / T, (m, m).
+
+    Args:
+        G: Projection, (m, n).
+        optimum: The design that the surface follows.
+        control_period: T [s] of the discrete-time surface; None for the printed one.
+    """
+    if control_period is None:
+        return G @ optimum.B
+    return G @ _held(optimum, control_period)[1] / control_period
+
+
+def _held(optimum: LqrDesign, control_period: float) -> tuple[Array, Array]:
+    """A_d (n, n) and B_d (n, m) of z over a control period under a held input."""
     n, m = optimum.B.shape
     held = np.zeros((n + m, n + m))
     held[:n, :n], held[:n, n:] = optimum.A, optimum.B
     transition = scipy.linalg.expm(held * control_period)
-    sampled = transition[:n, :n] - transition[:n, n:] @ optimum.K
-    return G @ (sampled - np.eye(n)) / control_period
+    return transition[:n, :n], transition[:n, n:]
 
 
 def surface_matrix(G: ArrayLike | None, B: Array) -> Array:

@@ -77,9 +77,12 @@ class LinearParameters(BoundedParameters):
     """Numbers of the law (12).
 
     Attributes:
+        GB_held: What a unit of input that is cut off takes from s per second, (m, m): G B as
+            printed, that of a held input on the discrete-time surface.
         limit: Largest nominal input, in the unit of the input; infinite as printed.
     """
 
+    GB_held: Array
     limit: float = math.inf
 
 
@@ -248,6 +251,7 @@ class StateTask:
         require("realization", self.realization, Realization, "a Realization")
         kinds = (OperatingPoint, type(None))
         require("reference", self.reference, kinds, "an OperatingPoint, as equilibrium gives it")
+        self.plant.operating_point(self.point.x, self.point.u)
         pair = isinstance(self.model, tuple) and len(self.model) == 2
         if self.model is not None and not pair:
             raise ArgumentError(f"model = {shown(self.model)} must be a pair (A, B)")

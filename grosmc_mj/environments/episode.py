@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import reals
+from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.environments.reward import Index
 from grosmc_mj.environments.signals import Signals, input_label, state_names
@@ -272,6 +272,7 @@ class Episode:
 
 def _experiment(target: str, task: str | Experiment | None) -> Experiment:
     """The experiment of a target, or of a case of a system."""
+    require("target", target, str, "a system, SYSTEM/CASE or the path of a case file")
     if isinstance(task, Experiment):
         system = find_system(target).name
         if (case := task.case).system != system:
@@ -301,7 +302,13 @@ def _limited(plant: Plant, declared: ArrayLike | None) -> tuple[Array, Array]:
             f"action_limit = {declared!r} must be positive and finite, one number or {len(low)}: "
             f"{input_label(plant.system)}"
         )
-    return np.maximum(low, -limit), np.minimum(high, limit)
+    low, high = np.maximum(low, -limit), np.minimum(high, limit)
+    if np.any(low > high):
+        raise ArgumentError(
+            f"action_limit = {declared!r} leaves nothing of the actuators' own range: "
+            f"{input_label(plant.system)}"
+        )
+    return low, high
 
 
 def _half_widths(plant: Plant, spread: ArrayLike) -> Array:

@@ -243,18 +243,18 @@ def _weights(table: ControllerTable, file: CaseFile) -> tuple[Any, Any]:
 
 
 def _state_task(
-    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, _: Path
+    table: ControllerTable, file: CaseFile, nominal: NominalPlant, _plant: PlantName, _: Path
 ) -> StateTask:
     """What a law on the linearization about the operating point is designed for."""
     Q, R = _weights(table, file)
     wanted, system = file.task, nominal.system
     led = wanted.reference is not None or wanted.outputs.of != "plant" or wanted.sign != 1
-    if led and nominal.robot is not None:
+    if led:
         raise ArgumentError(
-            "task: reference, outputs and sign: a model with fewer actuators than joints is held "
-            "at its operating point: name that with [plant] at"
+            f"task: reference, outputs and sign: under {table.law} all states are held at the "
+            "operating point: name that with [plant] at"
         )
-    believed = nominal.plant if nominal.robot is not None else nominal.equations(plant)
+    believed = nominal.believed or nominal.plant
     n, m = len(system.states), len(system.inputs)
     return StateTask(believed, weight("Q", Q, n), weight("R", R, m), nominal.at)
 

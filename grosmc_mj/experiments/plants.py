@@ -164,6 +164,11 @@ def _named(file: CaseFile, folder: Path) -> NominalPlant:
             nominal = NominalPlant(found.plant, found)
         else:
             nominal = NominalPlant(found)
+    if file.design is not None and nominal.robot is not None:
+        raise ArgumentError(
+            "design: laws of a model are designed from MuJoCo's own dynamics: it has no other "
+            "equations; name another model, or a plant as equations"
+        )
     if file.design is not None:
         nominal = replace(nominal, believed=_believed(file.design.plant, nominal, folder))
     if table.at is not None or (nominal.robot is not None and nominal.robot.underactuated):

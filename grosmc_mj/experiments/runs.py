@@ -116,7 +116,7 @@ class RunResult:
     def save(self, path: str | Path) -> Path:
         """Write the trajectory as ``.parquet``, ``.npz`` or ``.csv``; see ``Trajectory.save``."""
         unit = self.controller.design.sliding_unit if self.controller.design else ""
-        return self.trajectory.save(path, sliding_unit=unit or "1")
+        return self.trajectory.save(path, sliding_unit=unit)
 
     def __repr__(self) -> str:
         """What was run and what came out, in five lines."""

@@ -9,8 +9,9 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import PremiseError
+from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.plants.plant import AT_REST, Plant
 
 
@@ -46,11 +47,20 @@ def equilibrium(
             without input.
 
     Raises:
+        ArgumentError: If a state or a number is none.
         PremiseError: If it rests nowhere near with these states, or only beyond its input's limits.
     """
+    require("plant", plant, Plant, "a plant, such as MujocoPlant.load(...)")
+    require("held", {} if held is None else held, Mapping, "values by the states' indices")
     system, held = plant.system, dict(held or {})
     n = len(system.states)
-    x = np.array(system.near or np.zeros(n) if near is None else near, float)
+    x = reals(system.near or np.zeros(n) if near is None else near).copy()
+    known = all(isinstance(i, int) and 0 <= i < n for i in held)
+    if x.shape != (n,) or not known or not np.all(np.isfinite([*x, *map(real, held.values())])):
+        raise ArgumentError(
+            f"{system.name}: held = {shown(held)} must give finite values of states 0 to {n - 1}, "
+            f"and near = {shown(near)} {n} finite numbers"
+        )
     x[list(held)] = list(held.values())
     free = [i for i in range(n) if i not in held]
     point = OperatingPoint(x, np.zeros(len(system.inputs)))
@@ -62,14 +72,17 @@ def equilibrium(
 
     def rates(values: Array) -> Array:
         here = filled(values)
-        found = plant.derivative(here.x, here.u)
+        try:
+            found = plant.derivative(here.x, here.u)
+        except (ArithmeticError, ValueError):  # outside a function's domain
+            found = np.full(n, np.nan)
         return np.where(np.isfinite(found), found, 1e6)
 
     if np.abs(rates(np.concatenate([x[free], point.u]))).max() > 0.0:
         begun = np.concatenate([x[free], point.u])
         found = scipy.optimize.least_squares(rates, begun, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         point = filled(found.x)
-    left = plant.derivative(point.x, point.u)
+    left = rates(np.concatenate([point.x[free], point.u]))
     named = [(system.states[i], value) for i, value in held.items()]
     where = ", ".join(f"{state.name} = {value:g} {state.unit}" for state, value in named)
     low, high = plant.input_limits

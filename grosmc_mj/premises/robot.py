@@ -93,12 +93,13 @@ def robot_audit(result: RunResult) -> Audit:
     run, law = result.trajectory, result.controller
     if not is_robots(result) or not len(run.input):
         raise ArgumentError(f"{result.key} is no run of a robot in MuJoCo: it has no such premises")
-    points = _along(result)
+    # Of a law of one's own no feedback is known that pushes and switching could be set against.
+    points = _along(result) if hasattr(law.parameters, "K") else []
     premises = []
-    if run.sliding is not None:
+    if run.sliding is not None and points:
         premises = [_rate(result, points), _authority(result, points), initial_surface(run.sliding)]
     premises.append(_torque(result))
-    if isinstance(law.designed.error, RobotCoordinates):
+    if points and isinstance(law.designed.error, RobotCoordinates):
         premises.append(_headroom(law, result.true, points))
     premises.append(_joints(result))
     signals = {

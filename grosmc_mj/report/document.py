@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import json
 import math
 import subprocess
@@ -74,7 +75,10 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def keep_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None:
-    """Put a document with another ``part`` aside before it is replaced, as NAME.previous.json.
+    """Put a document with another ``part`` aside before it is replaced.
+
+    It becomes NAME.previous.json or, if there is one, NAME.previous2.json and so on. What cannot be
+    read is another one, too.
 
     Args:
         path: Where the new document will be.
@@ -84,14 +88,18 @@ def keep_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None
     Returns:
         Where the older one is now; None if there is none, or it has the same part.
     """
+    if not path.is_file():
+        return None
     try:
         older = json.loads(path.read_text(encoding="utf-8"))
         same = older[part] == json.loads(json_text(content[part]))
     except (OSError, ValueError, KeyError, TypeError):
-        return None
+        same = False
     if same:
         return None
-    aside = path.with_name(f"{path.stem}.previous{path.suffix}")
+    ends = ("" if number == 1 else str(number) for number in itertools.count(1))
+    names = (path.with_name(f"{path.stem}.previous{end}{path.suffix}") for end in ends)
+    aside = next(name for name in names if not name.exists())
     path.replace(aside)
     return aside
 

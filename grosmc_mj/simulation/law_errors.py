@@ -9,8 +9,9 @@ import textwrap
 import traceback
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba.core.errors import NumbaError, NumbaWarning
@@ -18,6 +19,7 @@ from numba.core.errors import NumbaError, NumbaWarning
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.jitable import is_own, source_of
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LIBRARIES = Path(numba.__file__).resolve().parents[1]
@@ -138,18 +140,31 @@ def compiling(controller: Controller) -> Iterator[None]:
 
 def _missing(controller: Controller, field: str) -> str:
     """Where a law reads or writes a field that neither its memory nor its numbers have."""
-    law = getattr(controller.law, "own", controller.law)
-    try:
-        lines, first = inspect.getsourcelines(law)
-        file = Path(inspect.getsourcefile(law) or "").name
-        tree = ast.parse(textwrap.dedent("".join(lines)))
-    except (OSError, TypeError, SyntaxError):
-        return ""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and node.attr == field:
-            owner = ast.unparse(node.value)
-            return f"{file}:{first + node.lineno - 1}: {_no_field(owner, field)}"
+    for function in _users_own(controller.law, set()):
+        try:
+            lines, first = inspect.getsourcelines(function)
+            file = Path(inspect.getsourcefile(function) or "").name
+            tree = ast.parse(textwrap.dedent("".join(lines)))
+        except (OSError, TypeError, SyntaxError):
+            continue
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and node.attr == field:
+                owner = ast.unparse(node.value)
+                return f"{file}:{first + node.lineno - 1}: {_no_field(owner, field)}"
     return ""
+
+
+def _users_own(function: Any, seen: set[int]) -> Iterator[Any]:
+    """The functions of the user's own that a law is made of, whatever is wrapped around them."""
+    function = source_of(function)
+    if not inspect.isfunction(function) or id(function) in seen:
+        return
+    seen.add(id(function))
+    if is_own(function):
+        yield function
+    for cell in function.__closure__ or ():
+        with suppress(ValueError):  # a cell that is still empty
+            yield from _users_own(cell.cell_contents, seen)
 
 
 def _not_compiled(name: str, error: Exception) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from enum import Enum
@@ -81,13 +82,16 @@ class Trajectory:
             f"{', '.join(sorted(ended))})"
         )
 
-    def to_arrow(self) -> Any:
+    def to_arrow(self, *, sliding_unit: str = "") -> Any:
         """The signals of one run as a ``pyarrow.Table``; a column each, see ``save``.
+
+        Args:
+            sliding_unit: Unit of s, which the law's design knows.
 
         Raises:
             ArgumentError: For a batch.
         """
-        return arrow_table(*self._columns())
+        return arrow_table(*self._columns(sliding_unit))
 
     def to_pandas(self) -> Any:
         """The same as a pandas frame, indexed by time; pandas must be installed.
@@ -100,13 +104,14 @@ class Trajectory:
             raise SetupError("pandas is not installed; run: pip install pandas")
         return self.to_arrow().to_pandas().set_index("time")
 
-    def save(self, path: str | Path, *, sliding_unit: str = "1") -> Path:
+    def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
         """Write one run as ``.parquet``, ``.npz`` or ``.csv``, by the ending.
 
         A column is a signal with its unit: ``time``, each state by its name, the inputs as they
-        were applied and as they were asked for, ``s``, ``v``, memory, forces and torques. A row is
-        an instant; what is held over an interval stands at its beginning, and the last row has
-        none. The first two formats keep all of the run, for ``load_trajectory``.
+        were applied and as they were asked for, ``s``, ``v``, memory, forces and torques; a unit
+        that nothing here knows is left empty. A row is an instant; what is held over an interval
+        stands at its beginning, and the last row has none. The first two formats keep all of the
+        run, for ``load_trajectory``.
 
         Args:
             path: The file.
@@ -125,7 +130,7 @@ class Trajectory:
         write_columns(file, columns, about)
         return file
 
-    def _columns(self, sliding_unit: str = "1") -> tuple[list[SignalColumn], dict[str, Any]]:
+    def _columns(self, sliding_unit: str = "") -> tuple[list[SignalColumn], dict[str, Any]]:
         """The signals, and what else the run is."""
         if self.state.ndim != 2:
             raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
@@ -135,15 +140,15 @@ class Trajectory:
             ("input", [(each.name, each.unit) for each in system.inputs], self.input),
             ("command", [(f"{u.name} asked", u.unit) for u in system.inputs], self.command),
             ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
-            ("weighed", _numbered("v", "1", self.weighed), self.weighed),
+            ("weighed", _numbered("v", "", self.weighed), self.weighed),
             ("wrench", _wrench_names(system) if self.wrench is not None else [], self.wrench),
-            ("physics", _numbered("mjSTATE_FULLPHYSICS", "1", self.physics), self.physics),
+            ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
         ]
         remembered = self.memory.dtype.names or ()
         # An address means nothing after the run.
         for name in [each for each in remembered if each != "workspace"]:
-            rows = self.memory[name].reshape(len(self.memory), -1)
-            groups.append((f"memory {name}", _numbered(f"memory {name}", "1", rows), rows))
+            rows = self.memory[name]
+            groups.append((f"memory {name}", _numbered(f"memory {name}", "", rows), rows))
         columns = [SignalColumn("time", "s", self.time)]
         named: dict[str, list[str]] = {}
         for group, names, rows in groups:
@@ -218,7 +223,7 @@ def _wrench_names(system: System) -> list[tuple[str, str]]:
 
 def _by_column(rows: Array | None) -> list[Array]:
     """The columns of (N,) or (N, m); none of None."""
-    return [] if rows is None else list(rows.reshape(len(rows), -1).T)
+    return [] if rows is None else list(rows.reshape(len(rows), math.prod(rows.shape[1:])).T)
 
 
 def _lengthened(values: Array, rows: int) -> Array:

@@ -100,7 +100,9 @@ def load(text: str, folder: Path) -> Experiment:
         (beam(design=designed("grosmc_mj.cases.maglev.maglev:plant")), "has the states"),
         (beam(design=designed(TRUE)), "must be module:name"),
         (furuta(law="pd"), "unknown law 'pd': valid: lqr, grosmc, module:name"),
-        (furuta(task='reference = ["1", "2"]'), "is held at its operating point: name that with"),
+        (furuta(task='reference = ["1", "2"]'), "all states are held at the operating point"),
+        (maglev().replace("R = 1e-3", 'R = 1\nreference = ["1"]'), "under lqr all states are held"),
+        (furuta(task=f"[design]\nplant = '{TRUE}:plant'"), "designed from MuJoCo's own dynamics"),
         (furuta(model="nowhere:furuta.xml"), "nowhere, which is not installed; run: pip install"),
         (furuta(model="numpy:furuta.xml"), "the installed numpy has no file 'furuta.xml'"),
         (furuta(model="../a:furuta.xml"), "must be a file, or package:path of one"),
@@ -147,7 +149,9 @@ def test_a_law_of_ones_own_is_weighed_about_the_operating_point(tmp_path: Path) 
     result = load(text.replace("[run]", '[run]\nstart = { gap = "11 mm" }'), tmp_path).run()
     v = result.trajectory.memory["v"][:, 0]
     assert v[0] == pytest.approx(300 * 0.001)
-    assert result.trajectory.input[0] - v[0] == pytest.approx(result.experiment.nominal.at.u[0])
+    point = result.experiment.nominal.at
+    assert point is not None
+    assert result.trajectory.input[0] - v[0] == pytest.approx(point.u[0])
 
 
 def test_a_load_is_where_the_file_says(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,7 +40,8 @@ class RunCommand(Command):
     begin with. The package's own cases are such files, see grosmc-mj list; of a SYSTEM all run.
     NAME.json, NAME.png and NAME.svg go to --out.
 
-    Exit code: 0 if every requirement is kept, 1 if one is not, 2 if file or set-up is wrong.
+    Exit code: 0 if every requirement that a run tells about is kept, 1 if one is not, 2 if file or
+    set-up is wrong.
 
     Attributes:
         target: A system, a case of the package or a case file.
@@ -82,8 +84,11 @@ class RunCommand(Command):
         screen.say_files(console, *files, *(saved if len(saved) <= _LISTED else ()))
         for each in done:
             if each.aside is not None:
-                said = f"{each.file.name} had results of another file or other settings: now in "
-                console.print(f"{said}{each.aside.name}", style="dim")
+                console.print(
+                    f"{each.file.name} had results of another file or other settings: now in "
+                    f"{each.aside.name}; figures and trajectories of that name are replaced",
+                    style="dim",
+                )
         if len(saved) > _LISTED:
             console.print(f"{len(saved)} trajectories in {saved[0].parent}", style="dim")
         for each in done if self.film else ():
@@ -95,7 +100,7 @@ class RunCommand(Command):
         """The trajectories, if they are wanted."""
         folder = self.out / "trajectories"
         return [
-            each.save(folder / f"{done.name}.{each.plant}.{each.controller.name}.{self.save}")
+            each.save(folder / f"{done.name}.{each.plant}.{_plain(each)}.{self.save}")
             for each in (done.results if self.save else ())
         ]
 
@@ -174,6 +179,11 @@ class _JudgedExperiment:
                 write_json(self.file, content)
 
 
+def _plain(result: RunResult) -> str:
+    """The name of a run's law as part of a file's."""
+    return re.sub(r"[^\w.+-]+", "_", result.controller.name)
+
+
 def _check_uncertain(experiment: Experiment) -> None:
     """Refuse wrong [[uncertain]] tables, as a campaign would; a single run does not need them."""
     from grosmc_mj.campaign.family.family import family_of
@@ -190,7 +200,7 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     from grosmc_mj.experiments import tables
 
     wrong, all_of_them = done.failed, done.judgements
-    words = _kept(len(wrong), len(all_of_them))
+    words = _kept(len(wrong), len(all_of_them), len(done.experiment.not_judged))
     if not done.experiment.limits:
         words = "The file requires nothing: give it a [[requirement]]."
         if done.experiment.not_judged:
@@ -213,22 +223,42 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
         console.print(_requirements(all_of_them))
     console.print(runs_table(done.results))
     robot = done.experiment.nominal.robot
-    changed = robot.converted if robot is not None else ()
+    changed = [*_at_rest(done.experiment), *(robot.converted if robot is not None else ())]
     screen.say_lines(console, list(changed), "dim", all=full)
 
 
-def _kept(failed: int, judged: int) -> str:
+def _at_rest(experiment: Experiment) -> list[str]:
+    """Where a plant rests that a file says so of, and under which input."""
+    point, system = experiment.nominal.at, experiment.nominal.system
+    if point is None:
+        return []
+    named = [*zip(system.states, point.x, strict=True)], [*zip(system.inputs, point.u, strict=True)]
+    state, inputs = (
+        ", ".join(f"{each.name} = {value:.4g} {each.unit}" for each, value in pairs)
+        for pairs in named
+    )
+    return [f"at rest at {state} under {inputs}"]
+
+
+def _kept(failed: int, judged: int, not_judged: int) -> str:
     """How many requirements are kept, in words."""
     if failed:
-        return f"{failed} of {judged} requirements are not kept."
-    return "The requirement is kept." if judged == 1 else f"All {judged} requirements are kept."
+        words = f"{failed} of {judged} requirements are not kept."
+    elif judged == 1:
+        words = "The requirement is kept."
+    else:
+        words = f"All {judged} requirements are kept."
+    return f"{words} {not_judged} cannot be judged." if not_judged else words
 
 
 def _answers(console: Console, done: Sequence[_JudgedExperiment]) -> None:
     """The same of several experiments, a row each."""
     failed = sum(len(each.failed) for each in done)
     judged = sum(len(each.judgements) for each in done)
-    screen.say_verdict(console, _kept(failed, judged), good=all(each.kept for each in done))
+    untold = [f"{each.name}: {line}" for each in done for line in each.experiment.not_judged]
+    words = _kept(failed, judged, len(untold))
+    screen.say_verdict(console, words, good=all(each.kept for each in done))
+    screen.say_lines(console, untold, "#D55E00", all=False)
     rows = [
         (
             each.name,

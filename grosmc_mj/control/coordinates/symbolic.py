@@ -189,6 +189,12 @@ class ErrorCoordinates(OutputCoordinates):
         seen, n = chains.seen, len(x)
         of_T = np.reshape(chains.slope(x, p.plant), (self.size, n))[:, seen]
         of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, n))[:, seen]
+        if not np.all(np.isfinite(of_T)) or np.linalg.matrix_rank(of_T) < self.size:
+            raise PremiseError(
+                f"{self.system.name}: the outputs' errors do not determine the state at "
+                f"x = {x.tolist()}, where they are linearized: name an operating point with "
+                "[plant] at, or linearize by feedback"
+            )
         A, B, rows = chains.A.copy(), np.zeros((self.size, self.inputs)), list(chains.last_rows)
         # Of alpha + E u at u = 0, through x = T^-1; a sign of z takes itself out.
         A[rows] = of_K @ np.linalg.inv(of_T)
