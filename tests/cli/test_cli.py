@@ -219,3 +219,21 @@ def test_standard_output_on_a_full_disk_is_one_line() -> None:
         )
     assert done.returncode == cli.WRONG
     assert done.stderr == "grosmc-mj: standard output: No space left on device\n"
+
+
+def test_without_a_terminal_progress_is_a_line_now_and_then(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from grosmc_mj.cli import screen
+
+    assert screen.LINE_EVERY == 10.0
+    with screen.progress(3, "runs") as advance:
+        advance("soon")
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(screen, "LINE_EVERY", 0.0)
+    with screen.progress(3, "runs") as advance:
+        advance("one  of them ")
+        advance(by=2)
+    assert capsys.readouterr().err.splitlines() == [
+        "1 of 3 runs in 0 s: one of them", "3 of 3 runs in 0 s"
+    ]  # fmt: skip

@@ -24,6 +24,7 @@ from shipped import find_case, run_case
 
 import grosmc_mj as gm
 from grosmc_mj import cli
+from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
@@ -529,7 +530,11 @@ def test_a_run_that_diverged_can_be_filmed(
 # From the command line, and what lies beside a film
 
 
-def test_film_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_film_from_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # However slow the machine is.
+    monkeypatch.setattr(screen, "LINE_EVERY", float("inf"))
     path = tmp_path / "f.mp4"
     arguments = "film cart_pendulum/nominal --size 320x240 --fps 4 --from 0 --to 1 --gif"
     with pytest.raises(SystemExit) as stop:

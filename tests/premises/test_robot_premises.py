@@ -277,9 +277,10 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
     prepared = SimpleNamespace(
         laws=results,
         limits=[],
+        not_judged=[],
         case=results[0].case,
         settings=PYTHON,
-        nominal=SimpleNamespace(robot=None),
+        nominal=SimpleNamespace(robot=None, at=None, system=None),
         runs=lambda: iter(results),
         document=dict,
         file=SimpleNamespace(uncertain=[]),
