@@ -71,12 +71,12 @@ void *dlopen(const char *name, int flags) {
 ANSWER = '{"renderer": "a pretended one"}'
 
 
-@pytest.fixture(scope="module")
 def without_progress(said: str) -> str:
     """Standard error without the lines that tell now and then how far a command is."""
     return re.sub(r"^\d+ of \d+ .*\n", "", said, flags=re.MULTILINE)
 
 
+@pytest.fixture(scope="module")
 def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A library for LD_PRELOAD that hides others."""
     compiler = shutil.which("gcc") or shutil.which("cc")
