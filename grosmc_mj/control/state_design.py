@@ -207,7 +207,7 @@ def spread(
     Raises:
         GainError: If a member turns the input round or makes the sliding dynamics unstable.
     """
-    GB, K = G @ optimum.B, optimum.K
+    GB = G @ optimum.B
     size = float(np.linalg.norm(GB))
     found = Spread(math.inf, 0.0, 0.0, 0.0, -math.inf)
     for said, member in uncertainty.members(plant):
@@ -223,7 +223,7 @@ def spread(
                 f"{where}: the sliding dynamics have a pole at {pole:g} 1/s, and no switching gain "
                 "helps: weigh the rates more, or choose another G"
             )
-        difference = A_t - B_t @ K - optimum.closed_loop
+        difference, matched = mismatch(optimum, A_t, B_t)
         rest = member.derivative(point.x, point.u)
         constant = np.linalg.norm(G @ rest)
         # Each input may be disturbed by as much.
@@ -233,12 +233,14 @@ def spread(
             body = uncertainty.body or plant.system.uncertain_body
             constant += uncertainty.push * np.linalg.norm(G @ _pushed(member, point, body), 2)
         whole = float(np.linalg.norm(difference))
-        beyond = difference - optimum.B @ np.linalg.pinv(optimum.B) @ difference
         found = Spread(
             min(found.gain_ratio, r),
             max(found.gamma0, float(constant) / (r * size)),
             max(found.gamma1, float(np.linalg.norm(G @ difference)) / (r * size)),
-            max(found.unmatched, float(np.linalg.norm(beyond)) / whole if whole > 0 else 0.0),
+            max(
+                found.unmatched,
+                float(np.linalg.norm(difference - matched)) / whole if whole > 0 else 0.0,
+            ),
             max(found.slowest, pole),
         )
     return found
@@ -269,6 +271,15 @@ def _sliding_unit(system: System, GB: Array) -> str:
     if not np.allclose(GB, np.eye(len(GB)), rtol=1e-9, atol=1e-9):
         return "1"
     return "s" if system.input.unit == "1" else f"{system.input.unit} s"
+
+
+def mismatch(optimum: LqrDesign, A_t: Array, B_t: Array) -> tuple[Array, Array]:
+    """What a true linear plant adds to A - B K, and the part of it that is matched, (n, n) each.
+
+    On x' = A_t x + B_t u with u = -K x it is dA - dB K; B B+ projects on what the input reaches.
+    """
+    added = A_t - B_t @ optimum.K - optimum.closed_loop
+    return added, optimum.B @ np.linalg.pinv(optimum.B) @ added
 
 
 def sliding_dynamics(optimum: LqrDesign, G: Array, A_t: Array, B_t: Array) -> Array:

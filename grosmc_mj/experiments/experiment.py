@@ -25,7 +25,14 @@ from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
-from grosmc_mj.experiments.requirements import Judgement, Limit, judge_all, judgeable, limits
+from grosmc_mj.experiments.requirements import (
+    Judgement,
+    Limit,
+    judge_all,
+    judgeable,
+    limits,
+    transient,
+)
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
@@ -117,8 +124,8 @@ class Experiment:
     @cached_property
     def _judged(self) -> tuple[Sequence[Limit], Sequence[str]]:
         case = self.case
-        begins = [d.window[0] for d in case.disturbances if d.window[0] > 0]
-        return judgeable(self.required, min([case.duration, *begins]))
+        onsets = [(d.window[0], d.window[0]) for d in case.disturbances]
+        return judgeable(self.required, transient(case.duration, onsets))
 
     @cached_property
     def required(self) -> Sequence[Limit]:

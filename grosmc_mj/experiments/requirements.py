@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -202,18 +202,29 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
     return float(found[limit.metric][0]), ""
 
 
-def judgeable(limits: Sequence[Limit], transient: float) -> tuple[list[Limit], list[str]]:
+def transient(duration: float, onsets: Iterable[tuple[float, float]]) -> float:
+    """How long every run goes on before a disturbance begins, or until its end [s].
+
+    Args:
+        duration: Of a run [s].
+        onsets: When each disturbance begins at the earliest and at the latest [s]; one that acts
+            from the start of every run is part of the transient.
+    """
+    return min([duration, *(max(low, 0.0) for low, high in onsets if high > 0)])
+
+
+def judgeable(limits: Sequence[Limit], before: float) -> tuple[list[Limit], list[str]]:
     """The requirements that runs tell about, and of the others why they do not.
 
     Args:
         limits: All that there are.
-        transient: How long every run goes on before a disturbance begins, or until its end [s].
+        before: How long a run is a ``transient`` [s].
     """
-    told, found, notes = (1 - DWELL) * transient, [], []
+    told, found, notes = (1 - DWELL) * before, [], []
     for limit in limits:
         if limit.kind == "settles_within" and limit.value > told * (1 + 1e-12):
             notes.append(
-                f"not judged: {limit.words}: there are {transient:g} s before a run ends or a "
+                f"not judged: {limit.words}: there are {before:g} s before a run ends or a "
                 f"disturbance begins; they tell up to {told:g} s, since an error counts as settled "
                 "after a tenth of them in the band"
             )

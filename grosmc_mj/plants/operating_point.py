@@ -78,8 +78,8 @@ def equilibrium(
             found = np.full(n, np.nan)
         return np.where(np.isfinite(found), found, 1e6)
 
-    if np.abs(rates(np.concatenate([x[free], point.u]))).max() > 0.0:
-        begun = np.concatenate([x[free], point.u])
+    begun = np.concatenate([x[free], point.u])
+    if np.abs(rates(begun)).max() > 0.0:
         found = scipy.optimize.least_squares(rates, begun, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         point = filled(found.x)
     left = rates(np.concatenate([point.x[free], point.u]))

@@ -19,7 +19,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, afters, judgeable, required
+from grosmc_mj.experiments.requirements import Limit, afters, judgeable, required, transient
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
@@ -85,7 +85,9 @@ class Campaign:
         family = family_of(experiment.file, experiment.case, plants[name])
         if specification.sampler == "corners":
             _refuse_corners(specification, family)
-        limits, notes = judgeable(experiment.required, _transient(experiment, family))
+        case = experiment.case
+        onsets = [_onset(each, family) for each in case.disturbances]
+        limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         requirements = required(limits, laws)
         found = cls(specification, experiment, family, laws, requirements, tuple(notes))
         found.plant_sample(found.family.nominal).plant(found.plant)
@@ -161,19 +163,6 @@ class Campaign:
         """The plant, disturbances and start that these values make."""
         row = np.asarray(values, float).tolist()
         return plant_sample_of(self.experiment.case, self.family.quantities, row)
-
-
-def _transient(experiment: Experiment, family: Family) -> float:
-    """How long every run goes on before a disturbance begins, or until its end [s].
-
-    A disturbance that acts from the start of every run is part of the transient.
-    """
-    case, first = experiment.case, [experiment.case.duration]
-    for disturbance in case.disturbances:
-        low, high = _onset(disturbance, family)
-        if high > 0:
-            first.append(max(low, 0.0))
-    return min(first)
 
 
 def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:

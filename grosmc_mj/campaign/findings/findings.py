@@ -90,7 +90,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     looked = len(next(iter(columns.values()))["id"])
     runs = next(iter(counts.values()))["runs"]
     sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
-    last = [*campaign.laws, *campaign.judged][-1]
+    last = (campaign.judged or list(campaign.laws))[-1]
     return Findings(
         sampled=sampled,
         looked_at=sampled._replace(runs=looked),

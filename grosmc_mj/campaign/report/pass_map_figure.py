@@ -129,8 +129,9 @@ def write_pass_map(
     (_, first), (_, second) = (shown_unit(each.unit) for each in axes)
     laws, boundaries = {}, {}
     names = [each.name for each in axes]
-    found_columns = folder.columns(campaign, [*names, "relative"], shards)
-    for law, columns in ((law, found_columns[law]) for law in campaign.judged):
+    runs = folder.columns(campaign, [*names, "relative"], shards)
+    for law in campaign.judged:
+        columns = runs[law]
         x, y = columns[names[0]] * first, columns[names[1]] * second
         laws[law] = Points(x, y, columns["relative"])
         grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None

@@ -166,11 +166,11 @@ class FeedbackLinearization(Chains):
             except (ArithmeticError, ValueError):  # outside a function's domain
                 return np.full((m, m), np.nan)
 
-        beside = [matrix(x + side * row) for row in np.eye(len(x)) for side in (-0.1, 0.1)]
-        sizes = [np.linalg.norm(E, 2) for E in (matrix(x), *beside) if np.all(np.isfinite(E))]
         here = matrix(x)
-        if not np.all(np.isfinite(here)) or not sizes:
+        if not np.all(np.isfinite(here)):
             return
+        beside = [matrix(x + side * row) for row in np.eye(len(x)) for side in (-0.1, 0.1)]
+        sizes = [np.linalg.norm(E, 2) for E in (here, *beside) if np.all(np.isfinite(E))]
         if np.linalg.svd(here, compute_uv=False).min() > _STILL * max(sizes):
             return
         E = self.E[0] if m == 1 else self.E.tolist()

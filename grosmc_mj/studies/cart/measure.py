@@ -14,7 +14,7 @@ from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.control.state_design import sliding_dynamics
+from grosmc_mj.control.state_design import mismatch, sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
@@ -236,14 +236,8 @@ def projections(
 
 
 def uncertainty(optimum: LqrDesign, model: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The matched and the unmatched part of dA - dB K, (n, n) each.
-
-    On x' = A_t x + B_t u with u = -K x it is what is added to A - B K; B B+ projects on what the
-    input reaches.
-    """
-    A_t, B_t = model
-    added = A_t - B_t @ optimum.K - optimum.closed_loop
-    matched = optimum.B @ np.linalg.pinv(optimum.B) @ added
+    """The matched and the unmatched part of dA - dB K, (n, n) each."""
+    added, matched = mismatch(optimum, *model)
     return matched, added - matched
 
 
