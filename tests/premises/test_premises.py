@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shipped import ARM_G, cases, find_case, task_of
+from shipped import ARM_G, cases, find_case, run_case, task_of
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -27,7 +27,7 @@ from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.audit import Audit, Premise, audit
+from grosmc_mj.premises.audit import Audit, Premise, audit, least_margin, run_audit
 from grosmc_mj.premises.balance import Balance, balance, switching_rate
 from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.edits import BodyEdit
@@ -402,6 +402,30 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
     case = trial("servo", "short", find_case("servo", "nominal").x0, 0.1)
     found = audit(Laboratory(Settings(engine="python"), off), case)
     assert not premise(found, "s(0) = 0").holds
+
+
+@pytest.mark.parametrize("size", [1.0, 0.0])
+def test_a_surface_that_no_input_steers_fails_that_premise(size: float) -> None:
+    """G B = 0, which a design refuses, of a law of one's own."""
+    settings = Settings(engine="python")
+    result = run_case(trial("servo", "short", (0.0, 0.0), 0.05).case, "physics", "grosmc", settings)
+    law = with_parameters(result.controller, GB=size * np.eye(1))
+    found = premise(run_audit(replace(result, controller=law)), "G B nonsingular")
+    assert found.holds is bool(size)
+    assert found.note == f"G B = {size:g}"
+
+
+def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
+    """The least margin is that of the worst signs, whatever the signs of what is declared."""
+    law, plant = robust("cart_pendulum"), nominal("cart_pendulum")
+    together = np.zeros(12)
+    together[[0, 6]] = 0.2, 0.3
+    apart = together * np.repeat([1.0, -1.0], 6)
+    # A force on the cart turns the upright pole the other way than one on the pole.
+    rates = [balance(law, plant, 0.0, np.zeros(4), w).required for w in (together, apart)]
+    assert rates[1] > rates[0]
+    margins = [least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
+    assert margins[0] == pytest.approx(margins[1], rel=1e-12)
 
 
 def test_projection_that_does_not_see_the_input_is_refused() -> None:

@@ -36,8 +36,6 @@ from grosmc_mj.simulation.models import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 
-pytestmark = pytest.mark.slow
-
 PYTHON = Settings(engine="python")
 # Two links in the vertical plane, with limits of torques and of one joint.
 ARM = """
@@ -168,6 +166,9 @@ def test_a_law_with_less_than_it_needs_fails_with_the_rate_that_restores_it() ->
     assert not failed.holds
     assert failed.along.margin == pytest.approx(0.5 - required(weak).max(), rel=1e-12)
     assert f"{required(weak).max():.3g}" in failed.restores
+    # No more against each joint's own row of R than against the least of them, and not nothing.
+    alone = float(failed.note.split(", or ")[1].split(" with each joint's push")[0])
+    assert 0 < alone <= float(f"{required(weak).max():.3g}")
     assert failed.along.worst.t in audited(weak).signals["time"]
     assert premise(enough, "epsilon").holds
     assert not premise(enough, "epsilon").restores
@@ -261,6 +262,7 @@ def test_table_and_document_have_every_premise() -> None:
     assert audit_table(found).row_count == len(KEPT)
 
 
+@pytest.mark.slow
 def test_other_runs_have_no_such_premises() -> None:
     case = replace(find_case("servo", "nominal"), duration=0.05)
     for plant in ("physics", "corrected"):
@@ -270,6 +272,7 @@ def test_other_runs_have_no_such_premises() -> None:
             robot_premises(other)
 
 
+@pytest.mark.slow
 def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
