@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
@@ -270,17 +269,9 @@ def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
         raise ModelError(unknown_name("joint", edit.joint, names))
     joint = spec.joint(edit.joint)
     if edit.damping is not None:
-        joint.damping = _like(joint.damping, edit.damping)
+        # A polynomial in the speed, the linear coefficient first.
+        joint.damping = edit.damping * np.eye(np.size(joint.damping))[0]
     if edit.friction is not None:
         joint.frictionloss = edit.friction
     if edit.armature is not None:
         joint.armature = edit.armature
-
-
-def _like(old: ArrayLike, value: float) -> ArrayLike:
-    """A linear coefficient in the form that MuJoCo has it: a number, or a polynomial's first."""
-    if np.ndim(old) == 0:
-        return value
-    coefficients = np.zeros_like(np.asarray(old, float))
-    coefficients[0] = value
-    return coefficients

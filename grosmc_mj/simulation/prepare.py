@@ -182,11 +182,11 @@ def _stride(
             f"control period {shown(control_period)} s must be a multiple of the timestep {h:g} s, "
             f"at most {LONGEST:g} s"
         )
-    stride = max(0, round(period / h))
-    if stride < 1 or not math.isclose(stride * h, period, rel_tol=1e-9):
+    stride = max(1, round(period / h))
+    if not math.isclose(stride * h, period, rel_tol=1e-9):
         raise ArgumentError(
             f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
-            f"{max(1, stride) * h:g} s, or another timestep"
+            f"{stride * h:g} s, or another timestep"
         )
     for each in controllers:
         wanted = each.design.control_period if each.design else None

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.plants import ArmParameters, CartPendulumParameters, Variant
+from grosmc_mj.plants import SERVO, ArmParameters, CartPendulumParameters, Variant
+from grosmc_mj.simulation import edits, mujoco_plant
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
-from grosmc_mj.simulation.models import load_model, load_spec
+from grosmc_mj.simulation.models import compile_spec, load_model, load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 MOVING = [
@@ -308,7 +309,7 @@ def test_an_edit_that_mujoco_refuses_is_a_model_error() -> None:
 LOADED = """
 <mujoco>
   <asset>
-    <mesh name="wedge" vertex="0 0 0  0.2 0 0  0 0.1 0  0 0 0.3"/>
+    <mesh name="wedge" scale="2 2 2" vertex="0 0 0  0.2 0 0  0 0.1 0  0 0 0.3"/>
     <mesh name="shared" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/>
   </asset>
   <worldbody>
@@ -361,6 +362,25 @@ def test_a_load_on_a_scaled_body_sits_where_its_position_says() -> None:
     own, mass = before.body("link"), before.body("link").mass[0]
     wanted = (2 * mass * 1.5 * own.ipos + [0.5, 0, 0]) / (2 * mass + 1)
     np.testing.assert_allclose(after.body("link").ipos, wanted, rtol=0, atol=1e-15)
+
+
+def test_the_nominal_model_is_compiled_once_for_all_that_is_edited(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compiled = []
+
+    def counted(spec: mujoco.MjSpec, **options: bool) -> mujoco.MjModel:
+        compiled.append(spec)
+        return compile_spec(spec, **options)
+
+    for module in (edits, mujoco_plant):
+        monkeypatch.setattr(module, "compile_spec", counted)
+    plant = MujocoPlant(SERVO, load_spec("servo"))
+    masses = [
+        plant.edited(BodyEdit("rotor", scale)).model.body("rotor").mass[0] for scale in (2.0, 3.0)
+    ]
+    assert masses[1] == pytest.approx(1.5 * masses[0])
+    assert len(compiled) == 3
 
 
 def test_a_joint_edit_sets_what_it_names_only() -> None:

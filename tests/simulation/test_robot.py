@@ -231,6 +231,15 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
         np.testing.assert_allclose(ours.unmatched(1.0, x, p, drift), 0, atol=1e-15)
 
 
+def test_the_acceleration_that_an_input_was_computed_for_is_found_again() -> None:
+    law = two_link_law()
+    error, p, v = law.coordinates, law.parameters, (1.5, -0.7)
+    memory, _kept = law.begin()
+    for x in states(2):
+        u = error.feedback(0.3, x, v, memory, p)
+        np.testing.assert_allclose(error.driven(0.3, x, u, memory, p), v, rtol=1e-10)
+
+
 def test_the_balance_of_the_reaching_condition_takes_a_robot() -> None:
     law, x = two_link_law(), states(2)[0]
     nominal = balance(law, two_link().plant, 0.0, x, np.zeros(18))
@@ -419,7 +428,9 @@ def test_every_kind_of_source_gives_the_same_robot(tmp_path: Path) -> None:
     file.write_text(TREE)
     q = [0.1, 0.2, 0.3]
     for source in (file, str(file), mujoco.MjSpec.from_string(TREE)):
-        np.testing.assert_array_equal(Robot.from_mjcf(source).inertia(q), tree().inertia(q))
+        robot = Robot.from_mjcf(source)
+        np.testing.assert_array_equal(robot.inertia(q), tree().inertia(q))
+        assert robot.plant.system.name == "tree"
 
 
 def test_timestep_and_integrator_are_the_plants() -> None:
@@ -442,6 +453,19 @@ def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics() -> No
             mujoco.mj_forward(model, data)
             whole = data.qfrc_bias - data.qfrc_passive
             np.testing.assert_allclose(robot.bias(x[:N], x[N:]), whole, rtol=0, atol=1e-12)
+
+
+def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics() -> None:
+    """Beyond its limit and within the floor, which a fluid's model keeps as it keeps all geoms."""
+    floor = "<worldbody><geom type='plane' size='9 9 1'/>"
+    for fluid in ("", "<option density='1'/>"):
+        xml = one_joint("range='-1 1' limited='true'").replace("<worldbody>", fluid + floor)
+        robot = Robot.from_mjcf(xml)
+        for model, constrained in ((robot.plant.model, True), (robot.nominal, False)):
+            data = mujoco.MjData(model)
+            data.qpos[:] = 1.5
+            mujoco.mj_forward(model, data)
+            assert bool(data.nefc) is constrained
 
 
 # --- what is refused ---

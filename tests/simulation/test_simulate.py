@@ -288,6 +288,9 @@ def run_both(kind: str, system: str, law: Controller, starts: Any, **options: An
     np.testing.assert_array_equal(runs[0].state, runs[1].state)
     np.testing.assert_array_equal(runs[0].command, runs[1].command)
     assert_finite(runs[0])
+    if runs[0].physics is not None:
+        # MuJoCo's own rows are time, positions and velocities, after an early end too.
+        np.testing.assert_array_equal(runs[0].physics[..., 1:], runs[0].state)
     return runs[0]
 
 
