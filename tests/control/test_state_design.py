@@ -14,6 +14,7 @@ from grosmc_mj.control.state_design import StateUncertainty, state_grosmc
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization, StateTask
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.plants import OperatingPoint, equilibrium
 
 
@@ -53,6 +54,16 @@ def test_it_stays_where_it_rests(make: Any) -> None:
     np.testing.assert_allclose(run.input, made.point.u[0], rtol=1e-12)
     assert np.abs(run.memory["v"]).max() < 1e-12
     assert made.point.u[0] == pytest.approx(9.81 * 2 * np.sin(0.8))
+
+
+def test_its_optimum_starts_where_the_run_does() -> None:
+    """In the states' own coordinates, about the operating point."""
+    made = task()
+    law = linear_lqr(made)
+    run = gm.simulate(made.plant, law, made.point.x + np.array([0.05, 0.1]), duration=0.02)
+    found = compare_with_optimum(run, law)
+    np.testing.assert_allclose(found.optimum[0], run.state[0, [0]], rtol=1e-12)
+    np.testing.assert_allclose(found.reference[0], made.point.x[[0]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("plant", [hanging, two_carts])

@@ -277,6 +277,18 @@ def test_system_that_names_other_signals_than_its_equations_is_refused(
         replace(SERVO, **change)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"states": ("angle",)}, "states = .* must be a tuple of Signals"),
+        ({"bodies": (1,)}, "bodies = .* must be a tuple of names"),
+    ],
+)
+def test_what_is_no_signal_or_no_name_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        replace(SERVO, **change)
+
+
 # What is printed as what
 
 

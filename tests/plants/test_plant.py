@@ -10,7 +10,7 @@ import pytest
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.plants import SYSTEMS, Plant
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.models import model_path
+from grosmc_mj.simulation.models import load_spec, model_path
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 
@@ -34,6 +34,22 @@ def test_equations_and_mujoco_give_the_same_rates(system: str) -> None:
         # A rate says nothing of what was asked before.
         physics.derivative(-x, -u)
         np.testing.assert_array_equal(physics.derivative(x, u, w), found)
+
+
+@pytest.mark.parametrize(
+    ("system", "body"), [("arm", "hub"), ("arm", "link"), ("two_link_arm", "payload")]
+)
+def test_what_turns_is_the_inertia_about_the_joint_s_own_axis(system: str, body: str) -> None:
+    spec = load_spec(system)
+    edited = spec.body(body)
+    edited.explicitinertial, edited.mass = True, max(0.1, edited.mass)
+    edited.inertia = [0.02, 0.03, 0.04]
+    physics = MujocoPlant(SYSTEMS[system], spec)
+    n, m = len(physics.system.states), len(physics.system.inputs)
+    x, u = np.linspace(-0.3, 0.4, n), np.linspace(0.5, 1.0, m)
+    np.testing.assert_allclose(
+        physics.derivative(x, u), physics.analytic().derivative(x, u), rtol=1e-9, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("system", ["servo", "cart_pendulum"])
@@ -95,6 +111,9 @@ def test_a_robot_is_a_plant_without_equations() -> None:
     robot = Robot.from_mjcf(model_path("two_link_arm")).plant
     assert robot.parameters is None
     assert not robot.system.symbolic
+    assert robot.system.equations.linearizable(np.zeros(4))
+    with pytest.raises(ModelError, match=r"has no equations in symbols \(drift\): MuJoCo computes"):
+        _ = robot.system.equations.drift
     n = robot.system.degrees_of_freedom
     np.testing.assert_allclose(robot.derivative(np.zeros(2 * n))[:n], 0)
     assert robot.input_limits.shape == (2, n)
