@@ -23,7 +23,7 @@ from grosmc_mj.experiments.metrics import (
     settling_time,
 )
 from grosmc_mj.experiments.metrics.definitions import MeterNumbers, Meters, note, note_all
-from grosmc_mj.experiments.requirements import Limit, judge
+from grosmc_mj.experiments.requirements import Limit, judge, margins_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import SERVO
 from grosmc_mj.records import pack
@@ -244,6 +244,17 @@ def test_error_of_several_outputs_is_the_norm_of_theirs() -> None:
     np.testing.assert_allclose(found.deviation, np.hypot(away[:, 0], away[:, 2]), rtol=1e-15)
 
 
+def test_a_run_of_one_instant_has_no_metrics(servo_lqr: Controller) -> None:
+    run = optimal_run(servo_lqr)
+    whole = compare_with_optimum(run, servo_lqr)
+    started = whole._replace(time=whole.time[:1], z=whole.z[:1], optimal=whole.optimal[:1])
+    found = measure(run, servo_lqr, started)
+    assert set(found) >= {"deviation", "settling_time", "max_input", "cost_whole"}
+    assert {(metric.value, metric.note) for metric in found.values()} == {
+        (None, "ended at the start")
+    }
+
+
 def test_every_metric_has_a_unit_or_says_why_not(servo_lqr: Controller) -> None:
     run = optimal_run(servo_lqr)
     metrics = measure(run, servo_lqr, compare_with_optimum(run, servo_lqr))
@@ -285,6 +296,12 @@ def test_a_limit_that_is_just_met_is_kept(servo_lqr: Controller) -> None:
         found = judge(limit("input_below", value), result)
         assert found.margin == value - 1.5
         assert found.kept == kept
+
+
+def test_margins_of_many_runs_are_what_is_left_of_the_limit() -> None:
+    asked = limit("input_below", 2.0)._replace(key="input_below")
+    found = margins_of([asked], {asked.metric: np.array([0.5, 3.0, 0.1])}, np.arange(3) < 2)
+    assert found["input_below"].tolist() == [1.5, -1.0, -np.inf]
 
 
 def test_an_error_stays_within_from_after_on_to_both_sides(servo_lqr: Controller) -> None:

@@ -45,6 +45,13 @@ k = 7
 """
 
 
+def test_an_experiment_is_judged_like_its_file(tmp_path: Path) -> None:
+    file = extended(tmp_path, CASE + '[[requirement]]\ninput_below = "1e9 N m"\n')
+    judged = gm.judge(Experiment.load(file))
+    assert [each.kept for each in judged] == [True]
+    assert judged == gm.judge(file)
+
+
 @pytest.fixture
 def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the package's cases, which the package takes for its own."""

@@ -125,6 +125,14 @@ def test_the_shaped_angle_cannot_overshoot() -> None:
     assert NOMINAL.derivative(x, u)[2] == pytest.approx(4 * p.L / 3 * w - p.g * x[1], rel=1e-8)
 
 
+def test_near_rest_the_shaped_law_is_its_lqr() -> None:
+    """Of an angle and a position that are small the bound on the lean is not felt."""
+    law, x = holding_pfl(NOMINAL), 1e-4 * np.array([3.0, 1.0, -2.0, 1.0])
+    memory = law.memory()
+    law.law(0.0, x, memory, law.parameters)
+    assert memory.v[0] == pytest.approx(-optimum_of(law).K[0] @ x, rel=1e-6)
+
+
 def test_weights_that_overshoot_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(holding, "WEIGHTS", (np.diag([1.0, 1e5, 1.0, 1.0]), 1.0))
     with pytest.raises(GainError, match="let the angle overshoot"):
