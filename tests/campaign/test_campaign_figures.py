@@ -166,6 +166,20 @@ def test_a_law_that_fails_widely_does_not_hide_the_others():
     assert low > -10
 
 
+def test_an_axis_of_margins_has_their_own_scale():
+    """Margins of another unit are drawn the same, and all that is drawn fits."""
+    margins, least = np.linspace(-0.05, 0.2, 30), np.array([-INF, 0.5, 0.1, -0.2])
+    limits = []
+    for factor in (1.0, 2.0**-20, 2.0**20):
+        laws = {"grosmc": factor * margins, "lqr": -1e6 * factor * np.ones(30)}
+        first = draw_margins([MarginPanel("kept", "", laws)], TITLE, "")
+        second = draw_radius([radius_curve(least=factor * least)], TITLE, "")
+        found = (drawn(first).axes[0].get_xlim(), drawn(second).axes[0].get_ylim())
+        limits.append(np.array(found) / factor)
+    np.testing.assert_allclose(limits[1:], [limits[0]] * 2, rtol=1e-9)
+    assert limits[0][1, 0] < -0.2 < 0.5 < limits[0][1, 1]
+
+
 # The pass map.
 
 

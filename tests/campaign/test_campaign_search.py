@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from campaign_cases import AMPLITUDE, BOTH, INERTIA, LAWS, LQR, campaign, case, falling, servo
+from matplotlib.figure import Figure
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import specification_of
 from grosmc_mj.campaign.findings.promise import PromisedFamily, premise_grid, promise
 from grosmc_mj.campaign.findings.radius import Radius, radius
 from grosmc_mj.campaign.findings.worst import Worst, shrunk, worst
+from grosmc_mj.campaign.report import radius_figure
 from grosmc_mj.campaign.report.document import radius_document, worst_document
 from grosmc_mj.campaign.runs.replay import found_values
 from grosmc_mj.campaign.runs.shard import evaluate
@@ -169,6 +171,19 @@ def test_the_radius_lies_between_a_passing_and_a_failing_scale(reached: Radius) 
         assert (min(ends) < 0) == fails
 
 
+def test_the_radius_that_is_drawn_is_the_one_that_was_found(
+    reached: Radius, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(
+        radius_figure, "write_figure", lambda figure, _files: figures.append(figure)
+    )
+    radius_figure.write_radius(loads(1.0), [reached], [])
+    (legend,) = (axes.get_legend() for axes in figures[0].subfigs[0].axes)
+    said = [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+    assert f"no failure found up to {reached.found:.3g}" in said
+
+
 def test_a_larger_limit_has_a_radius_beyond_the_declared_family() -> None:
     found = radius(loads(5.0), "lqr")
     assert found.outside is not None
@@ -321,6 +336,14 @@ def test_a_promise_ends_where_starts_leave_the_operating_region() -> None:
     # By bisection to 1 %, from below.
     assert 1.1 / 1.01 < found.scale <= 1.1
     assert found.note.endswith("beyond it starts leave that region")
+
+
+def test_what_the_nominal_plant_alone_keeps_promises_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    premises = premises_of(AMPLITUDE)
+    monkeypatch.setattr(PromisedFamily, "holds", lambda _self, scale: scale == 0.0)
+    assert premises.promise().scale == 0.0
 
 
 @pytest.mark.slow
