@@ -14,6 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.films import film_digest
 from grosmc_mj.films import chart, frames
 from grosmc_mj.films.board import OVERSAMPLING, Storyboard, Trace
 from grosmc_mj.films.camera import Placement, place
@@ -226,6 +227,19 @@ def test_a_small_sliding_variable_is_in_thousandths_of_its_unit(figures: list[Fi
         assert axes.get_title(loc="left") == f"sliding variable s [{unit}]"
         for line, s in zip(axes.lines, runs, strict=True):
             np.testing.assert_array_equal(np.ravel(line.get_ydata()), factor * s[20:51])
+
+
+def test_all_that_a_picture_shows_makes_another_film() -> None:
+    board = storyboard(film(SMALL, made_up()))
+    (scene,) = board.scenes
+    rows = np.ones((len(scene.physics), 3))
+    changes = {"physics": scene.physics + 1, "ghost": None, "wrench": None, "over": 1,
+               "ended": "diverged", "trace": Trace(rows, None, "#D55E00")}  # fmt: skip
+    assert tuple(changes) == scene._fields
+    others = [
+        replace(board, scenes=(scene._replace(**{name: value}),)) for name, value in changes.items()
+    ]
+    assert len({film_digest(each) for each in (board, *others)}) == 1 + len(changes)
 
 
 # The path of a tip

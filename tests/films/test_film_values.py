@@ -19,9 +19,9 @@ from two_link_oracle import TwoLinkParameters, tip
 from grosmc_mj.errors import ArgumentError, DivergenceError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.films import film_digest, film_of, films_of
+from grosmc_mj.experiments.films import film_of, films_of
 from grosmc_mj.experiments.runs import RunResult, Settings
-from grosmc_mj.films.board import Chart, Storyboard, Trace
+from grosmc_mj.films.board import Chart, Storyboard
 from grosmc_mj.films.camera import place
 from grosmc_mj.films.chart import draw_chart
 from grosmc_mj.films.film import Film, Format, Take
@@ -584,19 +584,6 @@ def test_a_storyboard_grows_with_the_frames_and_not_with_the_data() -> None:
         return len(pickle.dumps(storyboard(film)))
 
     assert size(6.0) == pytest.approx(size(1.0), rel=0.01)
-
-
-def test_all_that_a_picture_shows_makes_another_film() -> None:
-    board = storyboard(short_film())
-    (scene,) = board.scenes
-    rows = np.ones((len(scene.physics), 3))
-    changes = {"physics": scene.physics + 1, "ghost": rows, "wrench": rows, "over": 1,
-               "ended": "diverged", "trace": Trace(rows, None, "#D55E00")}  # fmt: skip
-    assert tuple(changes) == scene._fields
-    others = [
-        replace(board, scenes=(scene._replace(**{name: value}),)) for name, value in changes.items()
-    ]
-    assert len({film_digest(each) for each in (board, *others)}) == 1 + len(changes)
 
 
 def test_each_frame_has_the_rows_of_its_own_instant() -> None:
