@@ -155,6 +155,8 @@ def apply_edits(
             raise ModelError(unknown_name("body", edit.body, bodies))
     _refuse_twice("body", [edit.body for edit in scaled], "give one edit with both scales")
     _refuse_twice("joint", [edit.joint for edit in joints], "give one edit with all its numbers")
+    if scaled or loads:
+        _keep_inertias(edited, like)
     for edit in scaled:
         _scale_inertia(edited.body(edit.body), like, edit)
         _scale_geometry(edited, edited.body(edit.body), edit.length_scale)
@@ -171,6 +173,22 @@ def _refuse_twice(kind: str, names: list[str], instead: str) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ModelError(f"{kind} {name!r} is edited twice: {instead}")
+
+
+def _keep_inertias(spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+    """Let what is written be what compiles, in a model that would compute it from geoms again.
+
+    ``inertiafromgeom="true"`` and ``settotalmass`` overrule a body's own mass: their outcome, the
+    nominal bodies, is written instead.
+    """
+    compiler = spec.compiler
+    always = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    if compiler.inertiafromgeom != always and compiler.settotalmass <= 0:
+        return
+    for index, body in enumerate(spec.bodies[1:], start=1):
+        write_inertia(body, nominal.body_mass[index], nominal, index)
+    compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    compiler.settotalmass = -1
 
 
 def write_inertia(body: mujoco.MjsBody, mass: float, like: mujoco.MjModel, index: int) -> None:

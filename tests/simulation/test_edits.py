@@ -357,6 +357,22 @@ def test_a_load_adds_its_mass_its_moment_and_its_inertia() -> None:
     assert not after.geom_contype[spheres].any()
 
 
+@pytest.mark.parametrize("compiler", ['inertiafromgeom="true"', 'settotalmass="7"'])
+def test_a_model_that_sets_its_masses_itself_has_those_of_the_edits(compiler: str) -> None:
+    spec = mujoco.MjSpec.from_string(LOADED.replace("<asset>", f"<compiler {compiler}/><asset>"))
+    heavier = BodyEdit("horn", 3.0, 2.0), AddedMass("link", 0.7, (0.1, 0.0, 0.0))
+    before, after = compile_spec(spec), compile_spec(apply_edits(spec, heavier))
+    added = {"link": 0.7, "horn": 2 * before.body("horn").mass[0]}
+    for index in range(1, before.nbody):
+        body = before.body(index)
+        wanted = body.mass[0] + added.get(body.name, 0.0)
+        assert after.body(index).mass[0] == pytest.approx(wanted, rel=1e-12)
+    np.testing.assert_allclose(
+        about_origin(after, "horn"), 12 * about_origin(before, "horn"), rtol=1e-12
+    )
+    np.testing.assert_allclose(about_origin(after, "one"), about_origin(before, "one"), rtol=1e-12)
+
+
 def test_a_load_on_a_scaled_body_sits_where_its_position_says() -> None:
     before, after = changed(AddedMass("link", 1.0, (0.5, 0, 0)), BodyEdit("link", 2.0, 1.5))
     own, mass = before.body("link"), before.body("link").mass[0]
