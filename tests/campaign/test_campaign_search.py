@@ -179,8 +179,8 @@ def test_the_radius_that_is_drawn_is_the_one_that_was_found(
         radius_figure, "write_figure", lambda figure, _files: figures.append(figure)
     )
     radius_figure.write_radius(loads(1.0), [reached], [])
-    (legend,) = (axes.get_legend() for axes in figures[0].subfigs[0].axes)
-    said = [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+    (axes,) = figures[0].subfigs[0].axes
+    said = [label.replace("\n", " ") for label in axes.get_legend_handles_labels()[1]]
     assert f"no failure found up to {reached.found:.3g}" in said
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import executor_work
 import pytest
@@ -22,31 +22,32 @@ from grosmc_mj.errors import SetupError
 class Answer(Future):
     """A shard that is done, or that Dask gave up."""
 
-    def __init__(self, key: Any, error: Exception | None, outcome: Any) -> None:
-        self.key, self.error, self.outcome = key, error, outcome
+    def __init__(self, key: Any, error: Exception | None, outcome: Any, called: Any) -> None:
+        self.key, self.error, self.outcome, self.called = key, error, outcome, called
 
     def __del__(self) -> None:
         """There is nobody to tell."""
 
     @property
-    def status(self) -> str:
+    def status(self) -> Any:
         return "error" if self.error else "finished"
 
     def exception(self, *_: Any, **__: Any) -> Any:
         return self.error
 
-    def add_done_callback(self, fn: Callable[[Any], Any]) -> None:
-        self.done = fn
+    def add_done_callback(self, fn: Any) -> None:
+        self.called(fn)
 
 
 class Cluster:
-    """One worker that answers when all shards are there, and is lost before if told so."""
+    """A worker that answers once it has all shards, and is lost just before if told so."""
 
     status, scheduler = "running", SimpleNamespace(address="tcp://here")
 
-    def __init__(self, shards: int, threads: int = 1, error: Exception | None = None) -> None:
-        self.shards, self.threads, self.error = shards, threads, error
-        self.lost = False
+    def __init__(
+        self, shards: int, *, threads: int = 1, lost: bool = False, error: Exception | None = None
+    ) -> None:
+        self.shards, self.threads, self.lost, self.error = shards, threads, lost, error
         self.under_way: list[Answer] = []
 
     def nthreads(self) -> dict[str, int]:
@@ -56,20 +57,19 @@ class Cluster:
         self.hear = hear
 
     def unsubscribe_topic(self, _topic: str) -> None:
-        pass
+        """Nothing is heard any more."""
 
     def submit(self, function: Any, *arguments: Any, key: Any, **_: Any) -> Answer:
-        self.under_way.append(Answer(key, self.error, function(*arguments)))
-        if len(self.under_way) == self.shards:
-            # Once Dask has told the last one whom to call.
-            self.under_way[-1].add_done_callback = lambda fn: self.answer(fn)
+        self.under_way.append(Answer(key, self.error, function(*arguments), self.called))
         return self.under_way[-1]
 
-    def answer(self, fn: Callable[[Any], Any]) -> None:
-        keys = {each.key for each in self.under_way}
-        gone = {"action": "remove-worker", "worker": "tcp://worker", "lost-computed-tasks": set()}
+    def called(self, fn: Callable[[Any], Any]) -> None:
+        if len(self.under_way) < self.shards:
+            return
         if self.lost:
-            self.hear((0.0, {**gone, "processing-tasks": keys}))
+            keys = {each.key for each in self.under_way}
+            gone = {"action": "remove-worker", "worker": "tcp://worker", "processing-tasks": keys}
+            self.hear((0.0, {**gone, "lost-computed-tasks": set()}))
         for each in self.under_way:
             fn(each)
 
@@ -100,9 +100,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Cluster], tuple[list[Finis
     ],
 )
 def test_a_lost_worker_is_told_with_its_shards(run: Any, shards: int, said: str) -> None:
-    cluster = Cluster(shards)
-    cluster.lost = True
-    done, told = run(cluster)
+    done, told = run(Cluster(shards, lost=True))
     assert told == [f"Dask worker tcp://worker was lost while it {said}"]
     assert [(each.index, each.report, each.attempts) for each in done] == [
         (i, i * i, 2) for i in range(shards)
@@ -110,17 +108,15 @@ def test_a_lost_worker_is_told_with_its_shards(run: Any, shards: int, said: str)
 
 
 def test_workers_of_several_threads_are_warned_of_once(run: Any) -> None:
-    cluster = Cluster(2, threads=2)
-    cluster.lost = True
-    _, told = run(cluster)
-    assert [each for each in told if "start workers with --nthreads 1" in each] == told[:1]
-    assert len(told) == 2
+    """Though they are counted again when one is lost."""
+    _, told = run(Cluster(2, threads=2, lost=True))
+    assert ["start workers with --nthreads 1" in each for each in told] == [True, False]
 
 
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (KilledWorker("shard", None, 3), "shard 0 was with 4 Dask workers that died"),
+        (KilledWorker("shard", cast(Any, None), 3), "shard 0 was with 4 Dask workers that died"),
         (TypeError("no pickle"), r"could not hand out shard 0 \(.*no pickle\): install the same"),
     ],
 )

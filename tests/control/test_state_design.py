@@ -119,6 +119,28 @@ def test_a_member_that_does_not_rest_there_costs_a_constant() -> None:
     assert p.gamma0 == pytest.approx(2.0 * weight * (1 - 1 / 1.5) * 1.5)
 
 
+def test_a_push_where_the_input_acts_is_a_disturbance_of_the_input() -> None:
+    """A force on the cart, in N, and the input's own 0.7 N."""
+    cart = gm.MujocoPlant.load("cart_pendulum").analytic()
+    made = StateTask(cart, np.eye(4), 1.0)
+    asked = StateUncertainty(body="cart", push=0.7), StateUncertainty(force=0.7)
+    for each in asked:
+        assert state_grosmc(made, each).parameters.gamma0 == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(
+    ("unit", "G", "wanted"), [("N", None, "N s"), ("1", None, "s"), ("N", [[0.0, 3.0]], "1")]
+)
+def test_s_has_the_unit_of_the_input_times_time(unit: str, G: Any, wanted: str) -> None:
+    """Where G B is 1; of another G it is told no unit."""
+    a, w = sp.symbols("a w")
+    plant = gm.affine_plant(
+        "free", states={"a": "m", "w": "m/s"}, inputs={"u": unit}, f=[w, -a], g=[0, 1], h=[a],
+        parameters={},
+    )  # fmt: skip
+    assert state_grosmc(StateTask(plant, np.eye(2), 1.0), G=G).designed.sliding_unit == wanted
+
+
 def test_two_inputs_take_the_least_of_the_symmetric_part() -> None:
     made = StateTask(two_carts(), np.eye(4), 1.0)
     law = state_grosmc(made, StateUncertainty(scales={"k": (0.5, 2.0)}))

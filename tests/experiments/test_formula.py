@@ -135,7 +135,7 @@ def test_a_reference_whose_derivatives_explode_is_refused_at_once():
 
 def test_a_reference_of_just_as_many_operations_is_allowed():
     terms = sp.symbols("a:502")
-    assert reference([sp.Add(*terms[:501])], (1,)).degrees == (1,)
+    reference([sp.Add(*terms[:501])], (1,))
     with pytest.raises(ArgumentError, match=r"derivative 0 .* 501 operations.*500 are allowed"):
         reference([sp.Add(*terms)], (1,))
 

@@ -300,7 +300,8 @@ def test_a_limit_that_is_just_met_is_kept(servo_lqr: Controller) -> None:
 
 def test_margins_of_many_runs_are_what_is_left_of_the_limit() -> None:
     asked = limit("input_below", 2.0)._replace(key="input_below")
-    found = margins_of([asked], {asked.metric: np.array([0.5, 3.0, 0.1])}, np.arange(3) < 2)
+    completed: Any = np.array([True, True, False])
+    found = margins_of([asked], {asked.metric: np.array([0.5, 3.0, 0.1])}, completed)
     assert found["input_below"].tolist() == [1.5, -1.0, -np.inf]
 
 
