@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import difflib
 import numbers
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
+# Between the mistakes of a message that tells several.
+NEXT = "\n  - "
 # Characters of a value in a message.
 _SHOWN = 80
 
@@ -55,6 +58,54 @@ class DivergenceError(GrosmcError, RuntimeError):
 
 class UndefinedLawError(DivergenceError):
     """A run that reached a state where its law or its plant is not defined."""
+
+
+class MistakesError(ArgumentError):
+    """Several arguments, or lines of a file, that are wrong.
+
+    Attributes:
+        mistakes: What is wrong with each.
+    """
+
+    def __init__(self, mistakes: Iterable[str]) -> None:
+        self.mistakes = tuple(mistakes)
+        super().__init__(together(self.mistakes))
+
+
+class Mistakes:
+    """What is wrong with somebody's file, gathered so that all of it is told at once."""
+
+    def __init__(self) -> None:
+        self._said: dict[str, None] = {}
+
+    def note(self, *said: str) -> None:
+        """One more, unless it is known already."""
+        self._said.update(dict.fromkeys(said))
+
+    @contextmanager
+    def gathered(self, where: str = "") -> Iterator[None]:
+        """Go on after what is refused within; keep what was said, after ``where``."""
+        try:
+            yield
+        except GrosmcError as error:
+            said = error.mistakes if isinstance(error, MistakesError) else [str(error)]
+            self.note(*(where + each for each in said))
+
+    def refuse(self) -> None:
+        """Raise what was gathered.
+
+        Raises:
+            ArgumentError: If there is anything.
+        """
+        if self._said:
+            raise MistakesError(self._said)
+
+
+def together(mistakes: Sequence[str]) -> str:
+    """One mistake as it is, or several, each on a line of its own."""
+    if len(mistakes) == 1:
+        return mistakes[0]
+    return NEXT.join([f"{len(mistakes)} mistakes:", *mistakes])
 
 
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED, WRONG
 from grosmc_mj.cli.output import PROGRAM, Output
-from grosmc_mj.errors import GrosmcError, one_line, shown
+from grosmc_mj.errors import NEXT, GrosmcError, one_line, shown
 
 _DEBUG = "--debug"
 # Characters of the one line; a message may list valid names, or have somebody's text in it.
@@ -66,12 +66,12 @@ def _code(arguments: Sequence[str], debug: bool) -> int:
 
 
 def _complain(message: str) -> int:
-    """Say in one line what was wrong."""
-    line = one_line(message)
-    line = f"{line[: _LONGEST - 3]}..." if len(line) > _LONGEST else line
+    """Say in one line what was wrong, or in one line a mistake."""
+    lines = [one_line(each) for each in message.split(NEXT)]
+    said = NEXT.join(f"{x[: _LONGEST - 3]}..." if len(x) > _LONGEST else x for x in lines)
     # Whoever closed standard error does not want to know.
     with contextlib.suppress(OSError, ValueError):
-        print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
+        print(f"{PROGRAM}: {said}", file=sys.stderr, flush=True)
     return WRONG
 
 

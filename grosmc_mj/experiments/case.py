@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
@@ -71,18 +71,22 @@ def case_of(
     Raises:
         ArgumentError: If a state is unknown, or a unit or profile does not fit.
     """
+    x0, disturbances, mistakes = (), [], Mistakes()
+    with mistakes.gathered():
+        x0 = state_of(file.run.start, system, "run: start", rest)
+    for i, table in enumerate(file.disturbance):
+        with mistakes.gathered():
+            disturbances.append(_disturbance(table, f"disturbance {i + 1}", folder))
+    mistakes.refuse()
     return Case(
         system=system.name,
         name=file.name,
         title=file.title or file.name,
         source=file.source,
-        x0=state_of(file.run.start, system, "run: start", rest),
+        x0=x0,
         duration=file.run.duration,
         edits=_case_edits(file),
-        disturbances=tuple(
-            _disturbance(table, f"disturbance {i + 1}", folder)
-            for i, table in enumerate(file.disturbance)
-        ),
+        disturbances=tuple(disturbances),
         design=file.task.name,
     )
 
@@ -103,14 +107,16 @@ def state_of(
 
 def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int, float]:
     """Values of states, by their indices, from values by their names; raises as ``state_of``."""
-    names, found = [state.name for state in system.states], {}
+    names, found, mistakes = [state.name for state in system.states], {}, Mistakes()
     for name, value in given.items():
         if name not in names:
-            raise ArgumentError(f"{where}: {unknown_name('state', name, names)}")
+            mistakes.note(f"{where}: {unknown_name('state', name, names)}")
+            continue
         try:
             found[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
         except ValueError as error:
-            raise ArgumentError(f"{where}: {name}: {error}") from None
+            mistakes.note(f"{where}: {name}: {error}")
+    mistakes.refuse()
     return found
 
 

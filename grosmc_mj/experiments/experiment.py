@@ -16,11 +16,11 @@ from grosmc_mj.control.design import realized
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
-from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError, unknown_name
 from grosmc_mj.experiments.case import Case, case_of
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
+from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
@@ -105,11 +105,17 @@ class Experiment:
     @cached_property
     def laws(self) -> Mapping[tuple[PlantName, str], Controller]:
         """The controllers, by the plant that they run on and by their names."""
-        return {
-            (plant, name): self.law(plant, name)
-            for plant in self.plant_names
-            for name in self.controllers
-        }
+        found, mistakes = {}, {}
+        for plant in self.plant_names:
+            for name in self.controllers:
+                try:
+                    found[plant, name] = self.law(plant, name)
+                except GrosmcError as error:
+                    # What is wrong with the task is wrong for each of them.
+                    mistakes.setdefault(str(error.__cause__ or error), str(error))
+        if mistakes:
+            raise MistakesError(mistakes.values())
+        return found
 
     @property
     def limits(self) -> Sequence[Limit]:
@@ -130,24 +136,39 @@ class Experiment:
     @cached_property
     def required(self) -> Sequence[Limit]:
         """All that the file requires of the laws."""
-        plants, found = self.plant_names, []
-        designed = [self.law(plants[0], name) for name in self.controllers]
+        designed = [self.laws[self.plant_names[0], name] for name in self.controllers]
+        found, mistakes = [], Mistakes()
         for index, table in enumerate(self.file.requirement):
-            where = f"requirement {index + 1}"
-            for kind, named, valid in (
-                ("controller", table.of or (), self.controllers),
-                ("plant", table.on or (), plants),
-            ):
-                for name in named:
-                    if name not in valid:
-                        raise ArgumentError(f"{where}: {unknown_name(kind, name, valid)}")
-            if 0 < self.file.run.duration <= table.after:
-                raise ArgumentError(f"{where}: after {table.after:g} s the run has ended")
-            try:
-                found += limits(table, designed, plants)
-            except ArgumentError as error:
-                raise ArgumentError(f"{where}: {error}") from None
+            with mistakes.gathered(f"requirement {index + 1}: "):
+                found += self._limits(table, designed)
+        mistakes.refuse()
         return found
+
+    def _limits(self, table: RequirementTable, designed: Sequence[Controller]) -> list[Limit]:
+        """What one table requires."""
+        for kind, named, valid in (
+            ("controller", table.of or (), self.controllers),
+            ("plant", table.on or (), self.plant_names),
+        ):
+            for name in named:
+                if name not in valid:
+                    raise ArgumentError(unknown_name(kind, name, valid))
+        if 0 < self.file.run.duration <= table.after:
+            raise ArgumentError(f"after {table.after:g} s the run has ended")
+        return limits(table, designed, self.plant_names)
+
+    def checked(self) -> Experiment:
+        """The same, once its plants, laws and requirements are made.
+
+        Raises:
+            ArgumentError: All that is wrong with them.
+        """
+        mistakes = Mistakes()
+        for part in ("plants", "laws", "required"):
+            with mistakes.gathered():
+                getattr(self, part)
+        mistakes.refuse()
+        return self
 
     def plant(self, name: PlantName) -> Plant:
         """One of the plants that there are, whether the file compares it or not.
@@ -316,11 +337,9 @@ def experiment_of(file: CaseFile, path: Path) -> Experiment:
         ArgumentError: If it names what is not there, in one line that begins with its path.
     """
     try:
-        made = undesigned(file, path)
-        _ = made.plants, made.laws, made.required
+        return undesigned(file, path).checked()
     except GrosmcError as error:
         raise ArgumentError(f"{path}: {error}") from error
-    return made
 
 
 def undesigned(file: CaseFile, path: Path) -> Experiment:
@@ -339,14 +358,14 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
     shared = file.plant.system is not None and not named_in(file)
     designs = _shared_designs(repr((file.plant.system, file.task))) if shared else {}
     made = Experiment(file, path, nominal, case, settings, _designs=designs)
+    mistakes = Mistakes()
     for name in file.plant.compare or ():
         if name not in nominal.names:
-            raise ArgumentError(f"plant: compare: {unknown_name('plant', name, nominal.names)}")
+            mistakes.note(f"plant: compare: {unknown_name('plant', name, nominal.names)}")
     for name in made.controllers:
         if made.controllers.count(name) > 1:
-            raise ArgumentError(
-                f"two controllers are called {name!r}: give one of them another name"
-            )
+            mistakes.note(f"two controllers are called {name!r}: give one of them another name")
+    mistakes.refuse()
     return made
 
 

@@ -15,12 +15,13 @@ from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.report.figure import TITLE_SIZE, envelope, jumps, labelled_below, shade
-from grosmc_mj.report.palette import FAILED, LINES, PLANTS, REFERENCE, LawStyle, law_styles
+from grosmc_mj.report.palette import BLACK, FAILED, LINES, PLANTS, REFERENCE, LawStyle, law_styles
+from grosmc_mj.simulation.trajectory import Status
 
 # Of a panel [inch], and what stands around them all.
 _WIDTH, _HEIGHT, _AROUND = 7.2, 1.9, 1.3
 _ALONE: dict[str, Any] = {"lw": 1.6}
-_LIMIT: dict[str, Any] = {"color": "#777777", "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
+_LIMIT: dict[str, Any] = {"color": BLACK, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
 _MARK_SIZE = 8
 # More outputs than this are drawn side by side in pairs.
 _ONE_BELOW_THE_OTHER = 3
@@ -101,6 +102,12 @@ def _draw(
         )
         time, values = found.time, found.mean
     axes.plot(time, values, color=law.colour, label=label, rasterized=True, **line)
+    if result.status is not Status.COMPLETED and len(time):
+        axes.plot(time[-1], values[-1], "X", color=law.colour, mec="white", ms=9)
+        axes.annotate(
+            "ended", (time[-1], values[-1]), (5, 3), textcoords="offset points",
+            fontsize=_MARK_SIZE, color=law.colour, rotation=40,
+        )  # fmt: skip
 
 
 def _panels(results: Sequence[RunResult]) -> list[_Panel]:
@@ -185,18 +192,15 @@ def _mark(axes: Axes, panel: _Panel, results: Sequence[RunResult]) -> None:
     for limit in dict.fromkeys(each.limit for each in of_it):
         broken = any(each.limit == limit for each in failed)
         for level in _levels(limit, panel, results[0]):
-            style = {"color": FAILED, "label": "limit, not kept"} if broken else {"label": "limit"}
-            axes.plot(*level, **{**_LIMIT, **style})
+            said = {"lw": 2.0, "label": "limit, not kept"} if broken else {"label": "limit"}
+            axes.plot(*level, **{**_LIMIT, **said})
     if not failed:
         return
     for side in axes.spines.values():
         side.set(visible=True, color=FAILED, linewidth=1.6)
     laws = dict.fromkeys((each.limit.words, each.controller) for each in failed)
     said = "\n".join(f"not kept by {law}: {words}" for words, law in laws)
-    axes.text(
-        0.985, 0.94, said, transform=axes.transAxes, ha="right", va="top", fontsize=_MARK_SIZE,
-        color=FAILED, bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1.5}, zorder=6,
-    )  # fmt: skip
+    axes.set_title(said, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
 
 def _levels(limit: Limit, panel: _Panel, run: RunResult) -> Iterator[tuple[Array, Array]]:

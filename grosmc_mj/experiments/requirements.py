@@ -9,7 +9,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, Mistakes, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.definitions import DWELL, error_after, folded
@@ -120,29 +120,27 @@ def limits(
         "no_reaching_phase": "",
         "cost_ratio_below": "1",
     }
-    found = []
-    for kind, unit in units.items():
-        value: Any = getattr(table, kind)
-        if value is None or value is False:
-            continue
-        of: tuple[str, ...] = named or (surfaced if kind in _OF_SURFACE else names)
-        if kind in _OF_SURFACE and not of:
-            raise ArgumentError(f"{kind}: no law has a surface")
-        if kind == "cart_travel_below" and not has_cart(error.system):
-            raise ArgumentError(f"{kind}: {error.system.name} has no cart")
-        if unit == output and len({error.units[row] for row in error.output_rows}) > 1:
-            raise ArgumentError(f"{kind}: the outputs have different units: there is no one error")
-        if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
-            raise ArgumentError(f"{kind}: the inputs have different units")
-        try:
-            number = _number(kind, value, unit)
-        except ValueError as wrong:
-            raise ArgumentError(f"{kind}: {wrong}") from None
-        after = table.after if kind == "stays_within" else 0.0
-        written = f"{value:g} {unit}" if kind in _READ else str(value)
-        found.append(Limit(kind, written, number, unit, after, of, on))
-    if not found:
+    asked = {kind: getattr(table, kind) for kind in units}
+    asked = {kind: value for kind, value in asked.items() if value not in (None, False)}
+    if not asked:
         raise ArgumentError(f"nothing is required: give one of {', '.join(units)}")
+    found, mistakes = [], Mistakes()
+    for kind, value in asked.items():
+        of: tuple[str, ...] = named or (surfaced if kind in _OF_SURFACE else names)
+        with mistakes.gathered(f"{kind}: "):
+            if kind in _OF_SURFACE and not of:
+                raise ArgumentError("no law has a surface")
+            if kind == "cart_travel_below" and not has_cart(error.system):
+                raise ArgumentError(f"{error.system.name} has no cart")
+            if units[kind] == output and len({error.units[row] for row in error.output_rows}) > 1:
+                raise ArgumentError("the outputs have different units: there is no one error")
+            if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
+                raise ArgumentError("the inputs have different units")
+            number = _number(kind, value, units[kind])
+            after = table.after if kind == "stays_within" else 0.0
+            written = f"{value:g} {units[kind]}" if kind in _READ else str(value)
+            found.append(Limit(kind, written, number, units[kind], after, of, on))
+    mistakes.refuse()
     return found
 
 
@@ -161,9 +159,12 @@ def _number(kind: str, value: Any, unit: str) -> float:
     """The number of a limit."""
     if kind == "no_reaching_phase":
         return _ROUNDING
-    number = float(value) if kind in _READ else number_in(value, unit)
+    try:
+        number = float(value) if kind in _READ else number_in(value, unit)
+    except ValueError as error:
+        raise ArgumentError(str(error)) from None
     if not number > 0:
-        raise ValueError(f"{shown(value)} must be positive")
+        raise ArgumentError(f"{shown(value)} must be positive")
     return number
 
 

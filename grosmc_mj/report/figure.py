@@ -13,6 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from scipy.signal import fftconvolve
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
@@ -131,15 +132,23 @@ class Envelope(NamedTuple):
 
 
 def envelope(time: Array, values: Array, pieces: int = 300) -> Envelope:
-    """Range and mean of a signal (N,) in so many pieces of its time."""
+    """Range and mean of a signal (N,) in so many pieces of its time.
+
+    The mean is weighted by Hann's window over two pieces to each side, so that what switches
+    leaves no beat of its samples with the pieces.
+    """
     count = max(1, min(pieces, len(values) // 2))
     edges = np.linspace(0, len(values), count + 1).astype(int)[:-1]
     sizes = np.diff(np.append(edges, len(values)))
+    window = np.hanning(4 * int(sizes.max()) + 3)[1:-1]
+    weights = fftconvolve(np.ones(len(values)), window, mode="full")
+    mean = fftconvolve(values, window, mode="full") / weights
+    middles = edges + sizes // 2 + len(window) // 2
     return Envelope(
         np.add.reduceat(time, edges) / sizes,
         np.minimum.reduceat(values, edges),
         np.maximum.reduceat(values, edges),
-        np.add.reduceat(values, edges) / sizes,
+        mean[middles],
     )
 
 

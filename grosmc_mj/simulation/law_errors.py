@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import builtins
+import dis
 import inspect
 import re
 import textwrap
@@ -41,6 +43,9 @@ _INSTEAD = {
     r"Unknown attribute '(\w+)' of type Record": (
         "it has no such field: give what a law remembers as memory = {{ {0} = 0 }}, its numbers "
         "beside it"
+    ),
+    r"Cannot cast (list|array|tuple|Tuple|UniTuple)": (
+        "a field keeps the kind that it begins with: begin it as a list of numbers"
     ),
     r"Cannot unify": "a variable keeps one type: give it another name",
     r"Untyped global name '(\w+)'": (
@@ -133,6 +138,8 @@ def compiling(controller: Controller) -> Iterator[None]:
         # What a record has no field for is all that numba says of it.
         if isinstance(error, KeyError) and (said := _missing(controller, str(error.args[0]))):
             raise LawError(said) from error
+        if said := _undefined(controller):
+            raise LawError(said) from error
         raise LawError(
             f'{_not_compiled(controller.name, error)}; engine = "python" runs it uncompiled'
         ) from error
@@ -151,6 +158,18 @@ def _missing(controller: Controller, field: str) -> str:
             if isinstance(node, ast.Attribute) and node.attr == field:
                 owner = ast.unparse(node.value)
                 return f"{file}:{first + node.lineno - 1}: {_no_field(owner, field)}"
+    return ""
+
+
+def _undefined(controller: Controller) -> str:
+    """Where a law names what is defined nowhere, which numba's page does not always say."""
+    for function in _users_own(controller.law, set()):
+        for step in dis.get_instructions(function):
+            name, known = str(step.argval), {*vars(builtins), *function.__globals__}
+            if step.opname == "LOAD_GLOBAL" and name not in known:
+                line = step.positions.lineno if step.positions else function.__code__.co_firstlineno
+                file = Path(function.__code__.co_filename).name
+                return f"{file}:{line}: name {name!r} is not defined"
     return ""
 
 

@@ -13,7 +13,7 @@ from campaign_cases import AMPLITUDE, BOTH, INERTIA, LQR, campaign, case, servo,
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import family_of
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import NEXT, ArgumentError
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 NAMES = ("rotor mass scale", "load amplitude", "shaft damping")
@@ -209,6 +209,21 @@ def test_what_cannot_be_run_or_measured_is_refused_at_once(
     text: str, asked: dict[str, Any], says: str
 ) -> None:
     assert says in refusal(lambda: Campaign.of(specification(text, **asked)))
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    """Of laws, uncertain numbers and asked controllers together; of the file's keys before them."""
+    text = plain(mass("[1, 2]").replace("rotor", "roter") + DAMPING.replace("shaft", "shaf"))
+    wrong = text + '[[controller]]\nlaw = "grosmk"\n'
+    with pytest.raises(ArgumentError) as refused:
+        Campaign.of(specification(wrong, controllers=("lqq",)))
+    first, *mistakes = str(refused.value).split(NEXT)
+    assert first.endswith("4 mistakes:")
+    for said, name in zip(mistakes, ("'lqq'", "'grosmk'", "'roter'", "'shaf'"), strict=True):
+        assert name in said
+    keys = text.replace("mass_scale", "mass_scal").replace("damping", "dampin")
+    with pytest.raises(ArgumentError, match="2 mistakes:"):
+        Campaign.of(specification(keys))
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,29 @@ def test_a_law_that_numba_cannot_compile_is_told_in_one_line(kind: str) -> None:
     run(unknown_to_numba, "servo", kind, "python")
 
 
+def names_nothing(t: float, x: Any, memory: Any, p: Any) -> float:
+    return -x[0] if t < 1.0 else nowhere * x[0]  # pyright: ignore[reportUndefinedVariable] # noqa: F821
+
+
+def remembers_a_list(t: float, x: Any, memory: Any, p: Any) -> float:
+    memory.kept = [t, x[0]]
+    return 0.0
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (names_nothing, r"test_law_errors.py:\d+: name 'nowhere' is not defined"),
+        (remembers_a_list, "begin it as a list of numbers"),
+    ],
+)
+def test_what_numba_says_pages_about_is_said_in_a_few_words(law: Any, said: str) -> None:
+    like = gm.chapter_controller("lqr", nominal())
+    mine = gm.custom_controller("mine", law, like, memory={"kept": 0.0})
+    with pytest.raises(ArgumentError, match=said):
+        gm.simulate(physics("servo"), mine, [0.0, 0.0], duration=0.01)
+
+
 @pytest.mark.parametrize("law", BEYOND)
 def test_a_law_given_straight_to_a_controller_is_checked_too(law: Any) -> None:
     like = gm.chapter_controller("lqr", nominal())

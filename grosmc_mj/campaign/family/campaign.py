@@ -16,8 +16,8 @@ from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import Specification, specification_of
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
-from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, unknown_name
+from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, afters, judgeable, required, transient
 from grosmc_mj.plants import Plant
@@ -65,27 +65,29 @@ class Campaign:
         Raises:
             ArgumentError: If the file or the specification is wrong, in one line.
         """
-        experiment = experiment_of(specification.file, specification.path)
         try:
-            return cls._checked(specification, experiment)
+            return cls._checked(specification, undesigned(specification.file, specification.path))
         except GrosmcError as error:
             raise ArgumentError(f"{specification.path}: {error}") from error
 
     @classmethod
     def _checked(cls, specification: Specification, experiment: Experiment) -> Campaign:
         """The campaign of an experiment."""
-        plants = experiment.plants
-        name: PlantName = "physics" if "physics" in plants else "corrected"
-        designed = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
-        wanted = specification.controllers or tuple(designed)
+        mistakes, case = Mistakes(), experiment.case
+        wanted = specification.controllers or tuple(experiment.controllers)
         for each in wanted:
-            if each not in designed:
-                raise ArgumentError(unknown_name("controller", each, designed))
-        laws = {each: law for each, law in designed.items() if each in wanted}
-        family = family_of(experiment.file, experiment.case, plants[name])
-        if specification.sampler == "corners":
-            _refuse_corners(specification, family)
-        case = experiment.case
+            if each not in experiment.controllers:
+                mistakes.note(unknown_name("controller", each, experiment.controllers))
+        name: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
+        with mistakes.gathered():
+            experiment.checked()
+        with mistakes.gathered():
+            family = family_of(experiment.file, case, experiment.plant(name))
+            if specification.sampler == "corners":
+                _refuse_corners(specification, family)
+        mistakes.refuse()
+        laws = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
+        laws = {each: law for each, law in laws.items() if each in wanted}
         onsets = [_onset(each, family) for each in case.disturbances]
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         requirements = required(limits, laws)

@@ -16,7 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.family.sampling import all_corners
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
@@ -168,11 +168,11 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
     if not file.uncertain:
         raise ArgumentError("nothing is uncertain: give it an [[uncertain]]")
     quantities: list[Quantity] = []
+    mistakes = Mistakes()
     for index, table in enumerate(file.uncertain):
-        try:
+        with mistakes.gathered(f"uncertain {index + 1} ({table.called}): "):
             quantities.append(_quantity(table, case, plant))
-        except ArgumentError as error:
-            raise ArgumentError(f"uncertain {index + 1} ({table.called}): {error}") from None
+    mistakes.refuse()
     _refuse_twice([f"{each.of} {each.quantity}" for each in quantities], "uncertain")
     names = [each.name for each in quantities]
     _refuse_twice(names, "called")

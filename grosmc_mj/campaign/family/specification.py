@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from grosmc_mj.campaign.family.sampling import SAMPLERS
-from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, Mistakes, SetupError, shown, unknown_name
 from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.experiments.file.shipped import find_file, shipped_files
@@ -75,35 +75,37 @@ class Specification:
     shard: int = SHARD
 
     def __post_init__(self) -> None:
+        mistakes = Mistakes()
         for name, value, most in (("runs", self.runs, _MOST_RUNS), ("shard", self.shard, 10**6)):
             if not 1 <= value <= most:
-                raise ArgumentError(f"--{name} {value} must be from 1 to {most}")
-        if self.shards > _MOST_PARTS:
-            raise ArgumentError(
+                mistakes.note(f"--{name} {value} must be from 1 to {most}")
+        if self.shard > 0 and _MOST_PARTS < self.shards <= _MOST_RUNS:
+            mistakes.note(
                 f"--runs {self.runs} in parts of {self.shard} are {self.shards} parts: at most "
                 f"{_MOST_PARTS} are kept; take a larger --shard"
             )
         if not 0 <= self.seed < 2**63:
-            raise ArgumentError(f"--seed {self.seed} must be 0 or more, below 2^63")
+            mistakes.note(f"--seed {self.seed} must be 0 or more, below 2^63")
         if self.sampler not in SAMPLERS:
-            raise ArgumentError(unknown_name("sampler", self.sampler, SAMPLERS))
+            mistakes.note(unknown_name("sampler", self.sampler, SAMPLERS))
         if self.integrator is not None and self.integrator not in get_args(Integrator):
-            raise ArgumentError(unknown_name("integrator", self.integrator, get_args(Integrator)))
+            mistakes.note(unknown_name("integrator", self.integrator, get_args(Integrator)))
         for name in ("control_period", "duration"):
             value = getattr(self, name)
             if value is not None and not (0 < value <= _LONGEST):
                 # A whole number from a manifest may have thousands of digits.
                 said = f"{value:g}" if isinstance(value, float) else str(value)[:20]
-                raise ArgumentError(
+                mistakes.note(
                     f"--{name.replace('_', '-')} {said} s must be positive and at most "
                     f"{_LONGEST:g} s"
                 )
         try:
             file_name(self.name)
         except ValueError as error:
-            raise ArgumentError(f"name: {error}") from None
+            mistakes.note(f"name: {error}")
         if "\0" in self.folder:
-            raise ArgumentError(f"{shown(self.folder)} is no folder")
+            mistakes.note(f"{shown(self.folder)} is no folder")
+        mistakes.refuse()
 
     @property
     def path(self) -> Path:

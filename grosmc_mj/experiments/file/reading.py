@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, shown, together, unknown_name
 from grosmc_mj.experiments.file.base import resolved, with_system_base
 from grosmc_mj.experiments.file.schema import CaseFile
 
@@ -85,7 +85,7 @@ def parse_case_file(text: str, path: Path) -> CaseFile:
     try:
         found = CaseFile.model_validate(content)
     except ValidationError as error:
-        raise ArgumentError(f"{path}: {_in_words(error)}") from None
+        raise ArgumentError(f"{path}: {together(_in_words(error))}") from None
     return found if found.name else found.model_copy(update={"name": path.stem})
 
 
@@ -124,13 +124,22 @@ def _refuse_odd(content: Any, depth: int) -> None:
             _refuse_odd(value, depth + 1)
 
 
-def _in_words(error: ValidationError) -> str:
-    """The first mistake, in one line."""
-    # A misspelt key is also a missing one: the first says more.
+def _in_words(error: ValidationError) -> list[str]:
+    """Every mistake."""
     found = error.errors(include_url=False)
-    first = next((each for each in found if each["type"] == "extra_forbidden"), found[0])
-    kind, value = first["type"], first["input"]
-    path, keys = _place(first["loc"])
+    # A misspelt key is also a missing one: the first says more.
+    misspelt = [each["loc"][:-1] for each in found if each["type"] == "extra_forbidden"]
+    return [
+        _mistake(each)
+        for each in found
+        if each["type"] != "missing" or each["loc"][:-1] not in misspelt
+    ]
+
+
+def _mistake(found: Any) -> str:
+    """One of them, in one line."""
+    kind, value = found["type"], found["input"]
+    path, keys = _place(found["loc"])
     *tables, key = path or [""]
     where = f"{' '.join(tables)}: " if tables else ""
     if kind == "extra_forbidden":
@@ -138,20 +147,20 @@ def _in_words(error: ValidationError) -> str:
     if kind == "missing":
         return f"{where}{key} is missing; it may have the keys {', '.join(keys)}"
     if kind == "literal_error":
-        return f"{where}{unknown_name(key, value, _alternatives(first))}"
+        return f"{where}{unknown_name(key, value, _alternatives(found))}"
     if kind == "list_type" and isinstance(value, dict):
         return f"[{key}] is one of possibly several: write [[{key}]]"
     if kind in {"too_short", "too_long"}:
-        return f"{where}{key}: {first['msg'].removeprefix('List should have').strip()}"
+        return f"{where}{key}: {found['msg'].removeprefix('List should have').strip()}"
     if kind in _TYPES:
         return f"{where}{key} = {shown(value)} must be {_TYPES[kind]}"
-    said = first["msg"].removeprefix("Value error, ")
+    said = found["msg"].removeprefix("Value error, ")
     return f"{where}{key}: {said}"
 
 
-def _alternatives(first: Any) -> list[str]:
+def _alternatives(found: Any) -> list[str]:
     """The values that a key may have."""
-    return [part.strip("' ") for part in first["ctx"]["expected"].replace(" or ", ", ").split(",")]
+    return [part.strip("' ") for part in found["ctx"]["expected"].replace(" or ", ", ").split(",")]
 
 
 def _place(loc: Sequence[Any]) -> tuple[list[str], list[str]]:
