@@ -68,6 +68,7 @@ class CasePhysics(Physics):
         return PhysicsStepper(setup.plant.system, self.model.ptr, self.data.ptr)
 
 
+# dm_control's base methods return nothing, so that only Any may override them.
 class EquationPhysics(control.Physics):
     """A plant given by equations alone as physics of dm_control, stepped by RK4 as in a run.
 
@@ -97,11 +98,11 @@ class EquationPhysics(control.Physics):
         """Carry out timesteps under the held input, up to the case's duration."""
         self.running.advance(n_sub_steps)
 
-    def time(self) -> float:
+    def time(self) -> Any:
         """Time since the reset [s]."""
         return self.running.time
 
-    def timestep(self) -> float:
+    def timestep(self) -> Any:
         """Of RK4 [s]."""
         return self._h
 
@@ -122,7 +123,6 @@ def physics_of(setup: EpisodeSetup) -> CaseDynamics:
     return EquationPhysics(setup) if setup.undrawable else CasePhysics.of(setup)
 
 
-# dm_control's base methods return nothing, so that only Any may override them.
 class CaseTask(control.Task):
     """What a policy is asked for in a case.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import mujoco
@@ -46,7 +46,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         ArgumentError: If there is no such case, or an argument does not fit.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+    metadata: dict[str, Any] = {  # noqa: RUF012  as Gymnasium has it
         "render_modes": ["rgb_array"],
         "render_fps": 30,
     }

@@ -52,7 +52,8 @@ def test_gymnasium_s_checker_has_nothing_to_say_of_equations(target: str) -> Non
     """Of no mode of rendering either: none is offered."""
     path = str(Experiment.load(target).path)
     numbers = {"spread": 1e-4, "action_limit": 10.0, "normalized": True}
-    spec = EnvSpec("Equations-v0", entry_point=CaseEnv, kwargs={"system": path, **numbers})
+    face = "grosmc_mj.environments.gymnasium_face:CaseEnv"
+    spec = EnvSpec("Equations-v0", entry_point=face, kwargs={"system": path, **numbers})
     environment = gymnasium.make(spec).unwrapped
     assert environment.metadata["render_modes"] == []
     with warnings.catch_warnings():
@@ -248,7 +249,7 @@ def test_both_faces_give_the_same_rewards(target: str) -> None:
 def test_dm_control_s_physics_of_equations_is_their_run(
     open_loop: Callable[[Any], Controller],
 ) -> None:
-    """Reset, set and stepped by hand, twice."""
+    """Reset, set and stepped by hand."""
     pytest.importorskip("dm_control")
     from grosmc_mj.environments import load
 
@@ -257,14 +258,16 @@ def test_dm_control_s_physics_of_equations_is_their_run(
     assert (physics.timestep(), environment.control_timestep()) == (0.5e-3, 1e-3)
     assert environment.action_spec().maximum.tolist() == [np.inf]
     experiment = Experiment.load("maglev/warm")
-    run = simulate(
-        experiment.plant("corrected"), open_loop(4.0), experiment.case.x0, duration=0.01,
-        timestep=0.5e-3, engine="python",
-    )  # fmt: skip
-    for _ in range(2):
+    for voltage in (4.0, 4.0, 0.0):
         environment.reset()
-        physics.set_control(4.0)
+        # A reset lets go of what was held.
+        if voltage:
+            physics.set_control(voltage)
         physics.step(20)
+        run = simulate(
+            experiment.plant("corrected"), open_loop(voltage), experiment.case.x0, duration=0.01,
+            timestep=0.5e-3, engine="python",
+        )  # fmt: skip
         assert physics.time() == 10 * 1e-3
         assert np.array_equal(physics.running.x, run.state[-1])
     with pytest.raises(ArgumentError, match="maglev is given by equations: only a model in MuJoCo"):
