@@ -1,4 +1,4 @@
-"""A case as physics and task of dm_control: its model, its start, its reward and its end."""
+"""A case as physics and task of dm_control: its plant, its start, its reward and its end."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.environments.signals import input_label
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.simulation.engines.steppers import PhysicsStepper, stepper_of
 
 
 class CasePhysics(Physics):
@@ -31,7 +33,7 @@ class CasePhysics(Physics):
         """The physics of a case, on a model of its own: dm_control switches the model's flags."""
         physics = cls.from_model(wrapper.MjModel(copy.copy(setup.plant.model)))
         assert isinstance(physics, CasePhysics)
-        physics.episode = Episode(setup, physics.model.ptr, physics.data.ptr)
+        physics.episode = Episode(setup, physics._stepper(setup))
         return physics
 
     @property
@@ -58,11 +60,69 @@ class CasePhysics(Physics):
         """A copy that goes on from the same state, disturbances and all."""
         other = super().copy(share_model)
         assert isinstance(other, CasePhysics)
-        other.episode = self.running.on(other.model.ptr, other.data.ptr)
+        other.episode = self.running.on(other._stepper(self.running.setup))
         return other
+
+    def _stepper(self, setup: EpisodeSetup) -> PhysicsStepper:
+        """What moves its data."""
+        return PhysicsStepper(setup.plant.system, self.model.ptr, self.data.ptr)
 
 
 # dm_control's base methods return nothing, so that only Any may override them.
+class EquationPhysics(control.Physics):
+    """A plant given by equations alone as physics of dm_control, stepped by RK4 as in a run.
+
+    Args:
+        setup: The case.
+
+    Attributes:
+        running: What has happened since the last reset.
+    """
+
+    def __init__(self, setup: EpisodeSetup) -> None:
+        self._h = setup.problem.timestep
+        self.running = Episode(setup, stepper_of(setup.plant, self._h))
+
+    def reset(self) -> None:
+        """Go back to the case's start; its task may take another."""
+        self.running.restart(np.array(self.running.setup.case.x0))
+
+    def after_reset(self) -> None:
+        """Nothing depends on the state."""
+
+    def set_control(self, control: ArrayLike) -> None:
+        """Hold an input, (m,), from now on, without a reward."""
+        self.running.stepper.hold(np.asarray(control, float))
+
+    def step(self, n_sub_steps: int = 1) -> None:
+        """Carry out timesteps under the held input, up to the case's duration."""
+        self.running.advance(n_sub_steps)
+
+    def time(self) -> Any:
+        """Time since the reset [s]."""
+        return self.running.time
+
+    def timestep(self) -> Any:
+        """Of RK4 [s]."""
+        return self._h
+
+    def render(self, *_size: Any, **_options: Any) -> Any:
+        """Refuse to draw.
+
+        Raises:
+            ArgumentError: Always: equations have no body.
+        """
+        raise ArgumentError(self.running.setup.undrawable)
+
+
+CaseDynamics = CasePhysics | EquationPhysics
+
+
+def physics_of(setup: EpisodeSetup) -> CaseDynamics:
+    """The physics of a case: MuJoCo's or, of a plant without a model, its equations."""
+    return EquationPhysics(setup) if setup.undrawable else CasePhysics.of(setup)
+
+
 class CaseTask(control.Task):
     """What a policy is asked for in a case.
 
@@ -82,34 +142,34 @@ class CaseTask(control.Task):
     def __init__(self, setup: EpisodeSetup, seed: int | None = None) -> None:
         self.setup, self.random, self.ended = setup, np.random.RandomState(seed), ""
 
-    def initialize_episode(self, physics: CasePhysics) -> None:
+    def initialize_episode(self, physics: CaseDynamics) -> None:
         """Put the plant at a start."""
         physics.running.restart(self.setup.start(self.random))
         self.ended = ""
 
-    def before_step(self, action: ArrayLike, physics: CasePhysics) -> None:
-        """Hold an action, (m,), clamped by MuJoCo to the actuators' range.
+    def before_step(self, action: ArrayLike, physics: CaseDynamics) -> None:
+        """Hold an action, (m,), cut to the inputs' limits.
 
         Raises:
             ArgumentError: If it is not m finite numbers.
         """
         physics.running.hold(action)
 
-    def after_step(self, physics: CasePhysics) -> None:
+    def after_step(self, physics: CaseDynamics) -> None:
         """Note why there can be no next step, if there can't."""
         self.ended = physics.running.ended
 
-    def action_spec(self, physics: CasePhysics) -> Any:
+    def action_spec(self, physics: CaseDynamics) -> Any:
         """The inputs with their bounds, (m,); infinite for an unlimited actuator."""
         setup = self.setup
         name = input_label(setup.plant.system)
         return specs.BoundedArray((setup.inputs,), np.float64, setup.low, setup.high, name)
 
-    def get_observation(self, physics: CasePhysics) -> Any:
+    def get_observation(self, physics: CaseDynamics) -> Any:
         """Every state by its name, the time, the error and its reference."""
         return physics.running.observation()
 
-    def observation_spec(self, physics: CasePhysics) -> OrderedDict[str, specs.Array]:
+    def observation_spec(self, physics: CaseDynamics) -> OrderedDict[str, specs.Array]:
         """The same entries; each spec's name ends with the units."""
         signals = self.setup.signals
         return OrderedDict(
@@ -117,11 +177,11 @@ class CaseTask(control.Task):
             for name, size in signals.sizes.items()
         )
 
-    def get_reward(self, physics: CasePhysics) -> Any:
+    def get_reward(self, physics: CaseDynamics) -> Any:
         """-T times the stage cost at the start of the last interval."""
         return physics.running.reward
 
-    def get_termination(self, physics: CasePhysics) -> Any:
+    def get_termination(self, physics: CaseDynamics) -> Any:
         """0 where no next step is defined, 1 at the case's duration, else None."""
         if physics.running.ended:
             return 0.0

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Protocol
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,6 +20,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.engines.steppers import Stepper
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.quiet import warnings_counted_only
 
@@ -57,7 +57,7 @@ class EpisodeSetup:
 
     Attributes:
         case: The case.
-        plant: Its model, edited.
+        plant: Its edited model in MuJoCo, or its equations where it has none.
         law: The controller whose index gives the reward.
         signals: What is observed.
         index: What is to be minimized.
@@ -82,14 +82,9 @@ class EpisodeSetup:
     ) -> None:
         experiment = _experiment(target, task)
         experiment = experiment.with_settings(control_period=control_period, timestep=timestep)
-        if "physics" not in experiment.nominal.names:
-            raise ArgumentError(
-                f"{experiment.nominal.system.name} has no model in MuJoCo, which an environment "
-                "steps"
-            )
-        settings = experiment.settings
-        self.case, self.plant = experiment.case, experiment.plant("physics")
-        self.law = experiment.law("physics", _index_law(experiment))
+        settings, where = experiment.settings, experiment.nominal.truest
+        self.case, self.plant = experiment.case, experiment.plant(where)
+        self.law = experiment.law(where, _index_law(experiment))
         self.signals, self.index = Signals(self.law), Index(self.law)
         self.problem, _ = prepare(
             self.plant,
@@ -108,6 +103,13 @@ class EpisodeSetup:
     def inputs(self) -> int:
         """m, the number of inputs."""
         return len(self.low)
+
+    @property
+    def undrawable(self) -> str:
+        """Why it can't be drawn; empty if it can."""
+        if self.plant.kind == "physics":
+            return ""
+        return f"{self.plant.system.name} is given by equations: only a model in MuJoCo is drawn"
 
     def start(self, random: Random) -> Array:
         """The case's start, or one drawn uniformly about it, (n,).
@@ -165,30 +167,30 @@ class EpisodeSetup:
 
 
 class Episode:
-    """What happens to one mjData between two resets.
+    """What happens to one plant between two resets.
 
     Args:
         setup: The case.
-        model: Its compiled model, or a copy of it.
-        data: What is moved; it may belong to somebody else.
+        stepper: What moves its plant.
 
     Attributes:
+        setup: The case.
+        stepper: What moves its plant.
         x: The last valid state, (n,).
         done: Timesteps that were carried out.
         reward: Of the last action; 0 before the first.
         ended: Why there can be no next step; empty while there can.
     """
 
-    def __init__(self, setup: EpisodeSetup, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self.setup, self._model, self._data = setup, model, data
-        self._bodies = [model.body(name).id for name in setup.plant.system.bodies]
+    def __init__(self, setup: EpisodeSetup, stepper: Stepper) -> None:
+        self.setup, self.stepper = setup, stepper
         self._wrenches = setup.problem.wrench(0)
         self.x = np.array(setup.case.x0)
         self.done, self.reward, self.ended = 0, 0.0, ""
 
-    def on(self, model: mujoco.MjModel, data: mujoco.MjData) -> Episode:
-        """The same episode so far, to go on with another mjData in the same state."""
-        other = Episode(self.setup, model, data)
+    def on(self, stepper: Stepper) -> Episode:
+        """The same episode so far, to go on with another stepper in the same state."""
+        other = Episode(self.setup, stepper)
         other.x[:], other.done = self.x, self.done
         other.reward, other.ended = self.reward, self.ended
         return other
@@ -208,22 +210,21 @@ class Episode:
         return self.done >= self.setup.problem.steps
 
     def restart(self, x0: Array) -> None:
-        """Begin again from a state, (n,); the mjData must have been reset.
+        """Begin again from a state, (n,).
 
         Raises:
             SetupError: If somebody else's control callback is installed.
         """
         refuse_foreign_callback()
-        n = self.setup.plant.system.degrees_of_freedom
-        self._data.qpos[:], self._data.qvel[:] = x0[:n], x0[n:]
+        self.stepper.restart(x0)
         self.x[:] = x0
         self.done, self.reward, self.ended = 0, 0.0, ""
 
     def hold(self, action: ArrayLike) -> None:
         """Command an input until the next one, and book what that costs.
 
-        The reward is -T times the stage cost at the start of the interval, of the input that the
-        actuators apply: MuJoCo clamps what is beyond their range.
+        The reward is -T times the stage cost at the start of the interval, of the input that is
+        applied: what is beyond the limits is cut.
 
         Args:
             action: (m,), in the units of the system's inputs.
@@ -233,7 +234,7 @@ class Episode:
         """
         setup, problem = self.setup, self.setup.problem
         u = np.clip(setup.checked(action), setup.low, setup.high)
-        self._data.ctrl[:] = u
+        self.stepper.hold(u)
         left = problem.steps - self.done
         whole = left >= problem.stride
         interval = problem.control_period if whole else left * problem.timestep
@@ -246,17 +247,16 @@ class Episode:
         Args:
             steps: How many.
         """
-        problem, n = self.setup.problem, self.setup.plant.system.degrees_of_freedom
-        model, data, wrenches = self._model, self._data, self._wrenches
-        with warnings_counted_only():
+        problem, stepper, wrenches = self.setup.problem, self.stepper, self._wrenches
+        # A diverging state overflows quietly; the stepper tells.
+        with np.errstate(all="ignore"), warnings_counted_only():
             for _ in range(min(steps, problem.steps - self.done)):
                 if wrenches is not None:
-                    data.xfrc_applied[self._bodies] = wrenches[self.done].reshape(-1, 6)
-                mujoco.mj_step(model, data)
-                if np.any(data.warning.number):
+                    stepper.push(wrenches[self.done])
+                if not stepper.step():
                     self.ended = self._say("the state grew without bound")
                     return
-                self.x[:n], self.x[n:] = data.qpos, data.qvel
+                self.x[:] = stepper.x
                 self.done += 1
         why = self.setup.undefined(self.x)
         self.ended = self._say(why) if why else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import mujoco
@@ -16,6 +16,7 @@ from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.environments.signals import input_label
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.simulation.engines.steppers import PhysicsStepper, stepper_of
 
 # Named arrays; Gymnasium's own types say no more than Any.
 Named = dict[str, Any]
@@ -37,7 +38,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
             actuators' own limits, which may be none.
         normalized: Whether actions are parts of their limits, from -1 to 1, instead of inputs in
             their own units.
-        render_mode: ``rgb_array`` for pictures by ``render()``, or None.
+        render_mode: ``rgb_array`` for pictures by ``render()`` of a model in MuJoCo, or None.
         size: Width and height of a picture.
 
     Raises:
@@ -45,7 +46,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         ArgumentError: If there is no such case, or an argument does not fit.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+    metadata: dict[str, Any] = {  # noqa: RUF012  as Gymnasium has it
         "render_modes": ["rgb_array"],
         "render_fps": 30,
     }
@@ -73,9 +74,12 @@ class CaseEnv(gymnasium.Env[Named, Array]):
             spread=spread,
             action_limit=action_limit,
         )
-        setup, model = self.setup, self.setup.plant.model
-        self._model, self._data = model, mujoco.MjData(model)
-        self._episode = Episode(setup, model, self._data)
+        setup = self.setup
+        if setup.undrawable:
+            self.metadata = {**self.metadata, "render_modes": []}
+            if render_mode is not None:
+                raise ArgumentError(f"{setup.undrawable}, so render_mode must be None")
+        self._episode = Episode(setup, stepper_of(setup.plant, setup.problem.timestep))
         self.render_mode = render_mode
         self._size, self._renderer = size, None
         self._scale = _scale(setup) if normalized else None
@@ -106,7 +110,6 @@ class CaseEnv(gymnasium.Env[Named, Array]):
             Observation and info.
         """
         super().reset(seed=seed)
-        mujoco.mj_resetData(self._model, self._data)
         self._episode.restart(self.setup.start(self.np_random))
         return self._episode.observation(), self._info()
 
@@ -134,13 +137,15 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         Raises:
             SetupError: If nothing here can draw: MUJOCO_GL says what does, read once at start.
         """
-        if self.render_mode is None:
+        stepper = self._episode.stepper
+        if self.render_mode is None or not isinstance(stepper, PhysicsStepper):
             return None
+        model, data = stepper.model, stepper.data
         if self._renderer is None:
             # The plant's own model is not to be changed.
-            self._renderer = _renderer(copy.copy(self._model), *self._size)
-        mujoco.mj_forward(self._model, self._data)
-        self._renderer.update_scene(self._data, 0 if self._model.ncam else -1)
+            self._renderer = _renderer(copy.copy(model), *self._size)
+        mujoco.mj_forward(model, data)
+        self._renderer.update_scene(data, 0 if model.ncam else -1)
         return self._renderer.render()
 
     def close(self) -> None:

@@ -31,7 +31,7 @@ def load(
 
     Args:
         target: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``; or ``SYSTEM/CASE``, or
-            the path of a case file on a model in MuJoCo, robots included.
+            the path of a case file, on a model in MuJoCo or on equations.
         task: Name of one of a system's cases, the nominal one by default, or an experiment.
         control_period: Time between two actions [s], a multiple of the timestep; the case's own
             by default.
@@ -64,11 +64,11 @@ def load(
             warnings.filterwarnings("error", module="glfw")
             from dm_control.rl.control import Environment
 
-            from grosmc_mj.environments.dm_control_face import CasePhysics, CaseTask
+            from grosmc_mj.environments.dm_control_face import CaseTask, physics_of
     except ImportError as error:
         raise SetupError(
             f"environments need dm_control, which cannot be imported ({error}): pip install "
             "dm_control with Python 3.12 or older, or use the Gymnasium environments"
         ) from error
-    physics, case = CasePhysics.of(setup), CaseTask(setup, seed)
+    physics, case = physics_of(setup), CaseTask(setup, seed)
     return Environment(physics, case, n_sub_steps=setup.problem.stride)

@@ -288,7 +288,7 @@ class Experiment:
             GrosmcError: If there is no such plant or law, or one of the user's own fails, with its
                 file and line.
         """
-        where = self.nominal.names[-1] if plant is None else plant
+        where = self.nominal.truest if plant is None else plant
         true, made = self.plant(where), self.law(where, law or self.controllers[-1])
         try:
             with blamed(self.folder):

@@ -68,6 +68,11 @@ class NominalPlant:
         return [*known, "physics"]
 
     @property
+    def truest(self) -> PlantName:
+        """Physics or, where there is none, the equations."""
+        return self.names[-1]
+
+    @property
     def rest(self) -> tuple[float, ...] | None:
         """State of its operating point, if it has one."""
         return None if self.at is None else tuple(self.at.x.tolist())

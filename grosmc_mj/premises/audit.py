@@ -114,7 +114,7 @@ def audit(lab: Laboratory, experiment: Experiment, controller: str = "grosmc") -
     Raises:
         ArgumentError: If the law has no equations in symbols.
     """
-    key, plant = ("audit", *experiment.key, controller), experiment.nominal.names[-1]
+    key, plant = ("audit", *experiment.key, controller), experiment.nominal.truest
     return lab.once(key, lambda: run_audit(lab.run(experiment, plant, controller)))
 
 

@@ -14,7 +14,8 @@ _OWN = ["pid", "looked_up", "from_positions", "transfer_function"]
 
 
 @pytest.mark.parametrize("case", [*(f"own_laws/{name}" for name in _OWN), "maglev/warm",
-                                  "ball_beam/sine", "furuta/heavier", "inverted_pendulum/heavier",
+                                  "ball_beam/sine", "ball_beam/balance", "ball_beam/heavier",
+                                  "furuta/heavier", "inverted_pendulum/heavier",
                                   "cartpole/heavier"])  # fmt: skip
 def test_it_keeps_what_it_requires(case: str) -> None:
     package = {"cartpole": "dm_control", "inverted_pendulum": "gymnasium"}.get(case.split("/")[0])
@@ -98,3 +99,40 @@ def test_the_rod_is_balanced_by_the_arm_alone() -> None:
     assert "of what the family changes is out of the input's reach" in (
         result.controller.designed.declared
     )
+
+
+M, RADIUS, J, g = 0.05, 0.01, 0.02, 9.81
+
+
+@pytest.mark.parametrize(("case", "m"), [("balance", M), ("heavier", 2 * M)])
+def test_the_ball_rolls_as_hauser_s_equations_say(case: str, m: float) -> None:
+    """A slide with an armature of J_b/R^2 is a solid ball that rolls."""
+    plant = Experiment.load(f"ball_beam/{case}").plant("physics")
+    J_b = 2 / 5 * m * RADIUS**2
+    for angle, r, turn, speed, torque in np.random.default_rng(0).uniform(-0.5, 0.5, (20, 5)):
+        rolling = (m * r * turn**2 - m * g * np.sin(angle)) / (J_b / RADIUS**2 + m)
+        turning = torque - 2 * m * r * speed * turn - m * g * r * np.cos(angle)
+        expected = [turn, speed, turning / (m * r**2 + J + J_b), rolling]
+        # Rounding of a mass matrix of two joints.
+        found = plant.derivative([angle, r, turn, speed], torque)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+def test_the_ball_stays_on_its_beam(law: str) -> None:
+    """Which a slide would not tell: the beam presses on it, and it is never near an end."""
+    swing = run("ball_beam/heavier", law).trajectory
+    angle, r, turn, speed = swing.state.T
+    pressed = g * np.cos(angle) + r * np.gradient(turn, swing.time) + 2 * speed * turn
+    # Rolling asks for traction of 2/5 of its acceleration.
+    assert np.all(0.4 * np.abs(np.gradient(speed, swing.time)) < 0.1 * pressed)
+    assert np.abs(r).max() == r[0] == pytest.approx(0.2)
+    assert np.abs(r[-100:]).max() < 1e-3
+
+
+def test_a_heavier_ball_on_the_beam_is_the_sliding_law_s_to_compensate() -> None:
+    """Its weight turns the beam as the torque does: matched, so that LQR alone strays."""
+    nominal = run("ball_beam/balance", "grosmc").trajectory.state[:, 1]
+    strayed = {law: np.abs(run("ball_beam/heavier", law).trajectory.state[:, 1] - nominal).max()
+               for law in ("lqr", "grosmc")}  # fmt: skip
+    assert strayed["grosmc"] < strayed["lqr"] / 2

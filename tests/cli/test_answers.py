@@ -39,7 +39,7 @@ def slow(*values: Any) -> Any:
     ("command", "verdict"),
     [
         ("--help", "usage: grosmc-mj"),
-        ("list", "4 systems, 25 case files."),
+        ("list", "4 systems, 27 case files."),
         ("new mine", r"mine\.toml written"),
         ("study agreement servo --states 5 --edits 1", "Accelerations of the corrected .* differ"),
         slow("claims --explain arm-eq57", "All verdicts are as expected"),

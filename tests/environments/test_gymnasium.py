@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from shipped import case_plant, find_case, nominal_controller, of_case
 
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import law_policy, register
 from grosmc_mj.environments.gymnasium_ids import IDS
 from grosmc_mj.errors import ArgumentError, SetupError
@@ -25,6 +27,8 @@ from grosmc_mj.simulation.simulate import simulate
 
 gymnasium = pytest.importorskip("gymnasium")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker")
+
+from gymnasium.envs.registration import EnvSpec  # noqa: E402
 
 from grosmc_mj.environments.gymnasium_face import CaseEnv  # noqa: E402
 
@@ -41,6 +45,62 @@ def test_gymnasium_s_checker_has_nothing_to_say(name: str) -> None:
         warnings.simplefilter("error")
         # It wants the environment without the wrappers that make puts around it.
         env_checker.check_env(environment.unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("target", ["maglev/warm", "ball_beam/sine"])
+def test_gymnasium_s_checker_has_nothing_to_say_of_equations(target: str) -> None:
+    """Of no mode of rendering either: none is offered."""
+    path = str(Experiment.load(target).path)
+    numbers = {"spread": 1e-4, "action_limit": 10.0, "normalized": True}
+    face = "grosmc_mj.environments.gymnasium_face:CaseEnv"
+    spec = EnvSpec("Equations-v0", entry_point=face, kwargs={"system": path, **numbers})
+    environment = gymnasium.make(spec).unwrapped
+    assert environment.metadata["render_modes"] == []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env_checker.check_env(environment)
+
+
+def test_equations_have_nothing_to_draw() -> None:
+    assert CaseEnv("maglev/warm").render() is None
+    with pytest.raises(ArgumentError, match=r"maglev is given by equations.*must be None$"):
+        CaseEnv("maglev/warm", render_mode="rgb_array")
+    # Of other environments it is offered still.
+    assert CaseEnv("servo").metadata["render_modes"] == ["rgb_array"]
+
+
+def test_the_reward_of_equations_is_that_of_their_index() -> None:
+    """It weighs gap, rate and acceleration from 10 mm, and the nominal third derivative."""
+    environment = CaseEnv("maglev/warm")
+    environment.reset()
+    m, g, C, R, L, T, V = 0.05, 9.81, 1e-4, 2.0, 0.02, 0.5e-3, 3.0
+    y, i = 0.013, 0.01 * np.sqrt(m * g / C)
+    z = np.array([y - 0.01, 0.0, g - C * i**2 / (m * y**2)])
+    v = -2 * C * i * (V - R * i) / (L * m * y**2)
+    expected = -T / 2 * (z @ np.diag([1e8, 1e5, 10.0]) @ z + 1e-3 * v**2)
+    seen, reward, *_ = environment.step(np.array([V]))
+    assert reward == pytest.approx(expected, rel=1e-9)
+    # The coil that is there is warm: R/L = 150/s changes the rate by 4% within the step.
+    assert seen["current"][0] - i == pytest.approx(T * (V - 1.5 * R * i) / L, rel=0.05)
+
+
+def test_equations_end_where_no_next_step_is_defined() -> None:
+    environment = CaseEnv("maglev/warm")
+    seen, info = environment.reset()
+    terminated = truncated = False
+    while not terminated:
+        assert seen["current"][0] > 0
+        seen, _, terminated, truncated, info = environment.step(np.array([-4.0]))
+    assert not truncated
+    assert seen["current"][0] <= 0 < seen["time"][0]
+    assert "the index is undefined outside gap and current positive" in info["ended"]
+    beam = CaseEnv("ball_beam/sine")
+    before, _ = beam.reset()
+    after, _, terminated, truncated, info = beam.step(np.array([1e100]))
+    assert (terminated, truncated) == (True, False)
+    assert "the state grew without bound" in info["ended"]
+    # What is seen is the last valid state.
+    assert all(np.array_equal(after[name], before[name]) for name in before)
 
 
 def test_a_normalized_action_is_a_part_of_its_limits() -> None:
@@ -66,12 +126,14 @@ def test_a_limit_that_is_none_is_refused(limit: Any) -> None:
         gymnasium.make("grosmc_mj/Servo-v0", action_limit=limit)
 
 
-@pytest.mark.parametrize("target", ["furuta/heavier", "own_laws/pid", "jaco/sines"])
-def test_any_case_on_a_model_is_an_environment(target: str) -> None:
-    """Robots too; a law in it gets what simulate gives it, to the last bit."""
+@pytest.mark.parametrize(
+    "target", ["furuta/heavier", "own_laws/pid", "jaco/sines", "maglev/warm", "ball_beam/sine"]
+)
+def test_any_case_is_an_environment(target: str) -> None:
+    """Robots and equations too; a law in it gets what simulate gives it, to the last bit."""
     experiment = Experiment.load(target).varied(duration=0.03)
-    environment = CaseEnv(target)
-    law = experiment.law("physics", experiment.controllers[0])
+    environment, where = CaseEnv(target), experiment.nominal.truest
+    law = experiment.law(where, experiment.controllers[0])
     period = experiment.settings.control_period
     policy = law_policy(law, control_period=period) if law.design else None
     assert policy is not None
@@ -83,7 +145,7 @@ def test_any_case_on_a_model_is_an_environment(target: str) -> None:
         assert np.isfinite(reward)
     settings = experiment.settings
     run = simulate(
-        experiment.plant("physics"), law, experiment.case.x0, duration=0.03,
+        experiment.plant(where), law, experiment.case.x0, duration=0.03,
         control_period=period, timestep=settings.timestep,
         disturbances=experiment.case.disturbances, engine="python",
     )  # fmt: skip
@@ -94,8 +156,6 @@ def test_any_case_on_a_model_is_an_environment(target: str) -> None:
 def test_a_file_is_a_task_itself() -> None:
     with pytest.raises(ArgumentError, match="is a task itself: leave out task='case1'"):
         CaseEnv("furuta/heavier", "case1")
-    with pytest.raises(ArgumentError, match="maglev has no model in MuJoCo"):
-        CaseEnv("maglev/warm")
 
 
 DRAWN = """
@@ -170,21 +230,48 @@ def test_a_law_gets_simulate_s_numbers_to_the_last_bit(name: str, T: float) -> N
     assert info["units"]["time"] == "s"
 
 
-def test_both_faces_give_the_same_rewards() -> None:
+@pytest.mark.parametrize("target", ["two_link_arm/case2", "maglev/warm"])
+def test_both_faces_give_the_same_rewards(target: str) -> None:
     pytest.importorskip("dm_control")
     from grosmc_mj.environments import load
 
-    one, other = gymnasium.make("grosmc_mj/TwoLinkArm-v0", task="case2"), load(
-        "two_link_arm", "case2"
-    )  # fmt: skip
+    one, other = CaseEnv(target), load(target)
     one.reset()
     other.reset()
-    for action in np.random.default_rng(0).normal(size=(30, 2)):
+    for action in np.random.default_rng(0).normal(size=(30, one.setup.inputs)):
         observation, reward, *_ = one.step(action)
         step = other.step(action)
         assert reward == step.reward
         assert list(observation) == list(step.observation)
         assert all(np.array_equal(observation[key], step.observation[key]) for key in observation)
+
+
+def test_dm_control_s_physics_of_equations_is_their_run(
+    open_loop: Callable[[Any], Controller],
+) -> None:
+    """Reset, set and stepped by hand."""
+    pytest.importorskip("dm_control")
+    from grosmc_mj.environments import load
+
+    environment = load("maglev/warm", control_period=1e-3)
+    physics: Any = environment.physics
+    assert (physics.timestep(), environment.control_timestep()) == (0.5e-3, 1e-3)
+    assert environment.action_spec().maximum.tolist() == [np.inf]
+    experiment = Experiment.load("maglev/warm")
+    for voltage in (4.0, 4.0, 0.0):
+        environment.reset()
+        # A reset lets go of what was held.
+        if voltage:
+            physics.set_control(voltage)
+        physics.step(20)
+        run = simulate(
+            experiment.plant("corrected"), open_loop(voltage), experiment.case.x0, duration=0.01,
+            timestep=0.5e-3, engine="python",
+        )  # fmt: skip
+        assert physics.time() == 10 * 1e-3
+        assert np.array_equal(physics.running.x, run.state[-1])
+    with pytest.raises(ArgumentError, match="maglev is given by equations: only a model in MuJoCo"):
+        physics.render()
 
 
 def test_leaving_the_region_terminates_and_the_duration_truncates() -> None:

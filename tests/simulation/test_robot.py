@@ -395,6 +395,12 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
     assert "contacts" in text
 
 
+def test_contacts_that_a_model_disables_are_none_that_the_law_misses() -> None:
+    spec = mujoco.MjSpec.from_string(TREE)
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    assert "contacts" not in "\n".join(Robot.from_mjcf(spec).converted)
+
+
 def test_a_converted_motor_moves_its_joint_as_the_geared_one_did() -> None:
     spec = mujoco.MjSpec.from_string(TREE)
     model, robot = spec.compile(), tree()

@@ -1,1 +1,1 @@
-"""A ball on a beam, as an example of laws that believe in another model than the true one."""
+"""A ball on a beam: as equations that laws simplify (sine), and as an MJCF (balance, heavier)."""

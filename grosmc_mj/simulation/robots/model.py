@@ -205,6 +205,7 @@ def _not_compensated(model: mujoco.MjModel) -> list[str]:
         found.append("dry joint friction (frictionloss)")
     if np.any(model.jnt_limited):
         found.append("joint limits")
-    if np.any(model.geom_contype | model.geom_conaffinity):
+    touching = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if touching and np.any(model.geom_contype | model.geom_conaffinity):
         found.append("contacts")
     return [f"not compensated by the law, a disturbance to it: {', '.join(found)}"] if found else []

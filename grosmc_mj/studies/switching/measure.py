@@ -283,7 +283,7 @@ def _law_that_switches(experiment: Experiment) -> str:
             f"{where}: {system.name} has {len(system.inputs)} inputs, the study compares laws of "
             "one: take a case with one input"
         )
-    plant, names = experiment.nominal.names[-1], experiment.controllers
+    plant, names = experiment.nominal.truest, experiment.controllers
     designs = {name: experiment.law(plant, name).design for name in names}
     found = [name for name, made in designs.items() if made is not None and made.with_reach]
     if not found:
