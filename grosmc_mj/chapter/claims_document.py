@@ -22,7 +22,13 @@ def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
         "threshold": claim.threshold,
         "unit": claim.unit,
         "why": claim.why,
-        "suspected_defect": claim.defect,
+        "word": claim.word,
+        "kind": claim.kind.value,
+        "quantifier": claim.quantifier,
+        "choices": [choice.name for choice in claim.choices],
+        "cause": claim.cause,
+        "near_its_threshold": finding.near,
+        "turns": finding.turns,
         "verdict": finding.verdict.value,
         "because": finding.because,
         "untested": claim.untested,
@@ -49,6 +55,7 @@ def _plant(found: PlantFinding, lab: Laboratory) -> dict[str, Any]:
         "note": found.measured.note,
         "verdict": found.verdict.value,
         "evidence": evidence,
+        "trials": {name: trial.value for name, trial in found.trials.items()},
     }
 
 

@@ -13,7 +13,13 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps
 from grosmc_mj.report.palette import COLOURS, OPTIMUM
 
-_DOTS = {Verdict.SUPPORTED: "o", Verdict.REFUTED: "X", Verdict.INCONCLUSIVE: "s"}
+_DOTS = {
+    Verdict.SUPPORTED: "o",
+    Verdict.REFUTED: "X",
+    Verdict.UNDETERMINED: "D",
+    Verdict.PREMISE_NOT_MET: "P",
+    Verdict.INCONCLUSIVE: "s",
+}
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
 _WIDE = 30.0
 

@@ -1,13 +1,13 @@
-"""The page on the chapter's defects, generated from the ledger."""
+"""The page on what the chapter says, generated from the ledger."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from grosmc_mj.chapter.claims.claim import Finding, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, Verdict
 from grosmc_mj.chapter.claims_figures import write_picture
-from grosmc_mj.chapter.claims_tables import decisive, shown
+from grosmc_mj.chapter.claims_tables import decisive, shown, turning
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
@@ -36,7 +36,7 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
 
 def _is_told(finding: Finding) -> bool:
     """Whether the page tells a claim's story: a suspected defect, or anything not supported."""
-    return finding.claim.defect or finding.verdict is not Verdict.SUPPORTED
+    return finding.claim.kind is not Kind.CLAIM or finding.verdict is not Verdict.SUPPORTED
 
 
 def _page(
@@ -54,16 +54,25 @@ def _page(
         f"tells one story. Each claim is measured at a control period of {1e3 * T:g} ms and half "
         "of it: a verdict that changes in between, or a run that ends early, is inconclusive. "
         "*printed* are the chapter's equations with its misprints, *corrected* the energy-true "
-        "ones, *physics* is MuJoCo. No sample proves a theorem: what is supported was not refuted "
-        "by what was measured."
+        "ones, *physics* is MuJoCo, which integrates the same ideal machine independently. No "
+        "sample proves a theorem: what is supported was not refuted by what was measured."
     )
-    for system in dict.fromkeys(finding.claim.system for finding in findings):
-        own = [finding for finding in findings if finding.claim.system == system]
+    yield ""
+    yield (
+        "A statement is *undetermined* where it turns on something that the chapter does not "
+        "print; its *premise is not met* where a theorem's own condition fails in the case that it "
+        "is claimed of. A verdict with * turns within 50 % of its threshold or with one of its "
+        "choices. What a word such as *exactly* or *robust* must mean is one number wherever it is "
+        "said, chosen from the word."
+    )
+    yield from _causes(findings)
+    for kind in Kind:
+        own = [finding for finding in findings if finding.claim.kind is kind]
         yield ""
-        yield f"## {find_system(system).title}"
+        yield f"## {kind.plural.capitalize()}"
         yield ""
-        yield "| claim | statement | found | needed | verdict |"
-        yield "|---|---|---:|---:|---|"
+        yield "| claim | system | statement | found | needed | verdict |"
+        yield "|---|---|---|---:|---:|---|"
         for finding in own:
             claim = finding.claim
             unit = "" if claim.unit == "1" else f" {claim.unit}"
@@ -71,12 +80,30 @@ def _page(
             sign = "≤" if claim.sense == "at most" else "≥"
             name = f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id
             yield (
-                f"| {name} | {_cell(claim.statement)} | {value} | {sign} {claim.threshold:g}{unit} "
-                f"| {finding.verdict.value} |"
+                f"| {name} | {find_system(claim.system).title} | {_cell(claim.statement)} "
+                f"| {value} | {sign} {claim.threshold:g}{unit} "
+                f"| {finding.verdict.value}{' *' if turning(finding) else ''} |"
             )
         for finding in own:
             if _is_told(finding):
                 yield from _story(finding, figures, home)
+
+
+def _causes(findings: Sequence[Finding]) -> Iterator[str]:
+    """Why claims are not supported: a line a cause."""
+    causes: dict[str, list[Finding]] = {}
+    for finding in findings:
+        if finding.verdict is not Verdict.SUPPORTED:
+            causes.setdefault(finding.claim.cause, []).append(finding)
+    yield ""
+    failed = sum(map(len, causes.values()))
+    yield f"{failed} statements are not supported, for {len(causes)} causes."
+    yield ""
+    yield "| cause | statements |"
+    yield "|---|---|"
+    for cause, own in sorted(causes.items(), key=lambda each: -len(each[1])):
+        named = ", ".join(f"[{each.claim.id}](#{each.claim.id})" for each in own)
+        yield f"| {_cell(cause)} | {named} |"
 
 
 def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterator[str]:
@@ -90,7 +117,7 @@ def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterato
         yield ""
         yield f"$${claim.equation}$$"
     yield ""
-    yield f"Measured: {claim.criterion}; {claim.why}."
+    yield f"Measured: {claim.criterion}; {claim.why}. Meant {claim.quantifier}."
     yield ""
     yield "| plant | at T | at T/2 | verdict | note |"
     yield "|---|---:|---:|---|---|"
@@ -98,6 +125,11 @@ def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterato
         yield _row(plant, found, claim.unit)
     yield ""
     yield claim.reason
+    said = [f"It is {finding.turns}"] if finding.turns else []
+    said += [f"Its verdict {_turn(each)}" for each in turning(finding)]
+    if said:
+        yield ""
+        yield ". ".join(said) + "."
     if finding.because:
         yield ""
         yield f"A premise failed: {finding.because}."
@@ -107,6 +139,11 @@ def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterato
     if claim.id in figures:
         yield ""
         yield f"![{claim.id}]({figures[claim.id].relative_to(home)})"
+
+
+def _turn(said: str) -> str:
+    """What a verdict turns on, after its name."""
+    return f"is {said}" if said.startswith("within") else said
 
 
 def _row(plant: str, found: PlantFinding, unit: str) -> str:

@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 from rich.table import Table
 from rich.text import Text
 
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, Verdict
+from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, Verdict
 from grosmc_mj.chapter.claims.faults import Caught
+from grosmc_mj.chapter.claims.sweep import Swept, stored_flips
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Reading
 from grosmc_mj.report.formulas import in_text
@@ -17,7 +18,13 @@ from grosmc_mj.report.palette import FAILED, KEPT, OPEN
 from grosmc_mj.report.tables import WIDTH, numbers, table, text, words
 
 # Of verdicts, in figures too.
-VERDICT_COLOURS = {Verdict.SUPPORTED: KEPT, Verdict.REFUTED: FAILED, Verdict.INCONCLUSIVE: OPEN}
+VERDICT_COLOURS = {
+    Verdict.SUPPORTED: KEPT,
+    Verdict.REFUTED: FAILED,
+    Verdict.UNDETERMINED: OPEN,
+    Verdict.PREMISE_NOT_MET: FAILED,
+    Verdict.INCONCLUSIVE: OPEN,
+}
 _SIGNS = {"at most": "<=", "at least": ">="}
 
 
@@ -37,18 +44,20 @@ def decisive(finding: Finding) -> Measured:
 
 
 def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
-    """One table for each system: each claim with its value on the plant that decides."""
-    for system in dict.fromkeys(finding.claim.system for finding in findings):
-        own = [finding for finding in findings if finding.claim.system == system]
+    """One table for each kind: each claim with its value on the plant that decides."""
+    for kind in Kind:
+        own = [finding for finding in findings if finding.claim.kind is kind]
+        if not own:
+            continue
         yield table(
-            system,
+            kind.plural,
             [*words("claim"), *text("statement"), *numbers("found"), *words("verdict")],
             [
                 (
-                    finding.claim.id + (" *" if finding.claim.defect else ""),
+                    finding.claim.id,
                     finding.claim.statement,
                     f"{shown(decisive(finding))} {_criterion(finding.claim)}",
-                    word(finding.verdict),
+                    word(finding.verdict) + (" *" if turning(finding) else ""),
                 )
                 for finding in own
             ],
@@ -62,10 +71,19 @@ def _criterion(claim: Claim) -> str:
 
 
 LEGEND = (
-    "* suspected misprint or gap. In brackets: what the statement needs. Values are on the plant "
-    "that decides: physics or, where it cannot be asked, the printed or the corrected equations; "
-    "--explain CLAIM tells the rest."
+    "* turns within 50 % of its threshold or with one of its choices. In brackets: what the "
+    "statement needs. Values are on the plant that decides: physics or, where it cannot be asked, "
+    "the printed or the corrected equations; --explain CLAIM tells the rest."
 )
+
+
+def turning(finding: Finding) -> list[str]:
+    """What the verdict turns on: its threshold, and the choices of which the record says so."""
+    said = []
+    if finding.near:
+        said.append("within 50 % of its threshold")
+    flips = stored_flips().get(finding.claim.id, {})
+    return [*said, *(f"flips {where}" for where in flips.values())]
 
 
 def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
@@ -78,6 +96,7 @@ def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
         yield from _paragraph("equation", in_text(claim.equation))
     yield from _paragraph("criterion", claim.criterion)
     yield from _paragraph("why so", claim.why)
+    yield from _paragraph("meant", claim.quantifier)
     T = lab.settings.control_period
     for plant, found in finding.plants.items():
         value = (
@@ -91,6 +110,12 @@ def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
         yield line.append(f"  {value}, {evidence}")
         if found.measured.note:
             yield from _paragraph("", found.measured.note)
+    if finding.turns:
+        yield from _paragraph("it turns", finding.turns)
+    for each in turning(finding):
+        yield from _paragraph("turns", each)
+    if claim.cause:
+        yield from _paragraph("cause", claim.cause)
     if finding.because:
         yield from _paragraph("because", f"a premise failed: {finding.because}")
     yield from _paragraph("not tested", claim.untested or "nothing that the claim speaks of")
@@ -153,5 +178,18 @@ def caught_table(found: Sequence[Caught], claims: Sequence[Claim]) -> Table:
         [
             (each.fault.name, f"{len(each.claims)} of {len(claims)}", ", ".join(each.claims))
             for each in found
+        ],
+    )
+
+
+def sweep_table(found: Sequence[Swept]) -> Table:
+    """Where claims change their answer, those that turn on what is not printed first."""
+    turning = sorted((each for each in found if each.flips), key=lambda each: each.printed)
+    return table(
+        "What the claims turn on",
+        [*words("claim", "choice"), *text("flips")],
+        [
+            (each.claim, each.choice + (" (printed)" if each.printed else ""), each.flips)
+            for each in turning
         ],
     )

@@ -277,6 +277,23 @@ class Experiment:
         """
         return replace(self, case=replace(self.case, **changes))
 
+    def changed(self, key: str, value: Any, designs: dict[Any, Controller]) -> Experiment:
+        """The same experiment with another number in its file.
+
+        Args:
+            key: Where it stands: ``task.Q``, ``laws.grosmc.epsilon``, or a setting of ``run``.
+            value: What stands there instead.
+            designs: Where the laws of experiments with this number are kept.
+        """
+        table, _, name = key.rpartition(".")
+        if table == "run":
+            return (
+                self.varied(duration=value)
+                if name == "duration"
+                else self.with_settings(**{name: value})
+            )
+        return replace(self, file=_with(self.file, key.split("."), value), _designs=designs)
+
     def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:
         """One controller on one plant.
 
@@ -307,6 +324,16 @@ class Experiment:
     def document(self) -> dict[str, Any]:
         """The resolved file as plain values."""
         return self.file.model_dump(exclude_none=True)
+
+
+def _with(table: Any, path: Sequence[str], value: Any) -> Any:
+    """A table of a file with another value at a path of keys."""
+    key, *rest = path
+    if isinstance(table, Mapping):
+        return {**table, key: _with(table.get(key, {}), rest, value) if rest else value}
+    own = (table.model_extra or {}).get(key) if key not in type(table).model_fields else None
+    inner = getattr(table, key) if own is None and rest else own
+    return table.model_copy(update={key: _with(inner, rest, value) if rest else value})
 
 
 _realized = lru_cache(maxsize=512)(realized)

@@ -51,14 +51,20 @@ class Laboratory:
     Args:
         settings: How experiments are run: what is not the default counts instead of their own.
         fault: What is wrong, to try the claims themselves.
+        number: A key of the case files and the value that counts instead of theirs.
         known: Results that are there already; of a sound laboratory with these settings only.
     """
 
     def __init__(
-        self, settings: Settings, fault: Fault = SOUND, known: Iterable[RunResult] = ()
+        self,
+        settings: Settings,
+        fault: Fault = SOUND,
+        known: Iterable[RunResult] = (),
+        number: tuple[str, Any] | None = None,
     ) -> None:
         self.settings = fault.settings(settings)
         self._fault = fault
+        self._number = number
         self._runs: dict[Any, RunResult] = {
             (*result.experiment.key, result.plant, result.controller.name): result
             for result in known
@@ -73,7 +79,19 @@ class Laboratory:
             timestep=self.settings.timestep / 2,
             control_period=self.settings.control_period / 2,
         )
-        return Laboratory(finer, replace(self._fault, settings=lambda settings: settings))
+        return Laboratory(finer, self._same_fault, number=self._number)
+
+    @property
+    def _same_fault(self) -> Fault:
+        """What is wrong, for a laboratory whose settings have it already."""
+        return replace(self._fault, settings=lambda settings: settings)
+
+    def varied(self, key: str, value: Any) -> Laboratory:
+        """The same with another number in every case file, see ``Experiment.changed``."""
+        return self.once(
+            ("varied", key, repr(value)),
+            lambda: Laboratory(self.settings, self._same_fault, number=(key, value)),
+        )
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
         """What ``make`` gives, made the first time that the key is asked for."""
@@ -109,12 +127,12 @@ class Laboratory:
         self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
     ) -> Controller:
         """A controller as it is used: designed for a plant, or for another one if named."""
-        law = self._set(experiment).law(believed or plant, name)
+        law = self.as_set(experiment).law(believed or plant, name)
         return self._fault.controller(law, experiment, plant)
 
     def plant(self, experiment: Experiment, name: PlantName) -> Plant:
         """A plant as it is used."""
-        return self._fault.plant(self._set(experiment).plant(name), experiment, name)
+        return self._fault.plant(self.as_set(experiment).plant(name), experiment, name)
 
     def equations(self, experiment: Experiment, name: PlantName) -> AnalyticPlant:
         """The corrected equations of a plant as it is used, or the equations that it is."""
@@ -139,13 +157,17 @@ class Laboratory:
         )
         return law, run
 
-    def _set(self, experiment: Experiment) -> Experiment:
-        """An experiment with the laboratory's settings."""
-        return experiment.with_settings(**self.settings.changes())
+    def as_set(self, experiment: Experiment) -> Experiment:
+        """An experiment with the laboratory's settings and its number."""
+        used = experiment.with_settings(**self.settings.changes())
+        if self._number is None:
+            return used
+        designs = self.once(("designs", experiment.path.parent), dict)
+        return used.changed(*self._number, designs)
 
     def _used(self, experiment: Experiment) -> Experiment:
         """An experiment as it is run, with what is wrong."""
-        return self._fault.experiment(self._set(experiment))
+        return self._fault.experiment(self.as_set(experiment))
 
 
 def trial(

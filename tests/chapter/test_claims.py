@@ -22,7 +22,15 @@ from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims import ledger as ledgers
 from grosmc_mj.chapter.claims import reading
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.claim import (
+    Choice,
+    Claim,
+    Finding,
+    Kind,
+    Measured,
+    PlantFinding,
+    Verdict,
+)
 from grosmc_mj.chapter.claims.faults import FAULTS, Caught, self_test
 from grosmc_mj.chapter.claims.ledger import (
     CLAIMS,
@@ -32,11 +40,12 @@ from grosmc_mj.chapter.claims.ledger import (
     verdict_differences,
 )
 from grosmc_mj.chapter.claims.reading import read_claims
+from grosmc_mj.chapter.claims.sweep import STORED, stored_flips, sweep
 from grosmc_mj.chapter.claims_document import claim_document
 from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import SetupError
+from grosmc_mj.errors import GainError, SetupError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.plants import PlantName
@@ -87,8 +96,64 @@ def test_claim_says_where_it_is_from_how_it_is_judged_and_what_that_leaves_open(
 
 @each_claim
 def test_every_verdict_is_expected_with_a_reason(claim: Claim) -> None:
-    assert set(claim.verdicts.values()) <= {Verdict.SUPPORTED, Verdict.REFUTED}
+    assert Verdict.INCONCLUSIVE not in claim.verdicts.values()
     assert claim.reason.endswith(".")
+
+
+@each_claim
+def test_what_is_not_supported_has_a_cause_and_what_is_open_a_choice(claim: Claim) -> None:
+    verdict = claim.verdicts[claim.plants[-1]]
+    assert bool(claim.cause) == (verdict is not Verdict.SUPPORTED)
+    if verdict is Verdict.UNDETERMINED:
+        assert claim.every
+        assert not all(choice.printed for choice in claim.choices)
+    if verdict is Verdict.PREMISE_NOT_MET:
+        assert claim.premise is not None
+
+
+def test_a_word_has_one_number_wherever_it_is_said() -> None:
+    said = {word: set() for word in reading.WORDS}
+    for claim in CLAIMS:
+        if claim.word:
+            said[claim.word].add((claim.sense, claim.threshold, claim.unit, claim.why))
+    assert {word for word, limits in said.items() if len(limits) != 1} == set()
+
+
+def test_both_laws_of_a_comparison_are_judged_alike() -> None:
+    """On how far a start may be, LQR by the criterion of the robust law; on the rest as well."""
+    for one, other in (
+        ("pendulum-region", "pendulum-region-lqr"),
+        ("pendulum-rest-grosmc", "pendulum-rest-lqr"),
+        ("pendulum-disturbance-grosmc", "pendulum-disturbance-lqr"),
+        ("servo-load-grosmc", "servo-load-lqr"),
+    ):
+        measures = [BY_ID[name].measure for name in (one, other)]
+        assert all(isinstance(each, partial) for each in measures)
+        functions = {each.func for each in measures}  # pyright: ignore[reportAttributeAccessIssue]
+        assert len(functions) == 1
+        rest = [
+            {**each.keywords, "controller": ""}  # pyright: ignore[reportAttributeAccessIssue]
+            for each in measures
+        ]
+        assert rest[0] == rest[1]
+        assert BY_ID[one].unit == BY_ID[other].unit
+
+
+def test_the_record_of_sweeps_is_about_these_claims_and_choices() -> None:
+    content = json.loads(STORED.read_text(encoding="utf-8"))["sweeps"]
+    recorded = [
+        (each["claim"], each["choice"], [value["choice"] for value in each["values"]])
+        for each in content
+    ]
+    assert recorded == [
+        (claim.id, choice.name, [choice.written(value) for value in choice.values])
+        for claim in CLAIMS
+        for choice in claim.choices
+    ]
+    # What is undetermined turns on something that was swept.
+    for claim in CLAIMS:
+        if claim.verdicts[claim.plants[-1]] is Verdict.UNDETERMINED:
+            assert stored_flips()[claim.id]
 
 
 def test_claim_of_a_variation_names_the_declared_range() -> None:
@@ -123,7 +188,7 @@ def test_claim_is_what_its_file_says(tmp_path: Path) -> None:
     path.write_text(SOUND, encoding="utf-8")
     # The other functions are named by the package's own files.
     (claim,) = [c for c in read_claims([*FILES, path]) if c.id == "claim-1"]
-    assert (claim.system, claim.threshold, claim.defect) == ("arm", 2.0, False)
+    assert (claim.system, claim.threshold, claim.kind) == ("arm", 2.0, Kind.CLAIM)
     assert claim.plants == ("corrected", "physics")
     assert claim.verdicts["corrected"] is Verdict.REFUTED
     lab = Laboratory(Settings())
@@ -286,6 +351,87 @@ def test_the_last_plant_decides() -> None:
     assert found.verdict is Verdict.REFUTED
 
 
+# What it turns on: a stub of a measurement that takes the choice's value for its own.
+SIZE = Choice("size", printed=False, values=(1.0, 3.0), argument="size")
+
+
+def turning(values: Sequence[float], plants: tuple[PlantName, ...] = ("physics",), **meant: Any):
+    """A claim that holds for sizes up to 2, tried with these; 2.5 where nothing else is said."""
+
+    def measure(_lab: Any, _plant: PlantName, size: float = 2.5) -> Measured:
+        if size < 0:
+            raise GainError("no gain")
+        return Measured(size)
+
+    choice = replace(SIZE, values=tuple(values))
+    return replace(
+        made_up([Measured(1.0)], plants=plants), measure=measure, choices=(choice,), **meant
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "meant", "verdict"),
+    [
+        ([1.0, 3.0], {"every": ("size",)}, Verdict.UNDETERMINED),
+        ([3.0, 4.0], {"every": ("size",)}, Verdict.REFUTED),
+        ([1.0, 3.0], {"some": ("size",)}, Verdict.SUPPORTED),
+        ([3.0, 4.0], {"some": ("size",)}, Verdict.REFUTED),
+        ([1.0, 3.0], {}, Verdict.REFUTED),
+        # What cannot be designed says nothing.
+        ([-1.0, 3.0], {"every": ("size",)}, Verdict.REFUTED),
+    ],
+)
+def test_verdict_over_choices(values: list[float], meant: Any, verdict: Verdict) -> None:
+    claim = turning(values, **meant)
+    found = judged(claim)
+    assert found.verdict is verdict
+    assert bool(found.turns) == (verdict is Verdict.UNDETERMINED)
+    assert ("for every" in claim.quantifier) == ("every" in meant)
+
+
+def test_a_verdict_near_its_threshold_is_labelled() -> None:
+    for value, near in ((0.9, False), (1.1, True), (2.9, True), (3.1, False), (None, False)):
+        assert judged(made_up([Measured(value)] * 2)).near is near
+
+
+def test_a_premise_that_failed_is_the_verdict() -> None:
+    claim = made_up([Measured(3.0)] * 2, premise=lambda _: "gain: too small")
+    assert judged(claim).verdict is Verdict.PREMISE_NOT_MET
+    kept = made_up([Measured(1.0)] * 2, premise=lambda _: "gain: too small")
+    assert judged(kept).verdict is Verdict.SUPPORTED
+    claim = replace(turning([1.0, 3.0], every=("size",)), premise=lambda _: "too small")
+    found = judged(claim)
+    assert (found.verdict, found.because) == (Verdict.UNDETERMINED, "too small")
+
+
+def test_a_sweep_finds_where_the_answer_changes() -> None:
+    (found,) = sweep(Level(), [turning([1.0, 3.0])])  # pyright: ignore[reportArgumentType]
+    assert [holds for _, _, holds in found.values] == [True, False]
+    assert float(found.flips.removeprefix("at size = ")) == pytest.approx(2.0, abs=1 / 16)
+    (found,) = sweep(Level(), [turning([0.5, 1.0])])  # pyright: ignore[reportArgumentType]
+    assert found.flips == ""
+    (found,) = sweep(Level(), [turning([-1.0, 3.0])])  # pyright: ignore[reportArgumentType]
+    assert [holds for _, _, holds in found.values] == [None, False]
+    assert found.flips == ""
+
+
+def test_a_laboratory_with_another_number_has_it_in_laws_and_runs() -> None:
+    lab = Laboratory(Settings())
+    other = lab.varied("task.Q", [400, 100])
+    assert lab.varied("task.Q", [400, 100]) is other
+    experiment = find_experiment("cart_pendulum", "nominal")
+    laws = [each.controller(experiment, "physics", "fl-lqr") for each in (lab, other)]
+    # Of a double integrator: sqrt(q1), sqrt(q2 + 2 sqrt(q1)).
+    assert pytest.approx(np.array([[20.0, math.sqrt(140.0)]]), rel=1e-9) == laws[1].parameters.K
+    assert pytest.approx(np.array([[10.0, math.sqrt(21.0)]]), rel=1e-9) == laws[0].parameters.K
+    shorter = lab.varied("run.duration", 0.01).run(experiment, "physics", "fl-lqr")
+    assert shorter.trajectory.time[-1] == pytest.approx(0.01)
+    k = lab.varied("laws.grosmc.k", 5.0).controller(
+        find_experiment("arm", "case1"), "physics", "grosmc"
+    )
+    assert k.parameters.k == 5.0
+
+
 @pytest.mark.parametrize(
     ("levels", "because"),
     [
@@ -382,7 +528,6 @@ def test_story_fits_the_width_and_leaves_nothing_out(claim: Claim) -> None:
 
 
 def test_story_with_a_long_note_fits_the_width() -> None:
-    """The note of arm-epsilon is what the premise says, on the same line as the numbers."""
     claim = BY_ID["arm-epsilon"]
     note = "ε = 8.54 along the run and 12.5 over the region, instead of 6"
     physics = PlantFinding(Measured(0.703, note), Measured(0.702, note), Verdict.REFUTED)
@@ -653,7 +798,7 @@ def test_explain_tells_the_story_and_draws_it(
 ) -> None:
     assert run("claims", "--explain", "arm-epsilon", "--out", str(tmp_path)) == cli.DONE
     told = capsys.readouterr().out
-    for words in ("REFUTED", "Theorem 3", "over the region, instead of 6", "a premise failed"):
+    for words in ("REFUTED", "Theorem 3", "along a run that stays on its surface", "|d/M(q)|"):
         assert words in told
     (figure,) = tmp_path.rglob("*.png")
     assert figure == tmp_path / "claims" / "arm-epsilon.png"
@@ -663,7 +808,8 @@ def test_explain_tells_the_story_and_draws_it(
 
 KEYS = {
     "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
-    "suspected_defect", "verdict", "because", "untested", "plants", "expected",
+    "word", "kind", "quantifier", "choices", "cause", "near_its_threshold", "turns", "verdict",
+    "because", "untested", "plants", "expected",
 }  # fmt: skip
 
 
@@ -704,7 +850,7 @@ def test_validate_judges_the_claims_of_the_system(
         assert set(claim) == KEYS
         assert set(claim["expected"]) == {"verdicts", "reason"}
         for each in claim["plants"].values():
-            assert set(each) == {"value", "note", "verdict", "evidence"}
+            assert set(each) == {"value", "note", "verdict", "evidence", "trials"}
 
 
 def test_document_of_a_claim_holds_no_nan() -> None:
@@ -721,10 +867,12 @@ def test_page_points_to_what_is_there() -> None:
     page = Path(cli.__file__).parents[2] / "docs" / "claims.md"
     text = page.read_text(encoding="utf-8")
     links, stories = re.findall(r"\]\(#([\w-]+)\)", text), re.findall(r"^### (.+)$", text, re.M)
-    assert links == stories
+    # Of the causes, then of the tables.
+    assert set(links) == set(stories)
+    assert links[-len(stories) :] == stories
     for name in re.findall(r"!\[[\w-]+\]\(([^)]+)\)", text):
         assert (page.parent / name).is_file()
     # A verdict that is expected to be refuted is told.
     for name, claim in BY_ID.items():
-        if claim.verdicts[claim.plants[-1]] is Verdict.REFUTED or claim.defect:
+        if claim.verdicts[claim.plants[-1]] is not Verdict.SUPPORTED:
             assert name in stories

@@ -25,21 +25,22 @@ _LARGER = (BodyEdit("pole", mass_scale=4.0, length_scale=4.0),)
 
 
 def from_two_seconds(lab: Laboratory, plant: PlantName, *, controller: str) -> Measured:
-    """Distance of the settling time from 2 s."""
+    """Distance of the settling time from 2 s, in percent of it."""
     result = lab.case(_SYSTEM, "nominal", plant, controller)
     settling = result.metrics["settling_time"]
-    off = None if settling.value is None else abs(settling.value - 2.0)
+    off = None if settling.value is None else 50 * abs(settling.value - 2.0)
     note = settling.note or f"settles in {settling.value:.3g} s"
     return of(result, off, note)
 
 
 def largest_angle_late(lab: Laboratory, plant: PlantName, *, controller: str) -> Measured:
-    """Largest |θ| while d(t) acts."""
+    """Largest |θ| while d(t) acts, in percent of the start."""
     result = lab.case(_SYSTEM, "case2", plant, controller)
     after = within(result.comparison.time, 9.0)
     if not after.any():
         return Measured(None, result.ended, broken=True)
-    return of(result, 1e3 * float(np.abs(result.comparison.z[after, 0]).max()))
+    late = float(np.abs(result.comparison.z[after, 0]).max())
+    return of(result, 100 * late / abs(result.comparison.z[0, 0]), f"{1e3 * late:.3g} mrad")
 
 
 def largest_start(
@@ -76,7 +77,8 @@ def largest_start(
         if away > within_percent:
             return Measured(float(reached), f"from {angle} degrees it goes {away:.3g} % astray")
         reached = angle
-    return Measured(float(reached), "from every angle tried")
+    asked = float(np.abs(runs.input[-1]).max())
+    return Measured(float(reached), f"from every angle tried; up to {asked:.3g} N")
 
 
 def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:

@@ -1,11 +1,11 @@
-"""What a claim is, and what is found about it."""
+"""What a claim is, what it turns on, and what is found about it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GrosmcError
@@ -14,11 +14,71 @@ from grosmc_mj.experiments.plants import PlantName
 
 
 class Verdict(Enum):
-    """What the measurement says of a claim."""
+    """What the measurement says of a claim.
+
+    Undetermined is what turns on a choice that the chapter does not print; a premise is not met
+    where a theorem's own condition fails on the case that it is claimed of; inconclusive is what
+    depends on the time step.
+    """
 
     SUPPORTED = "supported"
     REFUTED = "refuted"
+    UNDETERMINED = "undetermined"
+    PREMISE_NOT_MET = "premise not met"
     INCONCLUSIVE = "inconclusive"
+
+
+class Kind(Enum):
+    """What sort of statement is judged; each sort has a table of its own."""
+
+    CLAIM = "claim"
+    MISPRINT = "misprint"
+    PROOF = "proof"
+    QUESTION = "question"
+
+    @property
+    def plural(self) -> str:
+        """Title of its table."""
+        return {
+            Kind.CLAIM: "claims of the chapter",
+            Kind.MISPRINT: "equations as printed",
+            Kind.PROOF: "assumptions and proofs",
+            Kind.QUESTION: "questions of this project",
+        }[self]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A number or a measure that a claim depends on.
+
+    Attributes:
+        name: What it is called.
+        printed: Whether the chapter prints it.
+        values: What is tried.
+        key: Where it stands in the case files: ``task.Q``; empty for an argument.
+        argument: Of the claim's measurement; empty for a number of the case files.
+        unit: Of the values.
+    """
+
+    name: str
+    printed: bool
+    values: tuple[Any, ...]
+    key: str = ""
+    argument: str = ""
+    unit: str = ""
+
+    def written(self, value: Any) -> str:
+        """A value with the name of what it is one of."""
+        return f"{self.name} = {shown_value(value)}{' ' if self.unit else ''}{self.unit}"
+
+
+def shown_value(value: Any) -> str:
+    """A value of a choice, in short."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(shown_value(each) for each in value)}]"
+    return f"{value:g}"
 
 
 class NeedsSlidingModeError(GrosmcError):
@@ -81,7 +141,12 @@ class Claim:
         verdicts: What is expected on each plant that it can be asked of; the last one decides.
         reason: Why that is expected.
         untested: What the measurement leaves open.
-        defect: Whether the statement is a suspected misprint or gap of the chapter.
+        kind: Of statement.
+        word: The word of the statement that the threshold says in numbers; empty for its own.
+        choices: What it depends on.
+        every: Names of those choices for every value of which the statement is meant.
+        some: Names of those for one value of which at least it is meant.
+        cause: Why it is not supported, where it is not: one cause may fail several claims.
         exact: Whether no time step enters, so that there is nothing to refine.
         premise: Says which premise failed, or nothing.
         equation: The equation at stake, in LaTeX.
@@ -101,7 +166,12 @@ class Claim:
     verdicts: Mapping[PlantName, Verdict]
     reason: str
     untested: str
-    defect: bool = False
+    kind: Kind = Kind.CLAIM
+    word: str = ""
+    choices: tuple[Choice, ...] = ()
+    every: tuple[str, ...] = ()
+    some: tuple[str, ...] = ()
+    cause: str = ""
     exact: bool = False
     premise: Callable[[Laboratory], str] | None = None
     equation: str = ""
@@ -111,6 +181,18 @@ class Claim:
     def plants(self) -> tuple[PlantName, ...]:
         """Plants that it can be asked of; the last one decides."""
         return tuple(self.verdicts)
+
+    @property
+    def quantifier(self) -> str:
+        """For which choices it is meant."""
+        if self.every or self.some:
+            names = " and ".join(self.every or self.some)
+            return f"for {'every' if self.every else 'some'} {names} tried"
+        if self.kind is Kind.QUESTION and not self.choices:
+            return "for the numbers declared here"
+        if all(choice.printed for choice in self.choices):
+            return "for the printed numbers"
+        return "for the printed numbers, and those declared here where none is printed"
 
     def holds(self, measured: Measured) -> bool:
         """Whether a measurement meets the criterion; one without a value doesn't."""
@@ -129,11 +211,13 @@ class PlantFinding:
         measured: At the settings asked for.
         refined: At half the timestep and control period; None for an exact claim.
         verdict: What both together say.
+        trials: At the values of the choices that the claim is meant for every or some of.
     """
 
     measured: Measured
     refined: Measured | None
     verdict: Verdict
+    trials: Mapping[str, Measured] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -153,4 +237,32 @@ class Finding:
     @property
     def verdict(self) -> Verdict:
         """That of the plant that decides: physics, if the claim can be asked of it."""
-        return self.plants[self.claim.plants[-1]].verdict
+        return self.decisive.verdict
+
+    @property
+    def decisive(self) -> PlantFinding:
+        """What was found on the plant that decides."""
+        return self.plants[self.claim.plants[-1]]
+
+    @property
+    def near(self) -> bool:
+        """Whether the verdict would turn if the threshold were half as large again, or half."""
+        value, threshold = self.decisive.measured.value, self.claim.threshold
+        if value is None or threshold == 0 or self.claim.exact:
+            return False
+        return 0.5 <= value / threshold <= 1.5
+
+    @property
+    def turns(self) -> str:
+        """With which of the choices the statement is true, and with which not; empty if on none."""
+        if self.verdict is not Verdict.UNDETERMINED:
+            return ""
+        said = []
+        for answer, word in ((True, "true"), (False, "false")):
+            tried = [
+                f"{name} ({measured.value:.3g})"
+                for name, measured in self.decisive.trials.items()
+                if measured.value is not None and self.claim.holds(measured) is answer
+            ]
+            said.append(f"{word} with {', '.join(tried)}")
+        return "; ".join(said)

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.claim import (
+    Choice,
+    Claim,
+    Finding,
+    Measured,
+    NeedsSlidingModeError,
+    PlantFinding,
+    Verdict,
+)
 from grosmc_mj.chapter.claims.reading import read_claims
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import SYSTEMS, find_system
@@ -54,9 +65,15 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
         name: _on(lab, claim, name, refine=refine) for name in claim.plants
     }
     finding = Finding(claim, plants)
-    if claim.premise is None or finding.verdict is not Verdict.REFUTED:
+    failed = (Verdict.REFUTED, Verdict.UNDETERMINED)
+    if claim.premise is None or finding.verdict not in failed:
         return finding
-    return Finding(claim, plants, claim.premise(lab))
+    because = claim.premise(lab)
+    if because:
+        for name, found in plants.items():
+            if found.verdict is Verdict.REFUTED:
+                plants[name] = replace(found, verdict=Verdict.PREMISE_NOT_MET)
+    return Finding(claim, plants, because)
 
 
 def verdict_differences(findings: Sequence[Finding]) -> list[str]:
@@ -73,7 +90,31 @@ def _on(lab: Laboratory, claim: Claim, plant: PlantName, *, refine: bool) -> Pla
     """What is found on one plant."""
     measured = claim.measure(lab, plant)
     refined = None if claim.exact or not refine else claim.measure(lab.refined, plant)
-    return PlantFinding(measured, refined, _verdict(claim, measured, refined))
+    verdict = _verdict(claim, measured, refined)
+    meant = [choice for choice in claim.choices if choice.name in (*claim.every, *claim.some)]
+    if not meant or verdict is Verdict.INCONCLUSIVE:
+        return PlantFinding(measured, refined, verdict)
+    trials = {
+        choice.written(value): tried(lab, claim, plant, choice, value)
+        for choice in meant
+        for value in choice.values
+    }
+    answers = {claim.holds(each) for each in (measured, *trials.values()) if not each.broken}
+    if len(answers) > 1:
+        verdict = Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
+    return PlantFinding(measured, refined, verdict, trials)
+
+
+def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value: Any) -> Measured:
+    """What is measured with another value of a choice; broken where no law can be designed."""
+    try:
+        if choice.argument:
+            return partial(claim.measure, **{choice.argument: value})(lab, plant)
+        return claim.measure(lab.varied(choice.key, value), plant)
+    except NeedsSlidingModeError:
+        raise
+    except GrosmcError as error:
+        return Measured(None, str(error), broken=True)
 
 
 def _verdict(claim: Claim, measured: Measured, refined: Measured | None) -> Verdict:

@@ -19,22 +19,28 @@ from grosmc_mj.chapter.claims import (
     theory,
     two_link_arm,
 )
-from grosmc_mj.chapter.claims.claim import Claim, Verdict
+from grosmc_mj.chapter.claims.claim import Choice, Claim, Kind, Verdict
 from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.experiments.runs import PlantName
 
 # What a claim's functions are called with, before the arguments that its file gives.
 _CALLED_WITH = {"measure": ("lab", "plant"), "premise": ("lab",), "drawing": ("lab",)}
-# A limit has three of a claim's fields, the file's place two; the others have keys of their names.
-_ELSEWHERE = {"id", "system", "sense", "threshold", "unit"}
+# A limit has four of a claim's fields, the file's place two; the others have keys of their names.
+_ELSEWHERE = {"id", "system", "sense", "threshold", "unit", "word"}
 _FIELDS = [field for field in fields(Claim) if field.name not in _ELSEWHERE]
 _KEYS = [*(field.name for field in _FIELDS), "limit"]
 _REQUIRED = [*(field.name for field in _FIELDS if field.default is MISSING), "limit"]
 # Keys whose values are no text.
-_TYPES = {"limit": dict, "verdicts": dict, "exact": bool, "defect": bool} | dict.fromkeys(
-    _CALLED_WITH, dict
+_TYPES = {
+    "limit": dict, "verdicts": dict, "exact": bool, "choices": list, "every": list, "some": list,
+} | dict.fromkeys(_CALLED_WITH, dict)  # fmt: skip
+_WORDS = {bool: "true or false", dict: "a table", str: "a text", list: "a list"}
+# Tables of a file that are no claims.
+_SHARED = ("choices", "causes")
+# What the statements' words mean: the limit of each and why.
+WORDS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
 )
-_WORDS = {bool: "true or false", dict: "a table", str: "a text"}
 
 
 def _functions() -> dict[str, Callable[..., Any]]:
@@ -70,9 +76,10 @@ def read_claims(paths: Iterable[Path]) -> tuple[Claim, ...]:
             raise SetupError(f"{path} is missing: install again") from error
         except ValueError as error:
             raise SetupError(f"{path}: no valid TOML: {error}") from error
+        shared = {name: content.pop(name, {}) for name in _SHARED}
         for name, table in content.items():
             try:
-                claims.append(_claim(name, path.stem, table))
+                claims.append(_claim(name, path.stem, table, **shared))
             except ArgumentError as error:
                 raise SetupError(f"{path}: claim {name}: {error}") from None
             named |= {table[key]["function"] for key in _CALLED_WITH if key in table}
@@ -81,8 +88,10 @@ def read_claims(paths: Iterable[Path]) -> tuple[Claim, ...]:
     return tuple(claims)
 
 
-def _claim(name: str, system: str, table: Any) -> Claim:
-    """The claim that a table describes.
+def _claim(
+    name: str, system: str, table: Any, choices: dict[str, Any], causes: dict[str, str]
+) -> Claim:
+    """The claim that a table describes, with the choices and causes of its file.
 
     Raises:
         ArgumentError: If a key is unknown or missing, or its value is not what it must be.
@@ -96,9 +105,22 @@ def _claim(name: str, system: str, table: Any) -> Claim:
             raise ArgumentError(f"{key} = {shown(value)} must be {_WORDS[kind]}")
         if key in _CALLED_WITH:
             values[key] = _bound(key, value, system)
-    if missing := [key for key in _REQUIRED if key not in table]:
+    if isinstance(table.get("limit"), dict) and "word" in table["limit"]:
+        values |= _meaning(values.pop("limit"))
+    elif "limit" in table:
+        values |= _limit(values.pop("limit"))
+    if missing := [key for key in _REQUIRED if key not in table and key not in values]:
         raise ArgumentError(f"{', '.join(missing)} must be given too")
-    values |= _limit(values.pop("limit"))
+    for key in ("choices", "every", "some"):
+        chosen = [_one_of("choice", each, choices) for each in table.get(key, ())]
+        if key != "choices" and (lacking := [x for x in chosen if x not in table["choices"]]):
+            raise ArgumentError(f"{key}: {', '.join(lacking)} must be among its choices")
+        made = [_choice(choices[each]) for each in chosen]
+        values[key] = tuple(made if key == "choices" else (each.name for each in made))
+    if "kind" in table:
+        values["kind"] = Kind(_one_of("kind", table["kind"], [each.value for each in Kind]))
+    if "cause" in table:
+        values["cause"] = causes[_one_of("cause", table["cause"], causes)]
     values["verdicts"] = {
         _one_of("plant", plant, get_args(PlantName)): Verdict(
             _one_of("verdict", verdict, [each.value for each in Verdict])
@@ -108,6 +130,34 @@ def _claim(name: str, system: str, table: Any) -> Claim:
     if not values["verdicts"]:
         raise ArgumentError("verdicts name no plant")
     return Claim(id=name, system=system, **values)
+
+
+def _choice(table: dict[str, Any]) -> Choice:
+    """What a table of choices describes.
+
+    Raises:
+        ArgumentError: If it is neither a number of the files nor an argument, or has no values.
+    """
+    valid = [field.name for field in fields(Choice)]
+    for key in table:
+        _one_of("key of a choice", key, valid)
+    if ("key" in table) == ("argument" in table) or not table.get("values"):
+        raise ArgumentError("a choice must have a name, values and either a key or an argument")
+    values = tuple(table["values"])
+    return Choice(**{"printed": False, **table, "values": values})
+
+
+def _meaning(table: dict[str, Any]) -> dict[str, Any]:
+    """Sense, threshold and unit of a word, and why.
+
+    Raises:
+        ArgumentError: If there is no such word, or anything else is given.
+    """
+    word = _one_of("word", table["word"], WORDS)
+    if len(table) > 1:
+        raise ArgumentError(f"limit = {shown(table)}: a word has its own number")
+    limit = dict(WORDS[word])
+    return {"word": word, "why": limit.pop("why"), **_limit(limit)}
 
 
 def _limit(table: dict[str, Any]) -> dict[str, Any]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
+import scipy.optimize
 
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measures import of, within
+from grosmc_mj.chapter.claims.measures import from_optimum, of, within
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -29,12 +33,12 @@ def overshoot_growth(lab: Laboratory, plant: PlantName) -> Measured:
     return of(results[0], values[0] - values[1], f"{values[0]:.2g} % against {values[1]:.2g} %")
 
 
-def damping_loss(lab: Laboratory, plant: PlantName) -> Measured:
-    """By how much 3J lowers the damping ratio of the LQR loop, in percent.
+def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measured:
+    """By how much 3J lowers a measure of the LQR loop's relative stability, in percent.
 
-    The loop's linearization is taken by differences of x' on the plant, law and all.
+    Loop and plant are linearized by differences of x' on the plant, law and all.
     """
-    ratios, poles = [], []
+    found = []
     for name in ("nominal", "case2"):
         case = find_experiment("servo", name)
         law = lab.controller(case, plant, "lqr")
@@ -42,21 +46,44 @@ def damping_loss(lab: Laboratory, plant: PlantName) -> Measured:
         p, memory = law.parameters, law.memory()
         rest, step = np.array([law.coordinates.reference(0.0, p.reference)[0], 0.0]), 1e-5
 
-        def loop(x: np.ndarray) -> np.ndarray:
-            u = law.law(1.0, x, memory, p)  # noqa: B023  used in this turn only
-            return derivative(x, u, np.zeros(6))  # noqa: B023
+        def rates(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            x = rest + d  # noqa: B023  used in this turn only
+            u = law.law(1.0, x, memory, p)  # noqa: B023
+            return derivative(x, u, np.zeros(6)), derivative(x, 0.0, np.zeros(6))  # noqa: B023
 
-        jacobian = np.column_stack(
-            [(loop(rest + d) - loop(rest - d)) / (2 * step) for d in step * np.eye(2)]
+        sides = [(rates(d), rates(-d)) for d in step * np.eye(2)]
+        closed, A = (
+            np.column_stack([(ahead[i] - behind[i]) / (2 * step) for ahead, behind in sides])
+            for i in (0, 1)
         )
-        stiffness = np.linalg.det(jacobian)
-        poles.append(float(np.linalg.eigvals(jacobian).real.max()))
-        ratios.append(-np.trace(jacobian) / (2 * np.sqrt(abs(stiffness))))
-    note = (
-        f"damping ratio {ratios[1]:.3g} under 3J, {ratios[0]:.3g} nominal; slowest pole "
-        f"{poles[1]:.3g} and {poles[0]:.3g} 1/s"
+        found.append(
+            {
+                "damping ratio": -np.trace(closed) / (2 * np.sqrt(abs(np.linalg.det(closed)))),
+                "slowest pole": -float(np.linalg.eigvals(closed).real.max()),
+                "delay margin": _delay_margin(A, closed),
+            }
+        )
+    nominal, heavier = found
+    units = {"damping ratio": "", "slowest pole": " 1/s", "delay margin": " s"}
+    note = "; ".join(
+        f"{name} {heavier[name]:.3g}{unit} under 3J, {nominal[name]:.3g}{unit} nominal"
+        for name, unit in units.items()
     )
-    return Measured(100 * float(1 - ratios[1] / ratios[0]), note)
+    return Measured(100 * float(1 - heavier[measure] / nominal[measure]), note)
+
+
+def _delay_margin(A: np.ndarray, closed: np.ndarray) -> float:
+    """The delay of the input that makes the loop x' = A x + (A_closed - A) x unstable [s].
+
+    The loop's gain B K is of rank one: its return difference crosses one where |L(jw)| does.
+    """
+    fed_back = A - closed
+
+    def gain(w: float) -> complex:
+        return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, fed_back))
+
+    crossing = scipy.optimize.brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
+    return float((math.pi + np.angle(gain(crossing))) / crossing)
 
 
 def undercut(lab: Laboratory, plant: PlantName) -> Measured:
@@ -99,3 +126,26 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     if required < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     return Measured(float(naive / required), f"γ1 = {naive:.3g} sized so, {required:.4g} required")
+
+
+def cost_of_switching(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
+    """What the input costs beyond (13), over J* and the length of the run, in percent a second."""
+    result = lab.case("servo", case, plant, "grosmc")
+    whole, counted, least = (
+        result.metrics[name].value for name in ("cost_whole", "cost_continuous", "cost_optimal")
+    )
+    assert whole is not None
+    assert counted is not None
+    assert least is not None
+    duration = float(result.trajectory.time[-1])
+    note = f"J with the whole u is {whole / least:.3g} J* after {duration:g} s"
+    return of(result, 100 * abs(whole - counted) / least / duration, note)
+
+
+def without_bounds(lab: Laboratory, plant: PlantName) -> Measured:
+    """max |x1 - x1*| in case 1 under the law with eta alone, in percent of the step."""
+    experiment = find_experiment("servo", "case1")
+    law = lab.controller(experiment, plant, "grosmc")
+    alone = replace(law, parameters=replace(law.parameters, gamma0=0.0, gamma1=0.0))
+    result = lab.once(("without bounds", plant), lambda: lab.run_with(experiment, plant, alone))
+    return of(result, from_optimum(result.comparison), f"η = {law.parameters.eta:.3g} A alone")

@@ -18,6 +18,7 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import find_system
+from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.simulate import simulate
@@ -33,22 +34,26 @@ def _start(system: str) -> tuple[float, ...]:
     return find_experiment(system, "nominal").case.x0
 
 
-def _declared(system: str) -> tuple[float, tuple[tuple[float, float], ...], Array]:
+def _declared(lab: Laboratory, system: str) -> tuple[float, tuple[tuple[float, float], ...], Array]:
     """Reaching rate, ranges of mass and length scale, and the largest wrench of a system."""
-    declared = find_experiment(system, "nominal").uncertainty
+    declared = lab.as_set(find_experiment(system, "nominal")).uncertainty
     if declared is None:
         return _ARM_RATE, PAYLOADS, np.zeros(12)
     scales = (*declared.scales.values(), (1.0, 1.0))[:2]
     return declared.reaching_rate, scales, np.array(declared.wrench)
 
 
-def slowest_approach(lab: Laboratory, plant: PlantName, *, system: str) -> Measured:
+def slowest_approach(
+    lab: Laboratory, plant: PlantName, *, system: str, rate: float | None = None
+) -> Measured:
     """The largest s' sgn(s) + eta over the declared family, by the plant's own accelerations.
 
+    eta is the rate that the gains are declared for, unless another one is given.
     The continuous reading: at each state the law is asked on both sides of its surface, and s'
     follows from x' there and then, without a time step.
     """
-    rate, scales, wrench = _declared(system)
+    declared, scales, wrench = _declared(lab, system)
+    rate = declared if rate is None else rate
     random, worst, own = np.random.default_rng(1), -np.inf, None
     body = find_system(system).uncertain_body
     for index in range(_PLANTS):
@@ -118,7 +123,7 @@ def reaching_time(lab: Laboratory, plant: PlantName, *, system: str, torque: flo
 
 def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured:
     """Worst deviation over random plants and matched disturbances of the declared size."""
-    _, scales, wrench = _declared(system)
+    _, scales, wrench = _declared(lab, system)
     random, body = np.random.default_rng(2), find_system(system).uncertain_body
     cases = []
     for _ in range(16):
@@ -166,3 +171,47 @@ def proof_three(lab: Laboratory, _: PlantName) -> Measured:
     law = lab.controller(find_experiment("arm", "nominal"), "corrected", "grosmc")
     s = np.linspace(-1, 1, 201)
     return Measured(float(np.abs(-law.parameters.k * s * s + law.parameters.k * np.abs(s)).max()))
+
+
+def approach_under_equality(lab: Laboratory, plant: PlantName) -> Measured:
+    """How fast |s| falls next to the surface with |d/M| = epsilon, in percent of epsilon.
+
+    The torque that is epsilon M(q) pushes s away on either side; what is left of s' is asked of
+    the plant at s = 1e-6 rad/s.
+    """
+    experiment = find_experiment("arm", "nominal")
+    law = lab.controller(experiment, plant, "grosmc")
+    derivative, epsilon = lab.plant(experiment, plant).derivative, law.parameters.epsilon
+    if epsilon == 0:
+        return Measured(None, "the law does not switch")
+    least = np.inf
+    for t in np.linspace(0.1, 2.0, 20):  # the law begins at 0
+        z = np.zeros(2)
+        x = law.coordinates.place(float(t), z, law.parameters)
+        unit = np.eye(12)[-2]
+        moved = derivative(x, 0.0, unit)[1] - derivative(x, 0.0, np.zeros(12))[1]
+        for side in (-1.0, 1.0):
+            push = side * epsilon / moved * unit
+            least = min(least, -_approach(law, derivative, float(t), z, side, push))
+    return Measured(100 * float(least) / epsilon, "the least of 40 states")
+
+
+def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2.0) -> Measured:
+    """What a wrong M(q) does to s', with rates five times the region's over within it."""
+    start = _start("arm")
+    case = trial("arm", "payload", start, 1.0, (BodyEdit("link", heaviest, 1.0),))
+    law, true = lab.controller(case, plant, "grosmc"), lab.equations(case, plant)
+    region, largest = case.region, []
+    assert region is not None
+    for factor in (1.0, 5.0):
+        pushes = [0.0]
+        for angle, rate in itertools.product(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)):
+            z = np.array([angle * region[0], factor * rate * region[1]])
+            x = law.coordinates.place(0.0, z, law.parameters)
+            if true.system.linearizable(x):
+                pushes.append(balance(law, true, 0.0, x, np.zeros(12)).push)
+        largest.append(max(pushes))
+    if largest[0] < 1e-9:
+        return Measured(None, "nothing pushes s away here", broken=True)
+    note = f"{largest[1]:.3g} rad/s² against {largest[0]:.3g} rad/s²"
+    return Measured(largest[1] / largest[0], note)

@@ -30,12 +30,13 @@ _MOST = 24
 
 @dataclass(frozen=True)
 class ClaimsCommand(Command):
-    """Judge the chapter's claims: SUPPORTED, REFUTED or INCONCLUSIVE, each with its number.
+    """Judge the chapter's claims, each with its number: SUPPORTED, REFUTED, UNDETERMINED, ...
 
     Every claim is measured on each plant that it can be asked of, at the control period and at half
-    of it; a verdict that changes in between is inconclusive. A claim that fails because a premise
-    failed says so. Writes claims.json to --out, with --explain claims/CLAIM.json, with --self-test
-    self_test.json. Exit code 1 if a verdict is not the one that the repository expects.
+    of it; a verdict that changes in between is inconclusive. What turns on something that the
+    chapter does not print is undetermined; a claim that fails because a premise failed says so.
+    Writes claims.json to --out, with --explain claims/CLAIM.json, with --sweep sweeps.json, with
+    --self-test self_test.json. Exit code 1 if a verdict is not the one that the repository expects.
 
     With --premises those of the theorems are checked instead, for each case: controllability, G B,
     relative degree, matching, the input-gain ratio, the switching gain required against the one
@@ -49,6 +50,8 @@ class ClaimsCommand(Command):
         premises: Check the premises of the theorems instead.
         controller: Whose premises.
         json: Print JSON instead of tables.
+        sweep: Vary every choice that a claim depends on, and show where its answer turns.
+        record: With --sweep of all claims, keep it as what the package knows.
         self_test: Put faults into laws and plants, one at a time, and show which claims notice.
         page: Write the page on the chapter's defects, with its figures beside it.
         out: Folder for claims.json and figures.
@@ -64,6 +67,8 @@ class ClaimsCommand(Command):
         str | None, arg(metavar="NAME", help_behavior_hint="(default: grosmc)")
     ] = None
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    sweep: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     self_test: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
@@ -86,6 +91,8 @@ class ClaimsCommand(Command):
         if self.self_test:
             return self._self_test(settings, chosen)
         lab = Laboratory(settings)
+        if self.sweep:
+            return self._sweep(lab, chosen)
         findings = judge_with_progress(lab, chosen)
         content = {**origin(0), "claims": documents(findings, lab)}
         name = "claims" if self.explain is None else f"claims/{findings[0].claim.id}"
@@ -130,6 +137,10 @@ class ClaimsCommand(Command):
             raise ArgumentError(
                 "--json is for the ledger: leave out --explain, --page and --self-test"
             )
+        if self.sweep and (self.json or self.page or self.self_test):
+            raise ArgumentError("--sweep varies choices: leave out --json, --page and --self-test")
+        if self.record and (not self.sweep or self.target or self.explain):
+            raise ArgumentError("--record keeps --sweep of all claims: give that, and no other")
         if self.self_test and (self.explain or self.page):
             raise ArgumentError("--self-test tries claims: leave out --explain and --page")
         if self.target is not None and "/" in self.target:
@@ -145,6 +156,24 @@ class ClaimsCommand(Command):
         assert self.page is not None
         for path in write_page(findings, lab, self.page):
             screen.say_files(console, path)
+
+    def _sweep(self, lab: Laboratory, chosen: Sequence[Claim]) -> int:
+        """What each claim turns on."""
+        from grosmc_mj.chapter.claims.sweep import STORED, sweep, sweep_document
+        from grosmc_mj.chapter.claims_tables import sweep_table
+        from grosmc_mj.report.document import origin, write_json
+
+        path = STORED if self.record else self.out / "sweeps.json"
+        with screen.progress(len(chosen), "claims") as advance:
+            found = list(sweep(lab, chosen, advance))
+        write_json(path, {**origin(0), "sweeps": sweep_document(found)})
+        console = screen.console()
+        open_ones = {each.claim for each in found if each.flips and not each.printed}
+        words = f"{len(open_ones)} of {len(chosen)} answers turn on a choice that is not printed."
+        screen.say_verdict(console, words, good=not open_ones)
+        console.print(sweep_table(found))
+        screen.say_files(console, path)
+        return screen.DONE
 
     def _self_test(self, settings: Settings, chosen: Sequence[Claim]) -> int:
         """Faults, and who notices."""
@@ -198,35 +227,31 @@ def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, An
 
 
 def verdicts_table(findings: Sequence[Finding]) -> Table:
-    """How many claims of each system have which verdict."""
-    from grosmc_mj.chapter.claims.claim import Verdict
+    """How many statements of each kind have which verdict."""
+    from grosmc_mj.chapter.claims.claim import Kind, Verdict
 
-    systems = list(dict.fromkeys(finding.claim.system for finding in findings))
     rows = []
-    for name in [*systems, "all"] if len(systems) > 1 else systems:
-        own = [each.verdict for each in findings if name in ("all", each.claim.system)]
-        rows.append((name, *(str(own.count(verdict)) for verdict in Verdict), str(len(own))))
-    columns = ("system", *(verdict.value for verdict in Verdict), "claims")
-    title = "What physics says of the chapter's claims"
-    return screen.brief_table(title, columns, rows)
+    for kind in Kind:
+        own = [each.verdict for each in findings if each.claim.kind is kind]
+        if own:
+            rows.append((kind.plural, *(str(own.count(each)) for each in Verdict), str(len(own))))
+    columns = ("", *(verdict.value for verdict in Verdict), "all")
+    return screen.brief_table("What physics says", columns, rows)
 
 
 def _unsupported(findings: Sequence[Finding]) -> Table:
-    """The claims that are not supported, a line each."""
+    """Why claims are not supported, a line a cause; what most of them fail for first."""
     from grosmc_mj.chapter.claims.claim import Verdict
-    from grosmc_mj.chapter.claims_tables import shown as shown_value
 
-    rows = []
+    causes: dict[str, list[Finding]] = {}
     for each in findings:
-        if each.verdict is Verdict.SUPPORTED:
-            continue
-        claim = each.claim
-        value = shown_value(each.plants[claim.plants[-1]].measured)
-        unit = "" if claim.unit == "1" else claim.unit
-        needed = f"{claim.sense} {claim.threshold:g} {unit}".rstrip()
-        rows.append((each.verdict.value, claim.id, claim.statement, value, needed))
-    columns = ("", "claim", "the chapter says", "found", "must be")
-    return screen.brief_table("", columns, rows, words=3, most=_MOST)
+        if each.verdict is not Verdict.SUPPORTED:
+            causes.setdefault(each.claim.cause, []).append(each)
+    rows = []
+    for cause, own in sorted(causes.items(), key=lambda each: -len(each[1])):
+        rows.append((cause, ", ".join(each.claim.id for each in own), str(len(own))))
+    columns = ("not supported since", "statements", "")
+    return screen.brief_table("", columns, rows, words=2, most=_MOST)
 
 
 def _ledger(console: Console, findings: Sequence[Finding]) -> None:
