@@ -170,13 +170,13 @@ def worst_points(audit: Audit) -> Iterator[str]:
                 )
 
 
-def caught_table(found: Sequence[Caught], claims: Sequence[Claim]) -> Table:
+def caught_table(found: Sequence[Caught]) -> Table:
     """Which claims noticed each fault."""
     return table(
         "What the claims noticed",
         [*words("fault"), *numbers("noticed by"), *text("claims")],
         [
-            (each.fault.name, f"{len(each.claims)} of {len(claims)}", ", ".join(each.claims))
+            (each.fault.name, f"{len(each.claims)} of {each.tried}", ", ".join(each.claims))
             for each in found
         ],
     )

@@ -510,8 +510,8 @@ def test_ledger_fits_the_width_and_names_every_claim_once(verdict: Verdict) -> N
 
 
 def test_table_of_faults_fits_the_width() -> None:
-    caught = [Caught(fault, tuple(BY_ID)) for fault in FAULTS]
-    lines = printed(caught_table(caught, CLAIMS))
+    caught = [Caught(fault, tuple(BY_ID), len(BY_ID)) for fault in FAULTS]
+    lines = printed(caught_table(caught))
     assert max(map(cell_len, lines)) <= WIDTH
     assert sum(f"{len(CLAIMS)} of {len(CLAIMS)}" in line for line in lines) == len(FAULTS)
 
@@ -738,7 +738,9 @@ def test_every_fault_is_noticed() -> None:
     ]
     caught: dict[str, set[str]] = {each.name: set() for each in FAULTS}
     for names, faults in tried:
-        for each in self_test(Settings(), [find_claim(name) for name in names], faults):
+        for each in self_test(
+            Settings(), [find_claim(name) for name in names], faults, thorough=True
+        ):
             caught[each.fault.name] |= set(each.claims)
     assert all(caught.values()), [name for name, claims in caught.items() if not claims]
     assert {"servo-load-grosmc", "arm-variations"} <= caught["zero switching gain"]
@@ -748,6 +750,21 @@ def test_every_fault_is_noticed() -> None:
     # Neither claim looks at a law.
     for name in ("wrong sign of u", "zero switching gain", "G too small", "slow sampling"):
         assert not {"pendulum-eq40", "arm-eq57"} & caught[name]
+
+
+def test_a_claim_that_has_noticed_is_asked_no_more() -> None:
+    """Every fault is still put in, and asked of others as long as nobody notices."""
+    claims = [find_claim("pendulum-eq40"), find_claim("arm-eq57")]
+    blind, printed = fault("gravity upside down"), fault("printed physics")
+    found = list(self_test(Settings(), claims, [printed, printed, blind]))
+    assert [(each.claims, each.tried) for each in found[:2]] == [
+        (("pendulum-eq40", "arm-eq57"), 2),
+        (("pendulum-eq40",), 1),
+    ]
+    assert found[2].tried in (1, 2)
+    thorough = list(self_test(Settings(), claims, [printed, printed], thorough=True))
+    assert [each.tried for each in thorough] == [2, 2]
+    assert thorough[0].became == (Verdict.REFUTED,)
 
 
 def test_claims_that_look_at_the_law_look_at_the_faulty_one() -> None:

@@ -31,10 +31,14 @@ class Caught(NamedTuple):
     Attributes:
         fault: The fault.
         claims: Ids of the claims that noticed: a verdict is not what it is in a sound laboratory.
+        tried: How many claims were tried.
+        became: Verdicts that were not given in the sound laboratory.
     """
 
     fault: Fault
     claims: tuple[str, ...]
+    tried: int = 0
+    became: tuple[Verdict, ...] = ()
 
 
 @cache
@@ -166,32 +170,45 @@ def self_test(
     claims: Sequence[Claim] = CLAIMS,
     faults: Sequence[Fault] = FAULTS,
     advance: Callable[[str], object] = lambda _: None,
+    *,
+    thorough: bool = False,
 ) -> Iterator[Caught]:
     """Put in each fault in turn and see which claims change a verdict.
 
-    Without refinement: a fault shows at the first look.
+    Without refinement: a fault shows at the first look. A claim that has noticed a fault is asked
+    again only where no other notices one.
 
     Args:
         settings: How cases are run.
         claims: Claims to try.
         faults: Faults to put in.
         advance: Called with a fault's name when it has been tried.
+        thorough: Whether to ask every claim of every fault.
     """
-    sound = _verdicts(Laboratory(settings), claims)
+    lab, sound = Laboratory(settings), {}
+    noticed: set[str] = set()
     for fault in faults:
-        verdicts = _verdicts(Laboratory(settings, fault), claims)
-        yield Caught(fault, tuple(c.id for c in claims if verdicts[c.id] != sound[c.id]))
+        faulty, found, became, tried = Laboratory(settings, fault), [], [], 0
+        for claim in sorted(claims, key=lambda claim: claim.id in noticed):
+            if not thorough and found and claim.id in noticed:
+                break
+            if claim.id not in sound:
+                sound[claim.id] = _verdicts(lab, claim)
+            verdicts, tried = _verdicts(faulty, claim), tried + 1
+            if verdicts != sound[claim.id]:
+                found.append(claim.id)
+                was = sound[claim.id]
+                became += [each for name, each in verdicts.items() if each != was.get(name)]
+        noticed.update(found)
+        yield Caught(fault, tuple(found), tried, tuple(v for v in Verdict if v in became))
         advance(fault.name)
 
 
-def _verdicts(lab: Laboratory, claims: Sequence[Claim]) -> dict[str, dict[str, Verdict]]:
-    """Every claim's verdict on every plant."""
-    verdicts = {}
-    for claim in claims:
-        try:
-            judged = judge(lab, claim, refine=False)
-            verdicts[claim.id] = {name: each.verdict for name, each in judged.plants.items()}
-        except (ValueError, RuntimeError) as error:
-            # A laboratory so wrong that it cannot measure has been noticed as well.
-            verdicts[claim.id] = {"error": type(error).__name__}
-    return verdicts
+def _verdicts(lab: Laboratory, claim: Claim) -> dict[str, Verdict | str]:
+    """A claim's verdict on every plant."""
+    try:
+        judged = judge(lab, claim, refine=False)
+    except (ValueError, RuntimeError) as error:
+        # A laboratory so wrong that it cannot measure has been noticed as well.
+        return {"error": type(error).__name__}
+    return {name: each.verdict for name, each in judged.plants.items()}

@@ -52,7 +52,8 @@ class ClaimsCommand(Command):
         json: Print JSON instead of tables.
         sweep: Vary every choice that a claim depends on, and show where its answer turns.
         record: With --sweep of all claims, keep it as what the package knows.
-        self_test: Put faults into laws and plants, one at a time, and show which claims notice.
+        self_test: Put faults into laws and plants, one at a time, and show which claims notice; a
+            claim that has noticed one is asked no more, but with --verbose.
         page: Write the page on the chapter's defects, with its figures beside it.
         out: Folder for claims.json and figures.
     """
@@ -182,7 +183,7 @@ class ClaimsCommand(Command):
         from grosmc_mj.report.document import origin, write_json
 
         with screen.progress(len(FAULTS), "faults") as advance:
-            found = list(self_test(settings, chosen, FAULTS, advance))
+            found = list(self_test(settings, chosen, FAULTS, advance, thorough=self.verbose))
         noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
         write_json(self.out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
         missed = [caught.fault.name for caught in found if not caught.claims]
@@ -197,13 +198,13 @@ class ClaimsCommand(Command):
             if names:
                 screen.say_verdict(console, f"{', '.join(names)}: {words}", good=False)
         rows = [
-            (each.fault.name, f"{len(each.claims)} of {len(chosen)}")
+            (each.fault.name, f"{len(each.claims)} of {each.tried}")
             for each in sorted(found, key=lambda each: len(each.claims))
         ]
-        columns = ("fault", "claims that notice it")
+        columns = ("fault", "claims that notice it, of those asked")
         console.print(screen.brief_table("", columns, rows, most=_MOST))
         if self.verbose:
-            console.print(caught_table(found, chosen))
+            console.print(caught_table(found))
         return screen.DIFFERS if missed or blind else screen.DONE
 
 
