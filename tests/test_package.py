@@ -92,11 +92,13 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
         "case": "case1",
         "plant": "physics",
         "controller": "lqr",
+        "valid_until": {"value": 4.0, "unit": "s"},
         "metrics": {
             "deviation": metric,
             "settling_time": never,
             "max_sliding": {"value": None, "unit": "", "note": "no surface"},
-            "cost_whole": {"value": 3.0, "unit": "1", "note": ""},
+            "cost_continuous": {"value": 2.5, "unit": "1", "note": ""},
+            "cost_whole": {"value": 3.5, "unit": "1", "note": ""},
             "cost_optimal": {"value": 2.0, "unit": "1", "note": ""},
             "max_input": {"value": 2.0, "unit": "A", "note": ""},
         },
@@ -104,7 +106,7 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
     document = {"runs": [run, {**run, "plant": "corrected"}]}
     rows = results_table(document).splitlines()
     assert len(rows) == 3
-    assert rows[2] == "| servo | case1 | lqr | 0.25 rad | not reached |  | 1.5 | 2 A |  |"
+    assert rows[2] == "| servo | case1 | lqr | 0.25 rad | not reached |  | 1.25 | 0.125 | 2 A |  |"
     readme, results = tmp_path / "README.md", tmp_path / "validation.json"
     readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
     results.write_text(json.dumps(document))

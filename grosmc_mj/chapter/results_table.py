@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.metrics import Metric, cost_shares
 from grosmc_mj.report.tables import number
 
 BEGIN, END = "<!-- results -->", "<!-- /results -->"
@@ -18,7 +19,8 @@ _COLUMNS = (
     ("max \\|x1 − x1\\*\\|", "deviation"),
     ("settled", "settling_time"),
     ("max \\|s\\|", "max_sliding"),
-    ("J / J\\*", ""),
+    ("J(u_c) / J\\*", "continuous"),
+    ("J(u_d) / J\\* per s", "rest"),
     ("max \\|u\\|", "max_input"),
     ("cart travel", "cart_travel"),
 )
@@ -31,21 +33,21 @@ def results_table(document: dict[str, Any]) -> str:
     for run in document["runs"]:
         if run["plant"] != "physics":
             continue
-        cells = [_cell(run["metrics"], name) for _, name in _COLUMNS]
+        metrics = {name: Metric(**each) for name, each in run["metrics"].items()}
+        shares = cost_shares(metrics, run["valid_until"]["value"])
+        metrics |= dict(zip(("continuous", "rest"), shares, strict=True))
+        cells = [_cell(metrics.get(name)) for _, name in _COLUMNS]
         lines.append(
             "| " + " | ".join([run["system"], run["case"], run["controller"], *cells]) + " |"
         )
     return "\n".join(lines)
 
 
-def _cell(metrics: dict[str, Any], name: str) -> str:
+def _cell(metric: Metric | None) -> str:
     """A value with its unit."""
-    if not name:
-        return number(metrics["cost_whole"]["value"] / metrics["cost_optimal"]["value"])
-    metric = metrics.get(name, {"value": None, "note": ""})
-    if metric["value"] is None:
-        return "not reached" if metric["note"] == "not reached" else ""
-    return f"{number(metric['value'])} {metric['unit']}"
+    if metric is None or metric.value is None:
+        return "not reached" if metric is not None and metric.note == "not reached" else ""
+    return number(metric.value) + ("" if metric.unit in ("1", "1/s") else f" {metric.unit}")
 
 
 def write_table(readme: Path, results: Path) -> None:

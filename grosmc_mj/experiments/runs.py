@@ -11,7 +11,13 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.metrics import Comparison, Metric, compare_with_optimum, measure
+from grosmc_mj.experiments.metrics import (
+    Comparison,
+    Metric,
+    compare_with_optimum,
+    cost_shares,
+    measure,
+)
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.mujoco_plant import Integrator
@@ -23,6 +29,9 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.requirements import Judgement
 
 Surface = Literal["printed", "discrete"]
+
+# What a run is told to cost.
+_SHARES = ("J(u_c)/J*", "J(u_d)/J*")
 
 
 @dataclass(frozen=True)
@@ -123,8 +132,10 @@ class RunResult:
         kept = [each.kept for each in self.requirements]
         words = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
         until, status = self.trajectory.time[-1], self.status.name.lower()
-        named = ("deviation", "settling_time", "max_input", "cost_whole", "cost_optimal")
+        named = ("deviation", "settling_time", "max_input")
         values = [f"{name.replace('_', ' ')} {_shown(self.metrics[name])}" for name in named]
+        for name, share in zip(_SHARES, cost_shares(self.metrics, until), strict=True):
+            values.append(f"{name} {_shown(share)}")
         return "\n".join(
             [
                 f"{self.key}: {self.case.title}",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from grosmc_mj.experiments.metrics import Metric
+from grosmc_mj.experiments.metrics import Metric, cost_shares
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.report.tables import names, number, numbers, table, text, words
@@ -21,8 +21,8 @@ _COLUMNS = (
     ("max\n|s|", "max_sliding"),
     ("RMS\ns", "rms_sliding"),
     ("J of\nu_c", "cost_continuous"),
-    ("J of\nall u", "cost_whole"),
     ("\nJ*", "cost_optimal"),
+    ("J of u_d\n/J* [1/s]", ""),
     ("var. of\nu per s", "total_variation"),
     ("max\n|u|", "max_input"),
 )
@@ -48,7 +48,9 @@ def results_table(results: Sequence[RunResult]) -> Table:
     rows, styles = [], []
     for result in results:
         law, ended = result.controller.name, result.status is not Status.COMPLETED
-        cells = [metric_cell(result.metrics.get(name)) for _, name in columns]
+        _, rest = cost_shares(result.metrics, float(result.trajectory.time[-1]))
+        found = {**result.metrics, "": rest}
+        cells = [metric_cell(found.get(name)) for _, name in columns]
         rows.append((result.case.name, result.plant, law + (" (!)" if ended else ""), *cells))
         styles.append("red" if ended else "bold" if law == "grosmc" else "")
     return table(
@@ -70,9 +72,9 @@ LEGEND = (
     "x1*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
     "not within the run); it and the overshoot count up to the onset of a later disturbance. J: "
     "index of each law over the run (of u for lqr on the servo and the pendulum, of v after "
-    "linearization), with the continuous part of the input alone and with all of it; J* its "
-    "least value. On physics the laws use the corrected equations; those of the printed ones run "
-    "on the printed plant only."
+    "linearization) with the continuous part of the input alone; J* its least value; what the "
+    "rest of the input, u_d, costs is told per second. On physics the laws use the corrected "
+    "equations; those of the printed ones run on the printed plant only."
 )
 
 

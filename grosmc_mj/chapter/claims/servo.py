@@ -13,6 +13,7 @@ from grosmc_mj.chapter.claims.measures import from_optimum, of, within
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.metrics import cost_shares
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.balance import switching_rate
 
@@ -131,15 +132,12 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
 def cost_of_switching(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
     """What the input costs beyond (13), over J* and the length of the run, in percent a second."""
     result = lab.case("servo", case, plant, "grosmc")
-    whole, counted, least = (
-        result.metrics[name].value for name in ("cost_whole", "cost_continuous", "cost_optimal")
-    )
-    assert whole is not None
-    assert counted is not None
-    assert least is not None
     duration = float(result.trajectory.time[-1])
-    note = f"J with the whole u is {whole / least:.3g} J* after {duration:g} s"
-    return of(result, 100 * abs(whole - counted) / least / duration, note)
+    counted, rest = (each.value for each in cost_shares(result.metrics, duration))
+    if counted is None or rest is None:
+        return of(result, None, "the law has no J*")
+    note = f"J with the whole u is {counted + rest * duration:.3g} J* after {duration:g} s"
+    return of(result, 100 * abs(rest), note)
 
 
 def without_bounds(lab: Laboratory, plant: PlantName) -> Measured:

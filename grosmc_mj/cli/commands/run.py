@@ -290,6 +290,7 @@ def _requirements(judgements: Sequence[Judgement]) -> Table:
 
 def runs_table(results: Sequence[RunResult]) -> Table:
     """The main numbers of runs of one case, physics first."""
+    from grosmc_mj.experiments.metrics import cost_shares
     from grosmc_mj.experiments.tables import metric_cell
 
     system, error = results[0].trajectory.system, results[0].controller.designed.error
@@ -297,12 +298,13 @@ def runs_table(results: Sequence[RunResult]) -> Table:
     rows, styles = [], []
     for result in sorted(results, key=lambda each: each.plant != "physics"):
         metrics = result.metrics
-        names = ("deviation", "settling_time", "cost_whole", "cost_optimal", "max_input")
         law = result.controller.name + (" (!)" if result.ended else "")
-        rows.append((result.plant, law, *(metric_cell(metrics.get(name)) for name in names)))
+        shares = cost_shares(metrics, float(result.trajectory.time[-1]))
+        found = (metrics["deviation"], metrics["settling_time"], *shares, metrics["max_input"])
+        rows.append((result.plant, law, *map(metric_cell, found)))
         styles.append("red" if result.ended else "")
     columns = (
-        "plant", "law", f"max|y-y*| [{output}]", "settled [s]", "J", "J*",
+        "plant", "law", f"max|y-y*| [{output}]", "settled [s]", "J(u_c)/J*", "J(u_d)/J* [1/s]",
         f"max|u| [{system.input.unit}]",
     )  # fmt: skip
     return screen.brief_table("", columns, rows, words=2, most=9, styles=styles)

@@ -240,6 +240,26 @@ def _surface_metrics(run: Trajectory, unit: str, largest: float) -> dict[str, Me
     }
 
 
+def cost_shares(metrics: Mapping[str, Metric], duration: float) -> tuple[Metric, Metric]:
+    """What a run costs, in numbers that do not grow with a run that has settled.
+
+    Args:
+        metrics: Of the run.
+        duration: Of the run [s].
+
+    Returns:
+        J with the continuous part of the input over J*, and what the rest of the input costs a
+        second over J* [1/s].
+    """
+    continuous, whole, least = (
+        metrics[name].value for name in ("cost_continuous", "cost_whole", "cost_optimal")
+    )
+    if not (continuous is not None and whole is not None and least and duration > 0):
+        return Metric(None, "1", "no J*"), Metric(None, "1/s", "no J*")
+    rate = (whole - continuous) / (least * duration)
+    return Metric(continuous / least, "1"), Metric(rate, "1/s")
+
+
 def _costs(run: Trajectory, controller: Controller, comparison: Comparison) -> dict[str, Metric]:
     """J over the run with the continuous part of the input, with the whole, and the least J*."""
     design = controller.designed.lqr
