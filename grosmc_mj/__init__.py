@@ -1,4 +1,4 @@
-"""Does a robust controller keep its promise on real physics, and where does it break?
+"""Does a robust controller keep its promise, from equation to physics, and where does it break?
 
 The public names are listed once, in the stub beside this file, and load on first use: importing
 the package is quick and does not import MuJoCo. What is not here is in ``control``, ``simulation``,

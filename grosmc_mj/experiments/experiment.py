@@ -285,13 +285,10 @@ class Experiment:
             value: What stands there instead.
             designs: Where the laws of experiments with this number are kept.
         """
-        table, _, name = key.rpartition(".")
-        if table == "run":
-            return (
-                self.varied(duration=value)
-                if name == "duration"
-                else self.with_settings(**{name: value})
-            )
+        if key == "run.duration":
+            return self.varied(duration=value)
+        if key.startswith("run."):
+            return self.with_settings(**{key.removeprefix("run."): value})
         return replace(self, file=_with(self.file, key.split("."), value), _designs=designs)
 
     def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:
@@ -330,10 +327,9 @@ def _with(table: Any, path: Sequence[str], value: Any) -> Any:
     """A table of a file with another value at a path of keys."""
     key, *rest = path
     if isinstance(table, Mapping):
-        return {**table, key: _with(table.get(key, {}), rest, value) if rest else value}
-    own = (table.model_extra or {}).get(key) if key not in type(table).model_fields else None
-    inner = getattr(table, key) if own is None and rest else own
-    return table.model_copy(update={key: _with(inner, rest, value) if rest else value})
+        return {**table, key: _with(table[key], rest, value) if rest else value}
+    inner = _with(getattr(table, key), rest, value) if rest else value
+    return table.model_copy(update={key: inner})
 
 
 _realized = lru_cache(maxsize=512)(realized)

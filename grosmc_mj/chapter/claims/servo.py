@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -83,7 +84,7 @@ def _delay_margin(A: np.ndarray, closed: np.ndarray) -> float:
     def gain(w: float) -> complex:
         return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, fed_back))
 
-    crossing = scipy.optimize.brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
+    crossing: Any = scipy.optimize.brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
     return float((math.pi + np.angle(gain(crossing))) / crossing)
 
 

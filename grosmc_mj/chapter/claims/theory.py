@@ -65,7 +65,7 @@ def slowest_approach(
         own = getattr(law.parameters, "eta", None)
         derivative = lab.plant(case, plant).derivative
         for _ in range(_STATES):
-            z = random.uniform(-1, 1, 2) * (case.region or ())
+            z = random.uniform(-1, 1, 2) * (lab.as_set(case).region or ())
             t = random.uniform(0, 2)
             for side, push in itertools.product((-1.0, 1.0), repeat=2):
                 worst = max(worst, _approach(law, derivative, t, z, side, push * wrench))
@@ -201,7 +201,7 @@ def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2
     start = _start("arm")
     case = trial("arm", "payload", start, 1.0, (BodyEdit("link", heaviest, 1.0),))
     law, true = lab.controller(case, plant, "grosmc"), lab.equations(case, plant)
-    region, largest = case.region, []
+    region, largest = lab.as_set(case).region, []
     assert region is not None
     for factor in (1.0, 5.0):
         pushes = [0.0]

@@ -44,7 +44,7 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
 STUDY = "Measure one thing: " + ", ".join(STUDIES) + "."
 
 ABOUT = (
-    "Does a robust controller keep its promise on real physics, and where does it break? "
+    "Does a robust controller keep its promise, from equation to physics, and where does it break? "
     "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
     "cart-pendulum, the 1-DOF arm and a two-link arm: printed equations, corrected ones and "
     "MuJoCo, side by side.\n\n"
