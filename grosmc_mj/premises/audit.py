@@ -345,8 +345,8 @@ def _gain(law: Controller, here: Points, there: Points) -> Premise:
         region, along = (max(each.required for _, _, each in points) for points in (here, there))
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (
-            f"ε = {along:.3g} along the run and {region:.3g} over the region, "
-            f"instead of {p.epsilon:.3g}"
+            f"ε = {along:.3g} along this run, which leaves its surface, and {region:.3g} over the "
+            f"region, instead of {p.epsilon:.3g}"
         )
     else:
         needed = max(each.times for _, _, each in everywhere)

@@ -280,9 +280,9 @@ def _requirements(judgements: Sequence[Judgement]) -> Table:
     for each in sorted(judgements, key=lambda each: each.kept):
         unit = each.limit.unit if each.limit.unit != "1" else ""
         said = "kept" if each.kept else "FAILED" + (f": {each.note}" if each.note else "")
-        measured = "-" if each.measured is None else f"{number(each.measured)} {unit}".strip()
-        margin = "-" if each.margin is None else number(each.margin)
-        rows.append((said, each.limit.words, each.controller, each.plant, measured, margin))
+        found = (each.measured, each.margin)
+        cells = ("-" if x is None else f"{number(x)} {unit}".strip() for x in found)
+        rows.append((said, each.limit.words, each.controller, each.plant, *cells))
         styles.append("" if each.kept else "red")
     columns = ("", "requirement", "law", "plant", "measured", "margin")
     return screen.brief_table("", columns, rows, words=4, most=9, styles=styles)
