@@ -336,7 +336,10 @@ def test_printed_epsilon_fails_and_its_requirement_is_the_closed_form() -> None:
 
 def named_epsilons(found: Premise) -> tuple[float, float]:
     """The gains that a premise says restore it: along the run, over the region."""
-    named = re.match(r"ε = ([\d.]+) along the run and ([\d.]+) over the region", found.restores)
+    named = re.match(
+        r"ε = ([\d.]+) along this run, which leaves its surface, and ([\d.]+) over the region",
+        found.restores,
+    )
     assert named is not None, found.restores
     return float(named[1]), float(named[2])
 
