@@ -35,8 +35,9 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
 
 
 def _is_told(finding: Finding) -> bool:
-    """Whether the page tells a claim's story: a suspected defect, or anything not supported."""
-    return finding.claim.kind is not Kind.CLAIM or finding.verdict is not Verdict.SUPPORTED
+    """Whether the page tells a claim's story: an equation or a proof, or what has no support."""
+    told = (Kind.MISPRINT, Kind.PROOF)
+    return finding.claim.kind in told or finding.verdict is not Verdict.SUPPORTED
 
 
 def _page(

@@ -39,8 +39,16 @@ def shown(measured: Measured) -> str:
 
 
 def decisive(finding: Finding) -> Measured:
-    """What was measured on the plant that decides."""
-    return finding.plants[finding.claim.plants[-1]].measured
+    """What was measured on the plant that decides.
+
+    Of a claim that is meant for every or some of its choices and turns on none of them it is what
+    comes nearest to it: at least so much for every one, or for one of them.
+    """
+    claim, found = finding.claim, finding.decisive
+    tried = [each for each in (found.measured, *found.trials.values()) if each.value is not None]
+    if not found.trials or finding.verdict is Verdict.UNDETERMINED or not tried:
+        return found.measured
+    return (min if claim.sense == "at most" else max)(tried, key=lambda each: each.value or 0.0)
 
 
 def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
