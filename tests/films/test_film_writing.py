@@ -278,10 +278,11 @@ def film(path: Path, *arguments: str) -> int:
 def one_line(capfd: pytest.CaptureFixture[str]) -> str:
     """The only line, on stderr, with its beginning left out."""
     said = capfd.readouterr()
+    error = without_progress(said.err)
     assert said.out == ""
-    assert said.err.startswith("grosmc-mj: ")
-    assert said.err.count("\n") == 1, said.err
-    return said.err.removeprefix("grosmc-mj: ").rstrip()
+    assert error.startswith("grosmc-mj: ")
+    assert error.count("\n") == 1, said.err
+    return error.removeprefix("grosmc-mj: ").rstrip()
 
 
 def kill_one(what: str) -> None:
