@@ -27,7 +27,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results page clean
+.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -48,6 +48,9 @@ test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
 	$(FAST)
+
+hostile: $(INSTALLED)  ## Five times as many mutated files, models and command lines
+	HOSTILE=5 $(BIN)/python -m pytest $(PARALLEL) tests/hostile $(ARGS)
 
 portable: $(OLDER:%=portable-%)  ## Fast tests and validate as on older machines than this one
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import compileall
 import gc
+import os
 import signal
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import hypothesis
 import numpy as np
 import pytest
 
+import grosmc_mj
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
@@ -30,6 +34,21 @@ hypothesis.settings.register_profile(
     "any machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
 )
 hypothesis.settings.load_profile("any machine")
+
+# Tests that move the cache, to see what is kept of graphics, leave compiled laws where they are.
+os.environ.setdefault(
+    "NUMBA_CACHE_DIR", os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the package once for all processes that the tests start.
+
+    Where Python may not write bytecode each of them would compile it, which takes as long as a
+    short command.
+    """
+    if not hasattr(config, "workerinput"):
+        compileall.compile_dir(Path(grosmc_mj.__file__).parent, quiet=2)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

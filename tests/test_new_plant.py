@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -20,7 +21,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project with one more plant: the files of the recipe, and its name in SYSTEMS."""
     copy = tmp_path_factory.mktemp("project")
     for folder in ("grosmc_mj", "models"):
-        shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / folder, copy / folder)
     shutil.copytree(PLANT, copy, dirs_exist_ok=True)
     listed = copy / "grosmc_mj" / "plants" / "__init__.py"
     text = listed.read_text(encoding="utf-8")
@@ -41,30 +42,52 @@ def test_the_recipe_names_what_is_added() -> None:
     assert {"SYSTEMS", "grosmc_mj/plants/__init__.py", "base.toml"} <= named
 
 
-@pytest.mark.parametrize(
-    ("command", "says"),
-    [
-        ("list", "5 systems"),
-        ("run spring_mass/case1 --no-figures", "The requirement is kept"),
-        (
-            "study agreement spring_mass --states 20 --edits 2",
-            r"of the corrected equations and of MuJoCo differ by up to \d\.\de-1[56] ",
-        ),
-        ("validate spring_mass --no-figures --record", "recorded"),
-        ("validate spring_mass --no-figures", "All 4 runs are as recorded"),
-        ("claims spring_mass/case1 --premises", "premises of grosmc"),
-    ],
-)
-def test_a_new_plant_is_run_compared_and_audited(
-    command: str, says: str, project: Path, tmp_path: Path
-) -> None:
+# What its commands begin with; the last but one needs what the one before has recorded.
+COMMANDS = {
+    "list": "5 systems",
+    "run spring_mass/case1 --no-figures": "The requirement is kept",
+    "study agreement spring_mass --states 20 --edits 2": (
+        r"of the corrected equations and of MuJoCo differ by up to \d\.\de-1[56] "
+    ),
+    "validate spring_mass --no-figures --record": "recorded",
+    "validate spring_mass --no-figures": "All 4 runs are as recorded",
+    "claims spring_mass/case1 --premises": "premises of grosmc",
+}
+PROGRAM = """
+import contextlib, io, json, sys
+from grosmc_mj import cli
+
+ends = {}
+for command in sys.argv[1:]:
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        try:
+            cli.main(command.split())
+        except SystemExit as stop:
+            ends[command] = [stop.code, said.getvalue()]
+print(json.dumps(ends))
+"""
+
+
+@pytest.fixture(scope="module")
+def ends(project: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, str]]:
+    """Exit codes and words of all commands, one after another in a process with that project."""
     done = subprocess.run(
-        [sys.executable, "-m", "grosmc_mj.cli", *command.split()],
-        cwd=tmp_path,
+        [sys.executable, "-c", PROGRAM, *COMMANDS],
+        cwd=tmp_path_factory.mktemp("working"),
         env={**os.environ, "PYTHONPATH": str(project)},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, (done.stdout, done.stderr)
-    assert re.search(says, done.stdout)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_new_plant_is_run_compared_and_audited(
+    command: str, ends: dict[str, tuple[int, str]]
+) -> None:
+    code, said = ends[command]
+    assert code == 0, said
+    assert re.search(COMMANDS[command], said)

@@ -28,9 +28,9 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def arguments(file: Path, out: Path) -> list[str]:
-    """Several parts, whose size is the program's."""
-    runs = str(512 * PARTS)
-    return ["campaign", str(file), "--runs", runs, "--out", str(out), "--no-figures"]
+    """Several parts."""
+    sizes = ("--runs", str(64 * PARTS), "--shard", "64")
+    return ["campaign", str(file), *sizes, "--out", str(out), "--no-figures"]
 
 
 def here(*asked: str) -> None:

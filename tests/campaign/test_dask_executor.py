@@ -21,7 +21,7 @@ pytest.importorskip("distributed")
 
 from distributed import Client, Security
 
-from grosmc_mj.campaign.runs.executors import dask_workers, make_executor
+from grosmc_mj.campaign.runs.executors import dask_cluster, dask_workers, make_executor
 from grosmc_mj.campaign.runs.executors.dask_cluster import cluster_client
 from grosmc_mj.errors import GainError, SetupError
 
@@ -169,7 +169,11 @@ def test_a_scheduler_that_goes_is_one_line(fragile: Cluster, tmp_path: Path) -> 
 # ---- none
 
 
-def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(tmp_path: Path) -> None:
+def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert dask_cluster._PATIENCE <= 10.0
+    monkeypatch.setattr(dask_cluster, "_PATIENCE", 1.0)
     with socket.socket() as silent, socket.socket() as closed:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
@@ -181,8 +185,8 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(tmp_path:
                 f"no Dask scheduler answers at {address}: start one with `dask scheduler`, "
                 "or leave --scheduler out for workers on this machine"
             )
-            # Ten seconds and some for a busy machine.
-            assert time.monotonic() - begin < 15.0
+            # A second and some for a busy machine.
+            assert time.monotonic() - begin < 6.0
     missing = tmp_path / "none.json"
     assert str(refused(executor_work.square, str(missing))).startswith(f"{missing} is not a file")
 

@@ -190,7 +190,17 @@ def test_a_graphics_backend_that_is_not_there_hinders_no_more_than_films() -> No
     for arguments, code, said in (
         (("list",), cli.DONE, ""),
         (
-            ("study", "agreement", "servo", "--states", "5", "--out", os.devnull + "/x"),
+            (
+                "study",
+                "agreement",
+                "servo",
+                "--states",
+                "5",
+                "--edits",
+                "0",
+                "--out",
+                "/dev/null/x",
+            ),
             cli.WRONG,
             "cannot write",
         ),

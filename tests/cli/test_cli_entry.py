@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import json
@@ -209,35 +210,88 @@ def test_the_verdict_does_not_depend_on_who_reads_it(
     assert document.is_file()
 
 
+def kept_by_file(out: Path) -> bool:
+    """What a run has written, which is removed."""
+    document = out / "small.json"
+    kept = json.loads(document.read_text(encoding="utf-8"))["kept"]
+    document.unlink()
+    return kept
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("limit", [50, 1e-9])
-def test_streams_that_are_closed_or_full_change_no_verdict(limit: float, tmp_path: Path):
+def test_streams_that_are_closed_or_full_change_no_verdict(tmp_path: Path):
+    """1 is also what an interpreter ends with that cannot write."""
     case, out = tmp_path / "small.toml", tmp_path / "out"
-    case.write_text(SMALL.format(limit=limit))
-    verdict = cli.DONE if limit == 50 else cli.DIFFERS
+    case.write_text(SMALL.format(limit=1e-9))
     command = f"{sys.executable} -m grosmc_mj.cli run {case} --no-figures --out {out}"
     for streams, code in (
-        (">&-", verdict),
-        ("<&- >&- 2>&-", verdict),
+        (">&-", cli.DIFFERS),
+        ("<&- >&- 2>&-", cli.DIFFERS),
         (">/dev/full", cli.WRONG),
-        ("2>/dev/full", verdict),
-        ("| true; exit ${PIPESTATUS[0]}", verdict),
+        ("2>/dev/full", cli.DIFFERS),
+        ("| true; exit ${PIPESTATUS[0]}", cli.DIFFERS),
     ):
         done = subprocess.run(["bash", "-c", f"{command} {streams}"], check=False, timeout=120)
         assert (streams, done.returncode) == (streams, code)
-        written = json.loads((out / "small.json").read_text(encoding="utf-8"))
-        assert written["kept"] is (verdict == cli.DONE)
-        (out / "small.json").unlink()
+        assert kept_by_file(out) is False
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp437"])
-def test_an_encoding_that_lacks_letters_is_no_error(encoding: str, case: Path):
+def full() -> Any:
+    """A full disk."""
+    return Path("/dev/full").open("w")
+
+
+def gone() -> Any:
+    """A pipe whose reader has gone."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    return os.fdopen(writer, "w", buffering=1)
+
+
+@pytest.mark.parametrize(
+    ("streams", "code"),
+    [
+        ({"stdout": lambda: None}, cli.DONE),
+        ({"stdout": lambda: None, "stderr": lambda: None}, cli.DONE),
+        ({"stdout": full}, cli.WRONG),
+        ({"stderr": full}, cli.DONE),
+        ({"stdout": gone}, cli.DONE),
+    ],
+)
+def test_nor_do_they_change_that_all_is_kept(
+    streams: dict[str, Any], code: int, case: Path, monkeypatch
+):
+    """With the objects that the interpreter makes of such streams."""
+    opened = {name: opener() for name, opener in streams.items()}
+    with monkeypatch.context() as patch:
+        for name, stream in opened.items():
+            patch.setattr(sys, name, stream)
+        assert run("run", case, "--no-figures", "--out", case.parent) == code
+        # The null device, where there was nothing.
+        opened |= {name: getattr(sys, name) for name in streams}
+    for stream in opened.values():
+        with contextlib.suppress(OSError):
+            stream.close()
+    assert kept_by_file(case.parent) is True
+
+
+@pytest.mark.parametrize(
+    "encoding", [pytest.param("ascii", marks=pytest.mark.slow), "latin-1", "cp437"]
+)
+def test_an_encoding_that_lacks_letters_is_no_error(encoding: str, case: Path, monkeypatch):
     case.write_text(SMALL.format(limit=50).replace('"lqr"', '"lqr"\nname = "law 一"'))
-    env = {**os.environ, "PYTHONIOENCODING": encoding}
-    done = started("run", case, "--no-figures", "--out", case.parent, env=env, encoding=encoding)
-    assert (done.returncode, done.stderr) == (cli.DONE, "")
-    assert "law ?" in done.stdout
+    arguments = ("run", case, "--no-figures", "--out", case.parent)
+    if encoding == "ascii":
+        env = {**os.environ, "PYTHONIOENCODING": encoding}
+        done = started(*arguments, env=env, encoding=encoding)
+        assert (done.returncode, done.stderr) == (cli.DONE, "")
+        said = done.stdout
+    else:
+        written = io.BytesIO()
+        monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding))
+        assert run(*arguments) == cli.DONE
+        said = written.getvalue().decode(encoding)
+    assert "law ?" in said
 
 
 def test_output_that_failed_is_not_asked_again():
@@ -290,7 +344,8 @@ import sys
 from grosmc_mj.cli import main
 main(["run", {str(case)!r}, "--out", sys.argv[1]])
 """
-    for out, folder in ((plain, "/"), (odd, case.parent)):
-        command = [sys.executable, "-P", "-c", program, str(out)]
-        assert subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode == 0
+    command = [sys.executable, "-P", "-c", program, str(odd)]
+    done = subprocess.run(command, cwd=case.parent, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert run("run", case, "--out", plain) == cli.DONE
     assert (plain / "small.png").read_bytes() == (odd / "small.png").read_bytes()

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -624,9 +624,17 @@ def test_other_laws_spare_the_input_with_the_declared_numbers(system, case):
 
 
 @pytest.mark.slow
-def test_command_writes_what_it_measured(tmp_path, capsys):
+def test_command_writes_what_it_measured(tmp_path, capsys, monkeypatch):
     from grosmc_mj.cli import main
 
+    # Coarser: the finest sample time takes as long as all others, the ratios are 41.
+    ratios = chattering.GAIN_RATIOS[4::5]
+    monkeypatch.setattr(
+        chattering, "sample_time_sweep", partial(chattering.sample_time_sweep, TIMES)
+    )
+    monkeypatch.setattr(
+        chattering, "gain_ratio_sweep", partial(chattering.gain_ratio_sweep, H, ratios)
+    )
     with pytest.raises(SystemExit) as left:
         main(["study", "switching", "arm", "--out", str(tmp_path)])
     assert left.value.code == 0

@@ -720,8 +720,6 @@ def test_a_film_without_its_backend_or_ffmpeg_is_one_line(
             {"HIDE": "OSMesa", "MUJOCO_GL": "osmesa"},
             "(osmesa: libOSMesa.so.8 is not installed); run: apt-get install libosmesa6",
         ),
-        ({"MUJOCO_GL": "glfw"}, "(glfw: no display (DISPLAY and WAYLAND_DISPLAY are not set))"),
-        ({"MUJOCO_GL": "banana"}, "MUJOCO_GL: unknown backend 'banana': valid: egl, osmesa, glfw"),
         (
             no_ffmpeg,
             "grosmc-mj: no ffmpeg (system: not installed; imageio-ffmpeg: not installed); "
@@ -735,26 +733,52 @@ def test_a_film_without_its_backend_or_ffmpeg_is_one_line(
         assert one_line(done.stderr)
 
 
+@pytest.mark.parametrize(
+    ("wish", "says"),
+    [
+        ("glfw", "(glfw: no display (DISPLAY and WAYLAND_DISPLAY are not set))"),
+        ("banana", "MUJOCO_GL: unknown backend 'banana': valid: egl, osmesa, glfw"),
+    ],
+)
+def test_a_film_with_a_wish_that_cannot_be_met_is_one_line(
+    wish: str,
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", wish)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(FILM)
+    assert stop.value.code == cli.WRONG
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert says in said.err
+    assert one_line(said.err)
+
+
+# Commands, one after another in one process.
+COMMANDS = """
+import sys
+from grosmc_mj import cli
+
+for command in sys.argv[1:]:
+    try:
+        cli.main(command.split())
+    except SystemExit as stop:
+        print("code", stop.code)
+"""
+
+
 @pytest.mark.slow
 def test_what_makes_no_films_needs_no_backend(machine: Machine, tmp_path: Path) -> None:
-    compare = (
-        "study",
-        "agreement",
-        "servo",
-        "--states",
-        "5",
-        "--edits",
-        "0",
-        "--out",
-        str(tmp_path),
-    )
-    egl = {"MUJOCO_GL": "egl", "HIDE": "EGL"}
-    osmesa = {"MUJOCO_GL": "osmesa", "HIDE": "OSMesa"}
-    for done in machine.together(
-        (("list",), egl), (("list",), osmesa), (compare, egl), (compare, osmesa)
-    ):
-        assert (done.returncode, without_progress(done.stderr)) == (cli.DONE, "")
-        assert re.search("servo|corrected", done.stdout)
+    compare = f"study agreement servo --states 5 --edits 0 --out {tmp_path}"
+    for wish, library in (("egl", "EGL"), ("osmesa", "OSMesa")):
+        done = machine.python("-c", COMMANDS, "list", compare, MUJOCO_GL=wish, HIDE=library)
+        assert (done.returncode, without_progress(done.stderr)) == (0, "")
+        listed, compared, rest = done.stdout.split(f"code {cli.DONE}\n")
+        assert rest == ""
+        assert "servo" in listed
+        assert "corrected" in compared
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from mutation import NUMBERS, TEXTS
-from trial import trial
+from trial import TIMES, trial
 
 pytestmark = pytest.mark.slow
 
@@ -49,7 +49,7 @@ _WORDS = (
     "", "-", "--", "---", "-o", "--help", "--out", "--nothing", "-1", "CASE/..", "OUT",
     "\x1b[31m", "a\nb", "\udcff", "\U0001f600", "CASE", "arm", "lqr", "/dev/null", "/dev/full",
 )  # fmt: skip
-_TRIED = 20
+_TRIED = 4 * TIMES
 
 
 def mutated(words: list[str], rng: random.Random) -> list[str]:

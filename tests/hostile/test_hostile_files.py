@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from mutation import mutant
-from trial import trial
+from trial import TIMES, trial
 
 from grosmc_mj.campaign.family.specification import campaign_files
 from grosmc_mj.experiments.file.shipped import CASES, shipped_files
@@ -16,7 +16,7 @@ from grosmc_mj.experiments.file.shipped import CASES, shipped_files
 pytestmark = pytest.mark.slow
 
 # Mutants of each file; those of files whose laws take long to design are fewer.
-CHEAP, DEAR = 60, 2
+CHEAP, DEAR = 12 * TIMES, 1 * TIMES
 _DEAR = ("cart_pendulum", "cartpole", "starter", "two_link_arm/regulation")
 # The Jaco's take seconds each, whatever is in them; other robots are in test_hostile_models.
 _LEFT_OUT = "jaco"

@@ -15,13 +15,15 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_cases import pair
 from mutation import TEXTS, code
-from trial import LINE, Trial, trial
+from trial import LINE, TIMES, Trial, trial
 
 from grosmc_mj import cli
 
 pytestmark = pytest.mark.slow
 
-_RUNS, _SHARD, _TRIED = 12, 3, 143
+_RUNS, _SHARD = 12, 3
+# Of each damage.
+_TRIED = 3 * TIMES
 # Values where a manifest has others, as JSON writes them.
 _ODD: tuple[Any, ...] = (
     None, True, 0, -1, 10**30, 1e308, "", "..", "canary:law", "/etc", "a\0b", "\x1b[31m", [], {},
@@ -186,7 +188,9 @@ def attempt(
     if elsewhere.exists():
         hostile.expect(what, elsewhere.read_text() == "somebody's", "a link was followed")
     results = out / "results.json"
-    if end != LINE and arguments[0] == "campaign" and results.is_file():
+    # A replay leaves a link where it is.
+    written = results.is_file() and not results.is_symlink()
+    if end != LINE and arguments[0] == "campaign" and written:
         hostile.expect(what, json.loads(results.read_text()) == truth, "other results")
     return end
 
@@ -201,7 +205,7 @@ def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[s
             assert stop.value.code == cli.DONE
         truth = json.loads((whole / "results.json").read_text())
         tried = 0
-        for index in range(_TRIED):
+        for index in range(_TRIED * len(DAMAGES)):
             kind = list(DAMAGES)[index % len(DAMAGES)]
             damaged = tmp_path / "damaged"
             shutil.copytree(whole, damaged)

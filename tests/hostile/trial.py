@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import time
@@ -15,7 +16,10 @@ from typing import Any
 import pytest
 
 from grosmc_mj import cli
+from grosmc_mj.errors import NEXT
 
+# So many times as many mutations; `make hostile` asks for more.
+TIMES = int(os.environ.get("HOSTILE", "1"))
 KEPT, LINE, VERDICT = "kept", "one line", "a verdict"
 # Of the processor [s], and of the line.
 _LONGEST_TIME, _LONGEST_LINE = 20.0, 1100
@@ -90,9 +94,14 @@ class Trial:
             self._bad(what, why)
 
     def _one_line(self, said: str) -> bool:
-        """Whether it is one clear line."""
-        whole = said.startswith("grosmc-mj: ") and said.count("\n") == 1 and said.endswith("\n")
-        return whole and len(said) <= _LONGEST_LINE and "unforeseen" not in said
+        """Whether it is one clear line, or one for each of several mistakes and their number."""
+        first, *mistakes = said.removesuffix("\n").split(NEXT)
+        if not said.endswith("\n") or not first.startswith("grosmc-mj: "):
+            return False
+        counted = first.endswith(f"{len(mistakes)} mistakes:") if mistakes else True
+        lines = [first, *mistakes]
+        whole = all("\n" not in line and len(line) <= _LONGEST_LINE for line in lines)
+        return counted and whole and "unforeseen" not in said
 
     def _end(self, end: str) -> str:
         self.ends[end] += 1

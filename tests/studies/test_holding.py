@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.cells import cell_len
 from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
@@ -42,6 +44,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.studies.cart.measure import (
     CART_BAND,
     SYSTEM,
+    Study,
     amplification,
     gain_ratio,
     holding_case,
@@ -50,6 +53,7 @@ from grosmc_mj.studies.cart.measure import (
     projected_law,
     projections_of,
     rail_half_length,
+    study,
     uncertainty,
 )
 
@@ -459,8 +463,26 @@ def test_hold_refuses_wrong_names(capsys: pytest.CaptureFixture[str]) -> None:
         assert message in capsys.readouterr().err
 
 
+@pytest.fixture(scope="module")
+def measured() -> Study:
+    """What the study's command computes, which takes long."""
+    return study(IMPLICIT)
+
+
 @pytest.mark.slow
-def test_hold_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_hold_writes_what_it_prints(
+    measured: Study,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    asked: list[Settings] = []
+
+    def computed(settings: Settings, _: Callable[[str], object]) -> Study:
+        asked.append(settings)
+        return measured
+
+    monkeypatch.setattr("grosmc_mj.studies.cart.measure.study", computed)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "cart", "--verbose", "--out", str(tmp_path)])
     assert stop.value.code == cli.DONE
@@ -472,3 +494,12 @@ def test_hold_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert [row["name"] for row in document["uncertainties"]] == ["4m", "4L", "4m, 4L"]
     assert (tmp_path / "cart.png").stat().st_size > 50_000
     assert (tmp_path / "cart.svg").is_file()
+    # Without --verbose its answer comes first and fits on a screen.
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["study", "cart", "--out", str(tmp_path)])
+    assert stop.value.code == cli.DONE
+    lines = capsys.readouterr().out.rstrip("\n").split("\n")
+    assert lines[0].startswith("Does not bring the cart to rest: grosmc in")
+    assert len(lines) <= 40
+    assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
+    assert asked == [IMPLICIT, IMPLICIT]
