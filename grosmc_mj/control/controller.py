@@ -31,7 +31,7 @@ _OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Numbers of a law of one's own.
+    """Numbers of a law that reads its control period, such as one of one's own.
 
     Attributes:
         period: Control period of the run [s]; NaN before there is one.
@@ -55,6 +55,7 @@ class Design:
         switching: Name of its switching law; empty if it has none.
         control_period: The one sampling time that it is designed for [s]; None for any.
         with_reach: Makes its law for another switching law, if it has one.
+        parameters_at: Makes its parameters for a control period [s], if they depend on it.
     """
 
     error: OutputCoordinates | StateCoordinates
@@ -67,6 +68,7 @@ class Design:
     switching: str = ""
     control_period: float | None = None
     with_reach: Callable[[Reach], Law] | None = None
+    parameters_at: Callable[[float], Sampled] | None = None
 
     def __post_init__(self) -> None:
         kinds = (OutputCoordinates, StateCoordinates)
@@ -133,7 +135,9 @@ class Controller:
         p = self.parameters
         if not isinstance(p, Sampled) or p.period == control_period:
             return self
-        return replace(self, parameters=replace(p, period=control_period))
+        made = self.design.parameters_at if self.design else None
+        told = replace(p, period=control_period) if made is None else made(control_period)
+        return replace(self, parameters=told)
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""
