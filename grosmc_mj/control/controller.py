@@ -55,7 +55,8 @@ class Design:
         switching: Name of its switching law; empty if it has none.
         control_period: The one sampling time that it is designed for [s]; None for any.
         with_reach: Makes its law for another switching law, if it has one.
-        parameters_at: Makes its parameters for a control period [s], if they depend on it.
+        numbers_at: Its numbers that depend on the control period [s], by their names; None for
+            none.
     """
 
     error: OutputCoordinates | StateCoordinates
@@ -68,7 +69,7 @@ class Design:
     switching: str = ""
     control_period: float | None = None
     with_reach: Callable[[Reach], Law] | None = None
-    parameters_at: Callable[[float], Sampled] | None = None
+    numbers_at: Callable[[float], Mapping[str, Any]] | None = None
 
     def __post_init__(self) -> None:
         kinds = (OutputCoordinates, StateCoordinates)
@@ -135,9 +136,9 @@ class Controller:
         p = self.parameters
         if not isinstance(p, Sampled) or p.period == control_period:
             return self
-        made = self.design.parameters_at if self.design else None
-        told = replace(p, period=control_period) if made is None else made(control_period)
-        return replace(self, parameters=told)
+        made = self.design.numbers_at if self.design else None
+        numbers = {} if made is None else made(control_period)
+        return replace(self, parameters=replace(p, period=control_period, **numbers))
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""

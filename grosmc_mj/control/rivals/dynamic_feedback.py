@@ -170,12 +170,11 @@ def dynamic_controller(
     # Shapes are the same at every period; before there is one the law is not run.
     bare = Dynamics(*(np.zeros_like(matrix) for matrix in at(1.0)))
     order = len(bare.F)
+
+    def numbers(period: float) -> dict[str, Array]:
+        return {key: np.ascontiguousarray(M) for key, M in at(period)._asdict().items()}
+
     plain = vars(task.feedback(bare.K)) | bare._asdict()
-
-    def parameters(period: float) -> DynamicParameters:
-        matrices = {key: np.ascontiguousarray(M) for key, M in at(period)._asdict().items()}
-        return DynamicParameters(**{**plain, **matrices}, period=period, limit=float(limit))
-
     shown_gains = gains | ({"limit": float(limit)} if math.isfinite(limit) else {})
     return Controller(
         name,
@@ -188,7 +187,7 @@ def dynamic_controller(
             source=source,
             gains=shown_gains,
             linearizing=linearizing,
-            parameters_at=parameters,
+            numbers_at=numbers,
         ),
     )
 

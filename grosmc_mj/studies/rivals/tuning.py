@@ -8,7 +8,9 @@ A law's number is the largest one of two digits with which, on the nominal case,
    samples per period of the bandwidth of G. F. Franklin, J. D. Powell and M. L. Workman, "Digital
    Control of Dynamic Systems", 3rd ed., section 11.2.
 
-So each law does as much against what it does not know as the nominal response lets it.
+So each law does as much against what it does not know as the nominal response lets it. The adaptive
+law has two: its adaptation, of one digit, is the largest for which some frequency of two digits
+keeps the rule, and its frequency is the one of those that settles nearest to the optimum's time.
 """
 
 from __future__ import annotations
@@ -30,6 +32,10 @@ NUMBERS: Mapping[str, str] = {
 }
 WITHIN = 0.05
 SAMPLES = 30.0
+# Frequencies of the adaptive law that are tried [1/s].
+FREQUENCIES = (0.3, 6.0)
+# Inputs grow with the frequency: so many that are too large in a row are enough.
+_ENOUGH = 3
 
 
 class Response(NamedTuple):
@@ -101,6 +107,27 @@ def largest(experiment: Experiment, law: str, low: float, high: float) -> float:
         if allowed(experiment, law, number, given):
             return number
     raise ArgumentError(f"the rule allows {law} no number between {low:g} and {high:g}")
+
+
+def fitting_frequency(experiment: Experiment, adaptation: float) -> float | None:
+    """The adaptive law's frequency for an adaptation; None where the rule allows none.
+
+    Args:
+        experiment: The nominal case.
+        adaptation: gamma.
+    """
+    given, found, nearest, too_large = budget(experiment), None, WITHIN, 0
+    for frequency in two_digits(*FREQUENCIES):
+        seen = response(experiment, "adaptive", frequency=frequency, adaptation=adaptation)
+        if seen.peak > given.peak:
+            too_large += 1
+            if too_large == _ENOUGH:
+                break
+            continue
+        off = abs(seen.settling / given.settling - 1)
+        if off <= nearest:
+            found, nearest = frequency, off
+    return found
 
 
 def two_digits(low: float, high: float) -> list[float]:
