@@ -56,19 +56,23 @@ def rivals(system: str) -> list[Rival]:
 def compared(run: RunResult) -> Rival:
     """What a run of one input is compared by."""
     found, law = run.trajectory, run.controller
-    system, values = law.designed.error.system, {k: each.value for k, each in run.metrics.items()}
+    values = {name: metric.value for name, metric in run.metrics.items()}
     e = law.coordinates.along(found.time, found.state, law.parameters)[:, 0]
     last = e[found.time >= found.time[-1] - END]
-    numbers = [
-        math.inf if value is None else float(value)
-        for value in (
-            values["settling_time"],
-            values["deviation"],
-            float(np.abs(last).max()) if not run.ended else None,
-            values["max_input"],
-            float(np.abs(np.diff(found.input)).sum() / found.time[-1]),
-        )
-    ]
-    kept = all(each.kept for each in run.requirements)
-    units = law.coordinates.output_units[0], system.input.unit
-    return Rival(run.case.name, law.name, *numbers, kept, *units)
+    return Rival(
+        system=run.case.name,
+        law=law.name,
+        settling=_or_never(values["settling_time"]),
+        deviation=_or_never(values["deviation"]),
+        remaining=math.inf if run.ended else float(np.abs(last).max()),
+        peak=_or_never(values["max_input"]),
+        variation=float(np.abs(np.diff(found.input)).sum() / found.time[-1]),
+        kept=all(each.kept for each in run.requirements),
+        output_unit=law.coordinates.output_units[0],
+        input_unit=law.designed.error.system.input.unit,
+    )
+
+
+def _or_never(value: float | None) -> float:
+    """A metric's value; infinite where it has none."""
+    return math.inf if value is None else float(value)
