@@ -27,7 +27,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results page clean
+.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -92,6 +92,9 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 
 results: $(INSTALLED)  ## Write the table of results from renders/validation.json anew
 	$(BIN)/python -m grosmc_mj.chapter.results_table docs/results.md renders/validation.json
+
+rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
+	$(BIN)/python -m grosmc_mj.studies.rivals.report docs/rivals.md
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

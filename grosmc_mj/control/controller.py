@@ -31,7 +31,7 @@ _OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Numbers of a law of one's own.
+    """Numbers of a law that reads its control period, such as one of one's own.
 
     Attributes:
         period: Control period of the run [s]; NaN before there is one.
@@ -55,6 +55,8 @@ class Design:
         switching: Name of its switching law; empty if it has none.
         control_period: The one sampling time that it is designed for [s]; None for any.
         with_reach: Makes its law for another switching law, if it has one.
+        numbers_at: Its numbers that depend on the control period [s], by their names; None for
+            none.
     """
 
     error: OutputCoordinates | StateCoordinates
@@ -67,6 +69,7 @@ class Design:
     switching: str = ""
     control_period: float | None = None
     with_reach: Callable[[Reach], Law] | None = None
+    numbers_at: Callable[[float], Mapping[str, Any]] | None = None
 
     def __post_init__(self) -> None:
         kinds = (OutputCoordinates, StateCoordinates)
@@ -133,7 +136,9 @@ class Controller:
         p = self.parameters
         if not isinstance(p, Sampled) or p.period == control_period:
             return self
-        return replace(self, parameters=replace(p, period=control_period))
+        made = self.design.numbers_at if self.design else None
+        numbers = {} if made is None else made(control_period)
+        return replace(self, parameters=replace(p, period=control_period, **numbers))
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""

@@ -26,6 +26,9 @@ from grosmc_mj.control.design import (
 )
 from grosmc_mj.control.from_control import from_control, is_linear_system
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
+from grosmc_mj.control.rivals.adaptive import adaptive, linear_adaptive
+from grosmc_mj.control.rivals.integral import linear_lqi, linear_pid, lqi, pid
+from grosmc_mj.control.rivals.observer import adrc, linear_adrc
 from grosmc_mj.control.state_design import state_grosmc
 from grosmc_mj.control.task import FeedbackParameters, StateTask, Task
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
@@ -49,11 +52,22 @@ GENERAL: Laws = {
     "grosmc": tracking_grosmc,
     "linear-grosmc": linear_grosmc,
     "regulating-grosmc": regulating_grosmc,
+    "lqi": lqi,
+    "pid": pid,
+    "adrc": adrc,
+    "adaptive": adaptive,
+    "linear-lqi": linear_lqi,
+    "linear-pid": linear_pid,
+    "linear-adrc": linear_adrc,
+    "linear-adaptive": linear_adaptive,
 }
 COMPUTED_TORQUE: Laws = {
     "lqr": partial(linearized_lqr, name="lqr"),
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
+    "lqi": lqi,
+    "pid": pid,
+    "adrc": adrc,
 }
 # Laws on the linearization about an operating point, and those of a model in MuJoCo with fewer
 # actuators than joints, which has no others.

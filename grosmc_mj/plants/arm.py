@@ -10,6 +10,7 @@ import sympy as sp
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
     Signal,
     System,
@@ -108,6 +109,22 @@ def _equations() -> Equations:
     )
 
 
+def _parametrization() -> LinearParametrization:
+    """Eq. (57) in the inertia J + m l^2 + M_c, the sine's M_c, gravity's m g l and a load."""
+    q, rate, r, a = sp.symbols("q rate r a")
+    m, l, g, J, M_c, printed = sp.symbols("m l g J M_c printed")
+    s, c = sp.sin(q), sp.cos(q)
+    C = c / 2 * (printed + (1 - printed) * rate)
+    return LinearParametrization(
+        q=(q,),
+        rate=(rate,),
+        r=(r,),
+        a=(a,),
+        Y=((a, s * a + C * r, c, 1),),
+        theta=(J + m * l**2 + M_c, M_c, m * g * l, 0),
+    )
+
+
 ARM = System(
     name="arm",
     title="1-DOF arm",
@@ -123,4 +140,5 @@ ARM = System(
     read_parameters=ArmParameters.from_model,
     uncertain_body="link",
     position_bound=1.5,  # rad; off the singularity at pi/2
+    parametrization=_parametrization(),
 )

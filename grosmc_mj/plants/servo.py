@@ -10,6 +10,7 @@ import sympy as sp
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
     Signal,
     System,
@@ -77,6 +78,14 @@ def _equations() -> Equations:
     )
 
 
+def _parametrization() -> LinearParametrization:
+    """Eq. (15) in amperes: the inertia, the friction and a load, each over Kt."""
+    theta, rate, r, a, J, B, Kt = sp.symbols("theta rate r a J B Kt")
+    return LinearParametrization(
+        q=(theta,), rate=(rate,), r=(r,), a=(a,), Y=((a, r, 1),), theta=(J / Kt, B / Kt, 0)
+    )
+
+
 SERVO = System(
     name="servo",
     title="Servo rotor",
@@ -88,4 +97,5 @@ SERVO = System(
     bodies=("rotor",),
     read_parameters=ServoParameters.from_model,
     uncertain_body="rotor",
+    parametrization=_parametrization(),
 )

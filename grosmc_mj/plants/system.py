@@ -13,6 +13,7 @@ import sympy as sp
 from grosmc_mj.arguments import require, require_each
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.equations import Column, Equations, NoEquations
+from grosmc_mj.plants.parametrization import LinearParametrization
 
 if TYPE_CHECKING:
     import mujoco
@@ -53,6 +54,7 @@ class System:
         position_bound: Largest |position| at which the equations are compared with physics.
         near: A state next to which the plant is used, in the order of the states; zero by default.
             Equilibria, and the states of an output, are looked for from there.
+        parametrization: The inputs as what is linear in unknown parameters; None if there is none.
     """
 
     name: str
@@ -71,6 +73,7 @@ class System:
     uncertain_body: str = ""
     position_bound: float = math.pi
     near: tuple[float, ...] = ()
+    parametrization: LinearParametrization | None = None
 
     def __post_init__(self) -> None:
         for what in ("name", "title"):

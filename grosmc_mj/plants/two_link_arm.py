@@ -10,6 +10,7 @@ import sympy as sp
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
     Signal,
     System,
@@ -129,6 +130,32 @@ def _equations() -> Equations:
     )
 
 
+def _parametrization() -> LinearParametrization:
+    """The torques in J1, J2 and l1 b2, in g b1 and g b2, and in a load on each joint."""
+    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
+    m1, l1, c1, I1, m2, l2, c2, I2, mp, Ip, g = sp.symbols("m1 l1 c1 I1 m2 l2 c2 I2 mp Ip g")
+    b1, b2 = m1 * c1 + (m2 + mp) * l1, m2 * c2 + mp * l2
+    s2, k2, k1, k12 = sp.sin(q2), sp.cos(q2), sp.cos(q1), sp.cos(q1 + q2)
+    upper = (2 * a1 + a2) * k2 - s2 * (dq2 * r1 + (dq1 + dq2) * r2)
+    lower = a1 * k2 + s2 * dq1 * r1
+    return LinearParametrization(
+        q=(q1, q2),
+        rate=(dq1, dq2),
+        r=(r1, r2),
+        a=(a1, a2),
+        Y=((a1, a1 + a2, upper, k1, k12, 1, 0), (0, a1 + a2, lower, 0, k12, 0, 1)),
+        theta=(
+            I1 + m1 * c1**2 + (m2 + mp) * l1**2,
+            I2 + m2 * c2**2 + Ip + mp * l2**2,
+            l1 * b2,
+            g * b1,
+            g * b2,
+            0,
+            0,
+        ),
+    )
+
+
 def tip() -> tuple[sp.Expr, sp.Expr]:
     """Position of the tip from the shoulder, (x, z) [m]: outputs for a path in the plane.
 
@@ -159,4 +186,5 @@ TWO_LINK_ARM = System(
     bodies=_BODIES,
     read_parameters=TwoLinkParameters.from_model,
     uncertain_body="payload",
+    parametrization=_parametrization(),
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import LAWS, LQR, campaign, case, servo
+from campaign_cases import INERTIA, LAWS, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.meter import METRICS, cost_ratios, metered
@@ -179,6 +179,16 @@ def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: 
         assert whole is not None
         assert least is not None
         assert cost_ratios(law, running["costs"], *ends) == pytest.approx(whole / least, rel=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["lqi", "pid", "adrc", "adaptive"])
+def test_laws_with_dynamics_are_metered_in_both_engines(law: str) -> None:
+    """At another period than the file's, which their matrices depend on."""
+    asked = campaign(case("servo", INERTIA, laws=f'[[controller]]\nlaw = "{law}"\n'))
+    native, python = run(asked, law, "native"), run(asked, law)
+    check(native, asked, law)
+    assert native.meters.tobytes() == python.meters.tobytes()
 
 
 def stepped(asked: Campaign, onset: float, *states: list[float]) -> Any:

@@ -28,7 +28,7 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     """
     if name == "uncertainty":
         return (state_uncertainty if of_states else uncertainty)(value)
-    if name == "frequency" and isinstance(value, str):
+    if name in ("frequency", "bandwidth") and isinstance(value, str):
         try:
             return number_in(value, "rad/s")
         except ValueError as error:

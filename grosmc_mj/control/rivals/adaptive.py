@@ -1,0 +1,215 @@
+"""Slotine and Li's adaptive law: the dynamics' parameters are found while the arm moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arguments import real
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller, Design, Sampled
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.laws import Law
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.task import Task, require_task
+from grosmc_mj.errors import GainError, PremiseError, shown
+from grosmc_mj.plants.parametrization import LinearParametrization
+from grosmc_mj.vectors import algebra, each, row_times
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AdaptiveParameters(Sampled):
+    """Numbers of the adaptive law.
+
+    Attributes:
+        plant: The nominal plant's parameters, which the estimates begin with.
+        reference: The reference's parameters.
+        frequency: Lambda of s = e' + Lambda e [1/s].
+        damping: K_D, (m, m), in the unit of the input per that of the rate.
+        adaptation: gamma.
+        limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
+    """
+
+    plant: Any
+    reference: Any
+    frequency: float
+    damping: Array
+    adaptation: float
+    limit: float
+
+
+@dataclass
+class AdaptiveLawMemory(Memory):
+    """Memory of the adaptive law.
+
+    Attributes:
+        theta: Estimates of the parameters for the next sample, (k,).
+        composite: s = e' + Lambda e at the last sample, (m,), by the sign of e = q - q_d.
+    """
+
+    theta: Array = field(default_factory=lambda: np.zeros(1))
+    composite: Array = field(default_factory=lambda: np.zeros(1))
+
+
+def adaptive(
+    task: Task, frequency: float, adaptation: float, limit: float = math.inf
+) -> Controller:
+    """Slotine and Li's adaptive law for a mechanical system with an input for each joint.
+
+        u = Y(q, q', r, r') theta - K_D s,   theta' = -gamma Y's,
+        r = q_d' - Lambda e,   s = q' - r = e' + Lambda e,   K_D = Lambda M(q_d(0)),
+
+    on V = s'M s/2 + |theta - theta*|^2/(2 gamma), V' = -s'K_D s: J.-J. E. Slotine and W. Li, "On
+    the adaptive control of robot manipulators", International Journal of Robotics Research 6(3),
+    1987. The estimates begin at the nominal parameters, a constant load on each joint among them
+    at zero, and take a step of Euler's method a sample. Nominally, without adaptation and as long
+    as the inertia stays what it is, both poles of the error are at -Lambda.
+
+    Args:
+        task: What is designed for; the outputs must be the joints of a system with a
+            parametrization: the servo, the arm, the two-link arm.
+        frequency: Lambda [1/s].
+        adaptation: gamma, the same for all parameters in SI units.
+        limit: Largest |u|, in the unit of the input: the estimates hold while an input is beyond.
+
+    Raises:
+        GainError: If a number is not positive.
+        PremiseError: If the system has no parametrization, or other outputs than its joints.
+    """
+    return _adaptive(task, frequency, adaptation, limit, linearizing=True)
+
+
+def linear_adaptive(
+    task: Task, frequency: float, adaptation: float, limit: float = math.inf
+) -> Controller:
+    """``adaptive`` of a linear plant, judged against the optimum of its linearization.
+
+    Args:
+        task: What is designed for.
+        frequency: As for ``adaptive``.
+        adaptation: As for ``adaptive``.
+        limit: As for ``adaptive``.
+
+    Raises:
+        GainError: As for ``adaptive``.
+        PremiseError: As for ``adaptive``.
+    """
+    return _adaptive(task, frequency, adaptation, limit, linearizing=False)
+
+
+def _adaptive(
+    task: Task, frequency: float, adaptation: float, limit: float, *, linearizing: bool
+) -> Controller:
+    require_task(task)
+    for name, value in (("frequency", frequency), ("adaptation", adaptation)):
+        if not 0 < real(value) < math.inf:
+            raise GainError(f"adaptive: {name} = {shown(value)} must be finite and positive")
+    if not real(limit) > 0:
+        raise GainError(f"adaptive: limit = {shown(limit)} must be positive")
+    error, found = task.error, task.plant.system.parametrization
+    joints = list(task.plant.system.equations.x[: error.inputs]) if found else []
+    if found is None or not isinstance(error, ErrorCoordinates) or list(found.q) != joints:
+        raise PremiseError(f"adaptive: {task.plant.system.name} has no torques Y theta")
+    if list(error.linearization.h) != joints:
+        raise PremiseError(
+            f"adaptive: the outputs of {task.plant.system.name} must be its joints, "
+            f"{', '.join(map(str, joints))}"
+        )
+    plant, reference = task.plant.parameters, task.reference
+    q_d = np.array(error.reference(0.0, reference))[::3]
+    parameters = AdaptiveParameters(
+        plant=plant,
+        reference=reference,
+        frequency=float(frequency),
+        damping=frequency * inertia(found, q_d, plant),
+        adaptation=float(adaptation),
+        limit=float(limit),
+    )
+    optimum = task.chain_optimum() if linearizing else task.linearization_optimum()
+    return Controller(
+        "adaptive",
+        slotine_li(error, found),
+        parameters,
+        partial(_memory, error.inputs, found.count),
+        Design(
+            error,
+            optimum,
+            source="Slotine and Li 1987",
+            gains={"frequency": float(frequency), "adaptation": float(adaptation)},
+            linearizing=linearizing,
+        ),
+    )
+
+
+def inertia(found: LinearParametrization, q: Array, plant: Any) -> Array:
+    """M(q) of a plant's parameters, (m, m), in the unit of the input per that of q''.
+
+    Args:
+        found: The system's torques.
+        q: Positions, (m,).
+        plant: The plant's parameters.
+    """
+    m, theta, zero = len(q), np.array(found.nominal(plant)), np.zeros(len(q))
+    x = np.concatenate([q, zero])
+
+    def torques(a: Array) -> Array:
+        return np.reshape(found.regressor(x, zero, a, plant), (m, -1)) @ theta
+
+    return np.column_stack([torques(a) - torques(zero) for a in np.eye(m)])
+
+
+@cache
+def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
+    """The law on some error coordinates, of one reference with two derivatives a joint."""
+    m, k, sign = error.inputs, found.count, float(error.sign)
+    error_state, reference, driven = error.state, error.reference, error.driven
+    regressor, nominal = found.regressor, found.nominal
+    operations = algebra(m)
+    store, given = operations.store, operations.given
+    composite = each(m, lambda i, z, p: sign * (z[2 * i + 1] + p.frequency * z[2 * i]))
+    rates = each(m, lambda i, z, y, p: y[3 * i + 1] - sign * p.frequency * z[2 * i])
+    accelerations = each(m, lambda i, z, y, p: y[3 * i + 2] - sign * p.frequency * z[2 * i + 1])
+    within: Callable[..., Any] = each(m, lambda i, u, limit: min(limit, max(-limit, u[i])))
+
+    def torque(i: int, Y: Any, theta: Any, s: Any, p: Any) -> float:
+        total = -row_times(i, p.damping, s)
+        for j in range(k):
+            total += Y[i * k + j] * theta[j]
+        return total
+
+    torques = each(m, torque)
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
+        if t == 0.0:
+            theta = nominal(p.plant)
+            for j in range(k):
+                memory.theta[j] = theta[j]
+        z, y = error_state(t, x, p), reference(t, p.reference)
+        s = composite(z, p)
+        Y = regressor(x, rates(z, y, p), accelerations(z, y, p), p.plant)
+        u = torques(Y, memory.theta, s, p)
+        store(memory.composite, s)
+        store(memory.v, driven(t, x, u, memory, p))
+        applied = within(u, p.limit)
+        cut = False
+        for i in range(m):
+            cut = cut or applied[i] != u[i]
+        if not cut:
+            for j in range(k):
+                change = 0.0
+                for i in range(m):
+                    change += Y[i * k + j] * s[i]
+                memory.theta[j] -= p.period * p.adaptation * change
+        return given(u)
+
+    return law
+
+
+def _memory(m: int, count: int) -> AdaptiveLawMemory:
+    """Memory of a new run."""
+    return AdaptiveLawMemory(v=np.zeros(m), theta=np.zeros(count), composite=np.zeros(m))

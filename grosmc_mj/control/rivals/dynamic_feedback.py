@@ -1,0 +1,206 @@
+"""Linear feedback with dynamics of its own, sampled: integrals and observers as one law.
+
+    v = -(K z + H q),    q+ = F q + G z + L v,
+
+with v through feedback linearization, eqs. (23) and (44), or as the input itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arguments import real
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller, Design, Sampled
+from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.laws import Law
+from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.task import Task
+from grosmc_mj.errors import GainError, shown
+from grosmc_mj.jitable import jitable
+from grosmc_mj.vectors import algebra, each, row_times
+
+
+class Dynamics(NamedTuple):
+    """The matrices of a law with N states q, at one control period.
+
+    Attributes:
+        K: Gain of the error state, (m, n).
+        H: Gain of q, (m, N).
+        F: What q becomes of q, (N, N).
+        G: What it becomes of z, (N, n).
+        L: What it becomes of the v that is applied, (N, m).
+        start: What it is of z as a run begins, (N, n).
+    """
+
+    K: Array
+    H: Array
+    F: Array
+    G: Array
+    L: Array
+    start: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DynamicParameters(Sampled):
+    """Numbers of a law with dynamics: ``Dynamics``, flat.
+
+    Attributes:
+        plant: The nominal plant's parameters.
+        reference: The reference's parameters.
+        K: See ``Dynamics``, as all that follow.
+        H: (m, N).
+        F: (N, N).
+        G: (N, n).
+        L: (N, m).
+        start: (N, n).
+        limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
+    """
+
+    plant: Any
+    reference: Any
+    K: Array
+    H: Array
+    F: Array
+    G: Array
+    L: Array
+    start: Array
+    limit: float = math.inf
+
+
+@dataclass
+class DynamicMemory(Memory):
+    """Memory of a law with dynamics.
+
+    Attributes:
+        q: Its integrals or its observer's state, (N,).
+    """
+
+    q: Array = field(default_factory=lambda: np.zeros(1))
+
+
+@cache
+def dynamic_feedback(
+    error: OutputCoordinates, order: int, *, linearizing: bool, holds: bool
+) -> Law:
+    """The law on some error coordinates.
+
+    Args:
+        error: The error coordinates.
+        order: N, the number of its states.
+        linearizing: Whether v goes through feedback linearization; else it is the input.
+        holds: What q does while an input is cut off at ``p.limit``: integrals hold, so that they
+            do not wind up; an observer goes on and is told the v that the cut input comes to.
+    """
+    error_state, feedback, driven, m = error.state, error.feedback, error.driven, error.inputs
+    operations = algebra(m)
+    times, add, subtract = operations.times, operations.add, operations.subtract
+    nothing, store, given = operations.nothing, operations.store, operations.given
+    within = each(m, lambda i, u, limit: min(limit, max(-limit, u[i])))
+    if not linearizing:
+        feedback = jitable(lambda t, x, v, memory, p: v)
+        driven = feedback
+
+    def entry(i: int, q: Any, z: Any, v: Any, p: Any) -> float:
+        return row_times(i, p.F, q) + row_times(i, p.G, z) + row_times(i, p.L, v)
+
+    following: Callable[..., Any] = each(order, entry)
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
+        z = error_state(t, x, p)
+        if t == 0.0:
+            for i in range(order):
+                memory.q[i] = row_times(i, p.start, z)
+        v = subtract(nothing, add(times(p.K, z), times(p.H, memory.q)))
+        store(memory.v, v)
+        u = feedback(t, x, v, memory, p)
+        applied = within(u, p.limit)
+        cut = False
+        for i in range(m):
+            cut = cut or applied[i] != u[i]
+        if cut and holds:
+            return given(u)
+        if cut:
+            v = driven(t, x, applied, memory, p)
+        after = following(memory.q, z, v, p)
+        for i in range(order):
+            memory.q[i] = after[i]
+        return given(u)
+
+    return law
+
+
+def dynamic_controller(
+    name: str,
+    task: Task,
+    optimum: LqrDesign,
+    at: Callable[[float], Dynamics],
+    *,
+    linearizing: bool,
+    holds: bool,
+    gains: dict[str, float],
+    limit: float,
+    source: str,
+) -> Controller:
+    """A controller of the law, judged against the optimum that GROSMC follows.
+
+    Args:
+        name: What it is called.
+        task: What it is designed for.
+        optimum: The nominal optimum of the task.
+        at: Its matrices at a control period [s].
+        linearizing: Whether it goes through feedback linearization.
+        holds: Whether q holds while an input is cut off.
+        gains: Gains worth showing.
+        limit: Largest |u|, infinite for none.
+        source: Where the law is from.
+
+    Raises:
+        GainError: If the limit is not positive.
+    """
+    if not real(limit) > 0:
+        raise GainError(f"{name}: limit = {shown(limit)} must be positive")
+    # Shapes are the same at every period; before there is one the law is not run.
+    bare = Dynamics(*(np.zeros_like(matrix) for matrix in at(1.0)))
+    order = len(bare.F)
+
+    def numbers(period: float) -> dict[str, Array]:
+        return {key: np.ascontiguousarray(M) for key, M in at(period)._asdict().items()}
+
+    plain = vars(task.feedback(bare.K)) | bare._asdict()
+    shown_gains = gains | ({"limit": float(limit)} if math.isfinite(limit) else {})
+    return Controller(
+        name,
+        dynamic_feedback(task.error, order, linearizing=linearizing, holds=holds),
+        DynamicParameters(**plain, limit=float(limit)),
+        partial(_memory, task.error.inputs, order),
+        Design(
+            task.error,
+            optimum,
+            source=source,
+            gains=shown_gains,
+            linearizing=linearizing,
+            numbers_at=numbers,
+        ),
+    )
+
+
+def named_gains(**matrices: Array) -> dict[str, float]:
+    """Gains by their symbols: K1, K2 ... or, of several inputs, K11, K12 ... row by row."""
+    return {
+        f"{symbol}{i + 1 if len(matrix) > 1 else ''}{j + 1}": float(matrix[i, j])
+        for symbol, matrix in matrices.items()
+        for i, j in np.ndindex(*matrix.shape)
+    }
+
+
+def _memory(m: int, order: int) -> DynamicMemory:
+    """Memory of a new run."""
+    return DynamicMemory(v=np.zeros(m), q=np.zeros(order))

@@ -1,0 +1,175 @@
+"""LQR with integral action, and PID: laws that integrate the outputs' errors."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+import scipy.linalg
+
+from grosmc_mj.arguments import real
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.lqr import LqrDesign, lqr
+from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller, named_gains
+from grosmc_mj.control.task import Task, require_task
+from grosmc_mj.errors import GainError, shown
+
+# Beyond this the powers of a frequency overflow.
+_MOST = 1e50
+
+
+def lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controller:
+    """LQR with integral action, through feedback linearization.
+
+    The optimum of z'Qz + v'Rv + q_i |xi|^2 with xi' = e, the outputs' errors: the LQ regulator on
+    the plant augmented by integrators (P. C. Young and J. C. Willems, "An approach to the linear
+    multivariable servomechanism problem", International Journal of Control 15(5), 1972).
+
+    Args:
+        task: What is designed for.
+        integral_weight: q_i, the weight of each output's integral, in 1/s^2 of that of the output.
+        limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
+
+    Raises:
+        GainError: If a number is not positive or there is no optimum.
+    """
+    require_task(task)
+    return _lqi(task, task.chain_optimum(), integral_weight, limit, linearizing=True)
+
+
+def linear_lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controller:
+    """``lqi`` on the plant's linearization about zero error, without feedback linearization.
+
+    Args:
+        task: What is designed for.
+        integral_weight: As for ``lqi``.
+        limit: As for ``lqi``.
+
+    Raises:
+        GainError: As for ``lqi``, or if zero error is no equilibrium without input.
+    """
+    require_task(task)
+    return _lqi(task, task.linearization_optimum(), integral_weight, limit, linearizing=False)
+
+
+def pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
+    """PID through feedback linearization, with three poles at one place for every output.
+
+    v = -3 w^2 e - w^3 xi - 3 w e' with xi' = e, so that (s + w)^3 is what the nominal error obeys:
+    computed-torque PID (J. J. Craig, "Introduction to Robotics", 3rd ed., section 10.7; F. L.
+    Lewis, D. M. Dawson and C. T. Abdallah, "Robot Manipulator Control", 2nd ed., section 4.4).
+    The rate e' is the measured one, as all laws here have it.
+
+    Args:
+        task: What is designed for; every output must have relative degree two.
+        frequency: w [rad/s].
+        limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
+
+    Raises:
+        GainError: If a number is not positive or an output has another relative degree.
+    """
+    require_task(task)
+    return _pid(task, task.chain_optimum(), frequency, limit, linearizing=True)
+
+
+def linear_pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
+    """``pid`` on the plant's linearization about zero error, without feedback linearization.
+
+    Args:
+        task: What is designed for.
+        frequency: As for ``pid``.
+        limit: As for ``pid``.
+
+    Raises:
+        GainError: As for ``pid``, or if zero error is no equilibrium without input.
+    """
+    require_task(task)
+    return _pid(task, task.linearization_optimum(), frequency, limit, linearizing=False)
+
+
+def _lqi(
+    task: Task, optimum: LqrDesign, integral_weight: float, limit: float, *, linearizing: bool
+) -> Controller:
+    if not 0 < real(integral_weight) < math.inf:
+        raise GainError(
+            f"LQI: integral_weight = {shown(integral_weight)} must be finite and positive"
+        )
+    n, m = optimum.B.shape
+    A, Q = np.zeros((n + m, n + m)), np.zeros((n + m, n + m))
+    A[:n, :n], A[n:, :n] = optimum.A, _outputs(task)
+    Q[:n, :n], Q[n:, n:] = optimum.Q, integral_weight * np.eye(m)
+    K = lqr(A, np.vstack([optimum.B, np.zeros((m, m))]), Q, optimum.R).K
+    source = "Young and Willems 1972"
+    return _integrating(
+        "lqi", task, optimum, (K[:, :n], K[:, n:]), limit, source, linearizing=linearizing
+    )
+
+
+def _pid(
+    task: Task, optimum: LqrDesign, frequency: float, limit: float, *, linearizing: bool
+) -> Controller:
+    degrees, m = task.error.linearization.relative_degree, task.error.inputs
+    if set(degrees) != {2} or not 0 < real(frequency) < _MOST:
+        raise GainError(
+            f"PID with frequency {shown(frequency)} rad/s: it must be positive, and the relative "
+            f"degrees {degrees} all 2"
+        )
+    rows = list(task.error.linearization.last_rows)
+    # z_i'' = a_i z + (E u)_i: nothing and the identity after feedback linearization.
+    a, E = optimum.A[rows], optimum.B[rows]
+    of_error = np.kron(np.eye(m), [[3 * frequency**2, 3 * frequency]])
+    K, H = np.linalg.solve(E, of_error + a), np.linalg.solve(E, frequency**3 * np.eye(m))
+    source = "computed-torque PID, Craig"
+    return _integrating("pid", task, optimum, (K, H), limit, source, linearizing=linearizing)
+
+
+def _integrating(
+    name: str,
+    task: Task,
+    optimum: LqrDesign,
+    gains: tuple[Array, Array],
+    limit: float,
+    source: str,
+    *,
+    linearizing: bool,
+) -> Controller:
+    """v = -(K z + H xi), with the gains (K, H)."""
+    at = partial(integrals, optimum, _outputs(task), *gains)
+    return dynamic_controller(
+        name,
+        task,
+        optimum,
+        at,
+        linearizing=linearizing,
+        holds=True,
+        gains=named_gains(K=gains[0], Ki=gains[1]),
+        limit=limit,
+        source=source,
+    )
+
+
+def integrals(optimum: LqrDesign, C: Array, K: Array, H: Array, period: float) -> Dynamics:
+    """Integrals of C z over each period, exact for z' = A z.
+
+    They are not told the input: where it makes up for a load they would take it for a motion, and
+    keep an error of the order of the load times the period squared.
+
+    Args:
+        optimum: Where A is from, (n, n).
+        C: What is integrated, (m, n).
+        K: Gain of z, (m, n).
+        H: Gain of the integrals, (m, m).
+        period: Control period [s].
+    """
+    n, m = optimum.B.shape
+    free = np.zeros((m + n, m + n))
+    free[:m, m:], free[m:, m:] = C, optimum.A
+    F, G = np.split(scipy.linalg.expm(free * period)[:m], [m], axis=1)
+    return Dynamics(K, H, F, G, np.zeros((m, m)), np.zeros((m, n)))
+
+
+def _outputs(task: Task) -> Array:
+    """C of e = C z, the outputs' errors, (m, n)."""
+    return np.eye(task.error.size)[list(task.error.output_rows)]

@@ -1,0 +1,60 @@
+"""A mechanical system's torques as what is linear in its unknown parameters: Y theta."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import sympy as sp
+
+from grosmc_mj.codegen import generate
+
+
+@dataclass(frozen=True, eq=False)
+class LinearParametrization:
+    """M(q) a + C(q, q') r + G(q) = Y(q, q', r, a) theta, in the unit of the inputs.
+
+    C is the matrix of Christoffel's symbols, so that M' - 2 C is skew-symmetric, and of viscous
+    friction. A constant load on each joint is among the parameters, for it is as unknown as they
+    are: nominally zero.
+
+    Attributes:
+        q: Joint positions, m symbols of the equations.
+        rate: Their rates, m symbols of the equations.
+        r: Reference rates, m symbols.
+        a: Reference accelerations, m symbols.
+        Y: The regressor, m rows of k expressions.
+        theta: The parameters, k expressions in those of the plant.
+    """
+
+    q: Sequence[sp.Symbol]
+    rate: Sequence[sp.Symbol]
+    r: Sequence[sp.Symbol]
+    a: Sequence[sp.Symbol]
+    Y: Sequence[Sequence[Any]]
+    theta: Sequence[Any]
+
+    @property
+    def count(self) -> int:
+        """k, the number of parameters."""
+        return len(self.theta)
+
+    @cached_property
+    def regressor(self) -> Callable[[Any, Any, Any, Any], tuple[float, ...]]:
+        """Jitable (x, r, a, p) -> Y row by row, m k numbers."""
+        entries = [entry for row in self.Y for entry in row]
+        return generate("regressor", entries, "x, r, a, p", self._places(entries))
+
+    @cached_property
+    def nominal(self) -> Callable[[Any], tuple[float, ...]]:
+        """Jitable p -> theta of a plant's parameters, k numbers."""
+        return generate("nominal", self.theta, "p", self._places(self.theta))
+
+    def _places(self, expressions: Sequence[Any]) -> dict[sp.Symbol, str]:
+        """Where generated functions find each symbol; those of the plant are fields of p."""
+        given = {"x": (*self.q, *self.rate), "r": self.r, "a": self.a}
+        places = {s: f"{name}[{i}]" for name, row in given.items() for i, s in enumerate(row)}
+        free = set().union(*(sp.sympify(each).free_symbols for each in expressions))
+        return {**{symbol: f"p.{symbol}" for symbol in free - set(places)}, **places}

@@ -1,0 +1,63 @@
+"""The rivals' table in ``docs/rivals.md``.
+
+``python -m grosmc_mj.studies.rivals.report docs/rivals.md`` is what ``make rivals`` runs.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from grosmc_mj.errors import SetupError
+from grosmc_mj.report.tables import number
+from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, rivals
+
+BEGIN, END = "<!-- rivals -->", "<!-- /rivals -->"
+_WORDS = ("system", "law")
+_NUMBERS = (
+    "settled", "max \\|y − y\\*\\|", "left at the end", "max \\|u\\|", "variation of u", "kept",
+)  # fmt: skip
+
+
+def rivals_table(rows: Iterable[Rival]) -> str:
+    """The table, in Markdown."""
+    lines = [
+        "| " + " | ".join((*_WORDS, *_NUMBERS)) + " |",
+        "|" + "---|" * len(_WORDS) + "---:|" * len(_NUMBERS),
+    ]
+    for row in rows:
+        y, u = row.output_unit, row.input_unit
+        cells = [
+            f"{number(row.settling)} s" if math.isfinite(row.settling) else "not reached",
+            f"{number(row.deviation)} {y}",
+            f"{number(row.remaining)} {y}" if math.isfinite(row.remaining) else "ended early",
+            f"{number(row.peak)} {u}",
+            f"{number(row.variation)} {u}/s",
+            "yes" if row.kept else "no",
+        ]
+        lines.append("| " + " | ".join([row.system, row.law, *cells]) + " |")
+    return "\n".join(lines)
+
+
+def write_page(page: Path) -> None:
+    """Run all cases, and put the table between the page's marks.
+
+    Raises:
+        SetupError: If the page or a mark is missing.
+    """
+    text = page.read_text(encoding="utf-8") if page.is_file() else ""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise SetupError(f"{page} has no {BEGIN} ... {END}")
+    table = rivals_table(row for system in SYSTEMS for row in rivals(system))
+    page.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    try:
+        write_page(*map(Path, sys.argv[1:2]))
+    except (SetupError, TypeError) as error:
+        sys.exit(f"PAGE.md: {error}")

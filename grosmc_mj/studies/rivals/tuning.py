@@ -1,0 +1,137 @@
+"""The one rule that every rival's number comes from.
+
+A law's number is the largest one of two digits with which, on the nominal case,
+
+1. the error settles (2 %) within 5 % of the time that the nominal optimum takes,
+2. the largest input is at most GROSMC's there,
+3. no observer is faster than a thirtieth of the sampling frequency, in the middle of the 20 to 40
+   samples per period of the bandwidth of G. F. Franklin, J. D. Powell and M. L. Workman, "Digital
+   Control of Dynamic Systems", 3rd ed., section 11.2.
+
+So each law does as much against what it does not know as the nominal response lets it. The adaptive
+law has two: its adaptation, of one digit, is the largest for which some frequency of two digits
+keeps the rule, and its frequency is the one of those that settles nearest to the optimum's time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.laws_tables import ControllerTable
+
+# The number of each law that the rule chooses.
+NUMBERS: Mapping[str, str] = {
+    "lqi": "integral_weight",
+    "pid": "frequency",
+    "adrc": "bandwidth",
+}
+WITHIN = 0.05
+SAMPLES = 30.0
+# Frequencies of the adaptive law that are tried [1/s].
+FREQUENCIES = (0.3, 6.0)
+# Inputs grow with the frequency: so many that are too large in a row are enough.
+_ENOUGH = 3
+
+
+class Response(NamedTuple):
+    """A nominal run.
+
+    Attributes:
+        settling: Time to within 2 % of the start's error [s]; infinite if it never settles.
+        peak: Largest |u|, in the unit of the input.
+    """
+
+    settling: float
+    peak: float
+
+
+def response(experiment: Experiment, law: str, **numbers: float) -> Response:
+    """The run of a law with other numbers than the file's.
+
+    Args:
+        experiment: The nominal case.
+        law: A law of its file.
+        numbers: By their names.
+    """
+    table = ControllerTable.model_validate({"law": law, **numbers})
+    changed = experiment.file.model_copy(update={"controller": [table]})
+    metrics = replace(experiment, file=changed).run(law=law).metrics
+    settling, peak = metrics["settling_time"].value, metrics["max_input"].value
+    return Response(*(math.inf if value is None else value for value in (settling, peak)))
+
+
+def budget(experiment: Experiment) -> Response:
+    """What the rule allows: the settling time of the nominal optimum, the input of GROSMC."""
+    return Response(response(experiment, "fl-lqr").settling, response(experiment, "grosmc").peak)
+
+
+def allowed(experiment: Experiment, law: str, number: float, given: Response) -> bool:
+    """Whether the rule allows a law this number.
+
+    Args:
+        experiment: The nominal case.
+        law: ``lqi``, ``pid``, ``adrc`` ...
+        number: The one of ``NUMBERS``.
+        given: The ``budget``.
+    """
+    name = NUMBERS[law]
+    fastest = 2 * math.pi / (SAMPLES * experiment.settings.control_period)
+    if name == "bandwidth" and number > fastest:
+        return False
+    found = response(experiment, law, **{name: number})
+    return abs(found.settling / given.settling - 1) <= WITHIN and found.peak <= given.peak
+
+
+def largest(experiment: Experiment, law: str, low: float, high: float) -> float:
+    """The number that the rule chooses between two bounds.
+
+    All of two digits are tried, from above: the settling time jumps where an overshoot leaves its
+    band, so it does not fall with every step.
+
+    Args:
+        experiment: The nominal case.
+        law: ``lqi``, ``pid``, ``adrc`` ...
+        low: Least number that is tried.
+        high: Largest number that is tried.
+
+    Raises:
+        ArgumentError: If the rule allows none.
+    """
+    given = budget(experiment)
+    for number in reversed(two_digits(low, high)):
+        if allowed(experiment, law, number, given):
+            return number
+    raise ArgumentError(f"the rule allows {law} no number between {low:g} and {high:g}")
+
+
+def fitting_frequency(experiment: Experiment, adaptation: float) -> float | None:
+    """The adaptive law's frequency for an adaptation; None where the rule allows none.
+
+    Args:
+        experiment: The nominal case.
+        adaptation: gamma.
+    """
+    given, found, nearest, too_large = budget(experiment), None, WITHIN, 0
+    for frequency in two_digits(*FREQUENCIES):
+        seen = response(experiment, "adaptive", frequency=frequency, adaptation=adaptation)
+        if seen.peak > given.peak:
+            too_large += 1
+            if too_large == _ENOUGH:
+                break
+            continue
+        off = abs(seen.settling / given.settling - 1)
+        if off <= nearest:
+            found, nearest = frequency, off
+    return found
+
+
+def two_digits(low: float, high: float) -> list[float]:
+    """All numbers of two digits between two positive bounds, in order."""
+    decades = range(math.floor(math.log10(low)) - 1, math.floor(math.log10(high)))
+    every = [float(f"{digits}e{decade}") for decade in decades for digits in range(10, 100)]
+    return [number for number in every if low <= number <= high]
