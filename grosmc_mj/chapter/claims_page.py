@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.sweep import stored_flips
 from grosmc_mj.chapter.claims_figures import write_picture
 from grosmc_mj.chapter.claims_tables import decisive, shown, turning
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -64,7 +65,8 @@ def _page(
         "print; its *premise is not met* where a theorem's own condition fails in the case that it "
         "is claimed of. A verdict with * turns within 50 % of its threshold or with one of its "
         "choices. What a word such as *exactly* or *robust* must mean is one number wherever it is "
-        "said, chosen from the word."
+        "said. Only choices that a statement is meant for every value of make it undetermined; the "
+        "others are varied all the same, and what turns with them is [below](#what-turns)."
     )
     yield from _causes(findings)
     for kind in Kind:
@@ -72,7 +74,7 @@ def _page(
         yield ""
         yield f"## {kind.plural.capitalize()}"
         yield ""
-        yield "| claim | system | statement | found | needed | verdict |"
+        yield "| claim | system | statement and criterion | found | needed | verdict |"
         yield "|---|---|---|---:|---:|---|"
         for finding in own:
             claim = finding.claim
@@ -81,13 +83,34 @@ def _page(
             sign = "≤" if claim.sense == "at most" else "≥"
             name = f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id
             yield (
-                f"| {name} | {find_system(claim.system).title} | {_cell(claim.statement)} "
+                f"| {name} | {find_system(claim.system).title} "
+                f"| {_cell(claim.statement)}: {_cell(claim.criterion)} "
                 f"| {value} | {sign} {claim.threshold:g}{unit} "
                 f"| {finding.verdict.value}{' *' if turning(finding) else ''} |"
             )
         for finding in own:
             if _is_told(finding):
                 yield from _story(finding, figures, home)
+    yield from _turning(findings)
+
+
+def _turning(findings: Sequence[Finding]) -> Iterator[str]:
+    """Which answers turn with which choice: a line each."""
+    yield ""
+    yield "## What turns"
+    yield ""
+    yield (
+        "`grosmc-mj claims --sweep` varies each choice alone, the others as declared. What the "
+        "chapter prints is varied for interest: it casts no doubt on a verdict."
+    )
+    yield ""
+    yield "| statement | choice | its answer flips |"
+    yield "|---|---|---|"
+    for finding in findings:
+        printed = {choice.name: choice.printed for choice in finding.claim.choices}
+        for choice, where in stored_flips().get(finding.claim.id, {}).items():
+            name = choice + (" (printed)" if printed.get(choice) else "")
+            yield f"| {finding.claim.id} | {_cell(name)} | {_cell(where)} |"
 
 
 def _causes(findings: Sequence[Finding]) -> Iterator[str]:
@@ -97,8 +120,9 @@ def _causes(findings: Sequence[Finding]) -> Iterator[str]:
         if finding.verdict is not Verdict.SUPPORTED:
             causes.setdefault(finding.claim.cause, []).append(finding)
     yield ""
-    failed = sum(map(len, causes.values()))
-    yield f"{failed} statements are not supported, for {len(causes)} causes."
+    own = [each.claim.kind for several in causes.values() for each in several]
+    counts = ", ".join(f"{own.count(kind)} of {kind.plural}" for kind in Kind)
+    yield f"Not supported are {counts}, for {len(causes)} causes."
     yield ""
     yield "| cause | statements |"
     yield "|---|---|"

@@ -41,6 +41,7 @@ from grosmc_mj.chapter.claims.ledger import (
 )
 from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.chapter.claims.sweep import STORED, stored_flips, sweep
+from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.chapter.claims_document import claim_document
 from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
 from grosmc_mj.cli.commands import claims as claims_command
@@ -112,7 +113,7 @@ def test_what_is_not_supported_has_a_cause_and_what_is_open_a_choice(claim: Clai
 
 
 def test_a_word_has_one_number_wherever_it_is_said() -> None:
-    said = {word: set() for word in reading.WORDS}
+    said = {word: set() for word in WORDS}
     for claim in CLAIMS:
         if claim.word:
             said[claim.word].add((claim.sense, claim.threshold, claim.unit, claim.why))

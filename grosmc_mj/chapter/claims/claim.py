@@ -186,8 +186,9 @@ class Claim:
     def quantifier(self) -> str:
         """For which choices it is meant."""
         if self.every or self.some:
-            names = " and ".join(self.every or self.some)
-            return f"for {'every' if self.every else 'some'} {names} tried"
+            meant = [each.name for each in self.choices if each.name in (*self.every, *self.some)]
+            how = "every value" if self.every else "at least one value"
+            return f"for {how} tried of: {', '.join(meant)}"
         if self.kind is Kind.QUESTION and not self.choices:
             return "for the numbers declared here"
         if all(choice.printed for choice in self.choices):

@@ -10,7 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from grosmc_mj.chapter.claims import (
+from grosmc_mj.chapter.claims.claim import Choice, Claim, Kind, Verdict
+from grosmc_mj.chapter.claims.measurements import (
     arm,
     cart,
     cart_pendulum,
@@ -19,7 +20,7 @@ from grosmc_mj.chapter.claims import (
     theory,
     two_link_arm,
 )
-from grosmc_mj.chapter.claims.claim import Choice, Claim, Kind, Verdict
+from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.experiments.runs import PlantName
 
@@ -37,10 +38,6 @@ _TYPES = {
 _WORDS = {bool: "true or false", dict: "a table", str: "a text", list: "a list"}
 # Tables of a file that are no claims.
 _SHARED = ("choices", "causes")
-# What the statements' words mean: the limit of each and why.
-WORDS: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
-)
 
 
 def _functions() -> dict[str, Callable[..., Any]]:

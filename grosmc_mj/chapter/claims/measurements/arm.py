@@ -9,7 +9,16 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, within
+from grosmc_mj.chapter.claims.measurements.measures import (
+    deviation,
+    excess_cost,
+    from_optimum,
+    leaving_the_surface,
+    of,
+    sliding,
+    within,
+)
+from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
@@ -157,6 +166,25 @@ def excursion_with_k(lab: Laboratory, plant: PlantName) -> Measured:
         return Measured(None, "the law has no k", broken=True)
     note = f"{largest[0]:.3g} rad/s with k = {k:g}, {largest[1]:.3g} rad/s with {k / 100:g}"
     return of(runs[0], largest[0] / largest[1], note)
+
+
+def with_enough(lab: Laboratory, plant: PlantName, *, epsilon: float) -> Measured:
+    """Case 1 with another epsilon [rad/s^2]: the worst of three measures, each over its limit."""
+    level = lab.varied("laws.grosmc.epsilon", epsilon)
+    case = {"system": _SYSTEM, "case": "case1"}
+    found = {
+        "|s|": leaving_the_surface(level, plant, **case),
+        "error": deviation(level, plant, controller="grosmc", **case),
+        "index": excess_cost(level, plant, name="cost_continuous", **case),
+    }
+    limits = dict(zip(found, ("sliding", "same", "optimal"), strict=True))
+    shares = {}
+    for name, measured in found.items():
+        if measured.value is None or measured.broken:
+            return measured
+        shares[name] = measured.value / WORDS[limits[name]]["at_most"]
+    note = ", ".join(f"{name} {share:.3g} of its limit" for name, share in shares.items())
+    return Measured(max(shares.values()), note)
 
 
 def price_of_epsilon(lab: Laboratory) -> Drawing:

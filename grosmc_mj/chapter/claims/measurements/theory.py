@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.claims.arm import PAYLOADS
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of, sliding, surface_memory
+from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
+from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, sliding, surface_memory
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial

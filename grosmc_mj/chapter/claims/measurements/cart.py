@@ -15,7 +15,7 @@ import numpy as np
 
 from grosmc_mj.cases.cart_pendulum.cart import LEAN
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of, within
+from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment

@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.optimize
 
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of, within
-from grosmc_mj.control.lqr import lqr
+from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
+from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import cost_shares
@@ -58,15 +59,17 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
             np.column_stack([(ahead[i] - behind[i]) / (2 * step) for ahead, behind in sides])
             for i in (0, 1)
         )
+        phase, delay = _margins(A, closed)
         found.append(
             {
                 "damping ratio": -np.trace(closed) / (2 * np.sqrt(abs(np.linalg.det(closed)))),
+                "phase margin": math.degrees(phase),
                 "slowest pole": -float(np.linalg.eigvals(closed).real.max()),
-                "delay margin": _delay_margin(A, closed),
+                "delay margin": delay,
             }
         )
     nominal, heavier = found
-    units = {"damping ratio": "", "slowest pole": " 1/s", "delay margin": " s"}
+    units = dict(zip(nominal, ("", " deg", " 1/s", " s"), strict=True))
     note = "; ".join(
         f"{name} {heavier[name]:.3g}{unit} under 3J, {nominal[name]:.3g}{unit} nominal"
         for name, unit in units.items()
@@ -74,10 +77,10 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
     return Measured(100 * float(1 - heavier[measure] / nominal[measure]), note)
 
 
-def _delay_margin(A: np.ndarray, closed: np.ndarray) -> float:
-    """The delay of the input that makes the loop x' = A x + (A_closed - A) x unstable [s].
+def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
+    """Phase margin [rad] and delay margin [s] of the loop x' = A x + (A_closed - A) x.
 
-    The loop's gain B K is of rank one: its return difference crosses one where |L(jw)| does.
+    B K is of rank one, so its loop gain K (jw - A)^-1 B is the trace of (jw - A)^-1 B K.
     """
     fed_back = A - closed
 
@@ -85,23 +88,39 @@ def _delay_margin(A: np.ndarray, closed: np.ndarray) -> float:
         return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, fed_back))
 
     crossing: Any = scipy.optimize.brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
-    return float((math.pi + np.angle(gain(crossing))) / crossing)
+    margin = float(math.pi + np.angle(gain(crossing)))
+    return margin, margin / crossing
 
 
-def undercut(lab: Laboratory, plant: PlantName) -> Measured:
-    """How far below J* the index (13) can go, in percent.
+def undercut(lab: Laboratory, plant: PlantName, *, over: str) -> Measured:
+    """How far below J* the index (13) can go, in percent, over ``u_c`` or over ``any u_d``.
 
-    With u_c = -K x it is the integral of x'(Q + K'RK)x/2, to which u_d adds no cost: the least of
-    it is that of an LQR whose further input costs next to nothing. A law without u_d has none.
+    On s = 0 the motion is x' = (A - B K') x with u_c = -K' x, all of which (13) weighs. With
+    u_c = -K x it is the integral of x'(Q + K'RK)x/2, to which u_d adds no cost: the least of it is
+    that of an LQR whose further input costs next to nothing. A law without u_d has none.
     """
     law = lab.controller(find_experiment("servo", "nominal"), plant, "grosmc")
     design, x0 = law.designed.lqr, np.array([1.0, 0.0])
     if switching_rate(law, x0, design.B[1:]) == 0:
         return Measured(0.0, "the law has no input that (13) leaves out")
+    if over == "u_c":
+        tried = [(a, b) for a in np.linspace(0.5, 2.0, 31) for b in np.linspace(0.5, 2.0, 31)]
+        least = min(_index(design, design.K * np.array(factors), x0) for factors in tried)
+        ratio = least / design.optimal_cost(x0)
+        return Measured(100 * (ratio - 1), f"{len(tried)} gains from half to twice of K")
     weight = design.Q + design.K.T @ design.R @ design.K
     hurried = lqr(design.A - design.B @ design.K, design.B, weight, 1e-4)
     ratio = hurried.optimal_cost(x0) / design.optimal_cost(x0)
     return Measured(100 * (ratio - 1), "linear feedback as u_d, priced at a ten-thousandth")
+
+
+def _index(design: LqrDesign, K: np.ndarray, x0: np.ndarray) -> float:
+    """J of u = -K x from a start; infinite if it is not stable."""
+    closed = design.A - design.B @ K
+    if np.linalg.eigvals(closed).real.max() >= 0:
+        return math.inf
+    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(design.Q + K.T @ design.R @ K))
+    return float(0.5 * x0 @ P @ x0)
 
 
 def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:

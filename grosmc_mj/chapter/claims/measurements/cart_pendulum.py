@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
-from grosmc_mj.chapter.claims.measures import from_optimum, of, within
+from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum

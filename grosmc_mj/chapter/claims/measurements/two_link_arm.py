@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
-from grosmc_mj.chapter.claims.measures import (
+from grosmc_mj.chapter.claims.measurements.measures import (
     extrapolated,
     from_optimum,
     leaving_the_surface,

@@ -1,0 +1,1 @@
+"""What the claims measure, a module a system and what several share."""
