@@ -86,12 +86,11 @@ LEGEND = (
 
 
 def turning(finding: Finding) -> list[str]:
-    """What the verdict turns on: its threshold, and the choices of which the record says so."""
-    said = []
-    if finding.near:
-        said.append("within 50 % of its threshold")
+    """What the verdict turns on: its threshold, and what is not printed and turns the record."""
+    said = ["within 50 % of its threshold"] if finding.near else []
     flips = stored_flips().get(finding.claim.id, {})
-    return [*said, *(f"flips {where}" for where in flips.values())]
+    own = [each.name for each in finding.claim.choices if not each.printed]
+    return [*said, *(f"flips {flips[name]}" for name in own if name in flips)]
 
 
 def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
