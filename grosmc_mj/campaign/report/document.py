@@ -86,8 +86,20 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
             "outside_scale": None if each.outside is None else each.outside.scale,
             "promised": each.promised.scale,
             "promised_note": each.promised.note,
+            "surface_band": each.band,
+            "surface_kept": each.stayed,
+            "surface_left_scale": None if each.left is None else each.left.scale,
+            "surface_left": None
+            if each.left is None or each.left.leaver is None
+            else _named(campaign, each.left.leaver),
             "looks": [
-                {"scale": look.scale, "least": look.least, "failures": look.failures}
+                {
+                    "scale": look.scale,
+                    "least": look.least,
+                    "failures": look.failures,
+                    "surface": look.surface,
+                    "leaving": look.leaving,
+                }
                 for look in each.looks
             ],
         }

@@ -211,20 +211,31 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
     for each in found:
         law, outside, promised = label_of(each.controller), each.outside, each.promised
         plant = "none was found" if outside is None else plant_words(campaign, outside.values)
-        scales = (each.found, None if outside is None else outside.scale, promised.scale)
+        scales = (
+            each.found,
+            None if outside is None else outside.scale,
+            promised.scale,
+            each.stayed,
+            None if each.left is None else each.left.scale,
+        )
         rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
-        notes.append(f"{law}: {promised.note}.")
+        bound = "" if each.band is None else f"; there |s| - |s(0)| is at most {each.band:.3g}"
+        notes.append(f"{law}: {promised.note}{bound}.")
     return table(
         "How far the uncertainty may grow: 1 is as declared",
         [
-            *names("law"), *numbers("no failure up to", "failure at", "promised"),
+            *names("law"),
+            *numbers(
+                "no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat"
+            ),
             *text("the failing plant just outside"),
         ],
         rows,
         legend=f"{found[0].plants} plants at each scale, up to "
         f"{max(each.largest for each in found):.3g}. Promised: scale up to which the premises hold "
-        "for every extreme plant, so that |s| does not grow in continuous time; of the "
-        f"requirements they say nothing. {' '.join(notes)} {NO_PROOF}",
+        "for every extreme plant, so that |s| does not grow but for what one sample does. Compare "
+        "it with where |s| leaves that bound: of the requirements, which may be looser or "
+        f"stricter, premises say nothing. {' '.join(notes)} {NO_PROOF}",
     )  # fmt: skip
 
 

@@ -144,7 +144,11 @@ def say_radius(console: Console, asked: Campaign, found: Sequence[Radius], *, fu
         if each.outside is not None:
             line += f", one at {each.outside.scale:.3g}"
         if each.promised.scale is not None:
-            line += f"; promised up to {each.promised.scale:.3g}"
+            line += f"; |s| is promised its bound up to {each.promised.scale:.3g}"
+        if each.stayed is not None:
+            line += f", keeps it up to {each.stayed:.3g}"
+        if each.left is not None:
+            line += f", leaves it at {each.left.scale:.3g}"
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
     if full:
