@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from grosmc_mj.arrays import Array
+from numpy.typing import NDArray
+
 from grosmc_mj.campaign.findings.replicates import Draws
 
 NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
@@ -68,6 +69,6 @@ class Basis(NamedTuple):
         """What the sample does not prove, what its shares are of, and what intervals it gives."""
         return f"{NO_PROOF} {DESIGN} {self.intervals}"
 
-    def draws(self, ids: Array) -> Draws:
+    def draws(self, ids: NDArray[Any]) -> Draws:
         """How runs of these numbers were drawn."""
         return Draws(ids % self.replicates if self.replicates else None, self.why_not)

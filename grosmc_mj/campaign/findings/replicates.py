@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from grosmc_mj.arrays import Array
@@ -26,7 +27,7 @@ class Draws(NamedTuple):
       why_not: Why there are no intervals; empty if there are.
     """
 
-    replicate: Array | None = None
+    replicate: NDArray[Any] | None = None
     why_not: str = ""
 
     @property
