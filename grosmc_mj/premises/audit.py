@@ -194,6 +194,19 @@ def least_margin(
     return min(each.configured - each.required for _, _, each in points)
 
 
+def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -> float:
+    """The largest switching rate that a law has on a plant in an operating region.
+
+    Args:
+        law: A law with a switching rate.
+        true: The plant that it meets.
+        bound: Of the region, |z1|, |z2| ...
+    """
+    still = np.zeros(6 * len(true.system.bodies))
+    points = _region(law, true, bound, still, _COARSE_GRID, _COARSE_PHASES)
+    return max(each.configured for _, _, each in points)
+
+
 def _region(
     law: Controller,
     true: AnalyticPlant,

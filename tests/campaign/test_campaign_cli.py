@@ -71,9 +71,24 @@ def test_a_campaign_says_its_numbers_and_what_they_do_not_prove(
 
 
 @pytest.mark.parametrize(("share", "code"), [("0.05", cli.DONE), ("0.99", cli.DIFFERS)])
-def test_at_least_decides_the_exit_code(file: Path, folder: Path, share: str, code: int) -> None:
-    asked = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
+def test_at_least_decides_the_exit_code(
+    file: Path, tmp_path: Path, share: str, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ("campaign", file, "--runs", "256", "--out", tmp_path, "--no-figures")
     assert run(*asked, "--at-least", share) == code
+    assert "of the declared design" in capsys.readouterr().out
+
+
+def test_where_replicates_agree_no_share_is_shown(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    easy = tmp_path / "easy.toml"
+    easy.write_text(file.read_text().replace("3 mrad", "100 mrad"))
+    asked = ("campaign", easy, "--runs", "32", "--no-figures", "--at-least", "0.5")
+    assert run(*asked, "--out", tmp_path / "sobol") == cli.DIFFERS
+    said = " ".join(capsys.readouterr().out.split())
+    assert "lqr: no interval: all replicates agree; --sampler random gives one; 50 % are" in said
+    assert run(*asked, "--out", tmp_path / "random", "--sampler", "random") == cli.DONE
 
 
 def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
@@ -95,6 +110,7 @@ def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
         (("--axes", "load amplitude", "load amplitude"), "twice: name two different numbers"),
         (("--axes", "load amplitude"), "--axes names 1: name two uncertain numbers"),
         (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
+        (("--at-least", "0.5", "--sampler", "lhs"), "--sampler lhs gives none: take sobol or"),
         (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
         (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),
         (("--worst", "--evaluations", str(10**30)), "must be 128 or more, up to 10000000"),

@@ -282,6 +282,15 @@ def test_a_radius_that_is_not_there_is_said(changes, said):
     assert said in entries(panel.get_legend())
 
 
+def test_where_s_leaves_its_bound_is_drawn_beside_the_promise():
+    curve = radius_curve()._replace(stayed=1.8, left=1.9)
+    (panel,) = drawn(draw_radius([curve], TITLE, NO_PROOF)).axes
+    lines = {each.get_label().replace("\n", " "): each for each in panel.lines}
+    (said,) = [label for label in lines if label.startswith("|s|")]
+    assert said == "|s| keeps the promised bound up to 1.8, leaves it at 1.9"
+    assert list(lines[said].get_xdata()) == [1.8, 1.8]
+
+
 # What is refused.
 
 

@@ -21,6 +21,7 @@ from grosmc_mj.campaign.runs.executors import Executor, make_executor
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest
 from grosmc_mj.campaign.runs.part import EVERYTHING
+from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.running import missing, run_missing
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
@@ -364,16 +365,28 @@ def test_another_campaign_under_the_same_name_is_not_taken_for_the_old_one(tmp_p
 def test_a_folder_of_the_first_schema_stays_readable(tmp_path: Path) -> None:
     assert read_manifest(FROZEN)["schema_version"] == 1
     before = sorted(file.name for file in FROZEN.rglob("*"))
-    asked, (notice,) = read_campaign(FROZEN)
+    asked, (sampled, notice) = read_campaign(FROZEN)
+    assert sampled.startswith(f"{FROZEN} was drawn from one Sobol sequence by an older version")
     assert notice.startswith(f"{FROZEN} is of schema 1: its parts carry no checksum")
     found = findings(asked, Folder(FROZEN), 0.95)
     assert sorted(file.name for file in FROZEN.rglob("*")) == before
     assert (found.rates[ALL, "lqr"].kept, found.rates[ALL, "grosmc"].kept) == (3, 8)
     assert found.worst["lqr"][:3] == [2, 0, 6]
     assert found.margins["deviation below 3 mrad", "lqr"].min() == pytest.approx(-0.00392, abs=1e-5)
+    rate = found.rates[ALL, "lqr"]
+    assert (rate.low, rate.high) == (None, None)
+    assert rate.note.startswith("no interval: points of one Sobol sequence, of an older version")
+    # Its runs are no replicates: nobody goes on with it as if they were.
     copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
-    (notice,) = copy.begin(asked, resume=True)
-    assert "its parts carry no checksum" in notice
+    assert "replicates: nothing there, 16 now" in told(copy.begin, asked, resume=True)
+
+
+def test_a_run_of_an_older_version_is_repeated_with_the_numbers_of_its_row() -> None:
+    asked, _ = read_campaign(FROZEN)
+    row = Folder(FROZEN).columns(asked, asked.family.names, [1])["grosmc"]
+    repeated = replay(asked, Folder(FROZEN), "5", "grosmc", "native")
+    assert list(repeated.values.values()) == [row[name][1] for name in asked.family.names]
+    assert repeated.values["rotor mass scale"] != asked.values(range(5, 6))[0, 0]
 
 
 def test_counts_of_the_first_schema_are_those_of_the_rows(tmp_path: Path) -> None:
@@ -394,8 +407,7 @@ def test_a_folder_of_the_first_schema_gets_no_new_parts(tmp_path: Path) -> None:
     asked, _ = read_campaign(copy.path)
     copy.part(1).unlink()
     said = told(copy.begin, asked, resume=True)
-    assert said.startswith(f"{copy.path} is not complete and is of schema 1: ")
-    assert said.endswith("take another --out")
+    assert said.endswith("replicates: nothing there, 16 now; take another --out")
     bound_to = read_manifest(copy.path)["hash"]
     assert "is of schema 1" in told(run_shard, str(copy.path), asked.specification, bound_to, 1)
 

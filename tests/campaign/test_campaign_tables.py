@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from grosmc_mj.campaign.findings.basis import NO_PROOF, Basis
+from grosmc_mj.campaign.findings.basis import DESIGN, NO_PROOF, Basis
 from grosmc_mj.campaign.findings.pairing import paired
 from grosmc_mj.campaign.findings.sensitivity import sensitivities
-from grosmc_mj.campaign.findings.statistics import margin_summary, pass_rate
+from grosmc_mj.campaign.findings.statistics import (
+    margin_summary,
+    pass_rate,
+    replicated_pass_rate,
+)
 from grosmc_mj.campaign.report.tables import (
     margins_table,
     paired_table,
@@ -21,7 +25,9 @@ from grosmc_mj.campaign.report.tables import (
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.report.tables import WIDTH
 
-SAMPLED = Basis(512, 4096, "sobol", 7)
+SAMPLED = Basis(512, 4096, "random", 7)
+REPLICATED = Basis(512, 4096, "sobol", 7, 16)
+DRAWS = REPLICATED.draws(np.arange(64))
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"
 LAW = "a_law_of_my_own_with_a_very_long_name"
 
@@ -80,11 +86,50 @@ def test_every_table_is_narrow_and_says_what_was_sampled(make):
         assert len(line) <= WIDTH
         assert "…" not in line
     text = words(make())
-    assert f"512 of 4096 runs, sobol, seed 7. {NO_PROOF}" in text
-    assert "Sobol points are spread more evenly" in text
+    assert f"512 of 4096 runs, random, seed 7. {NO_PROOF} {DESIGN}" in text
     assert "certified" not in text.lower()
-    assert "Corners are extreme plants" in words(make(SAMPLED._replace(sampler="corners")))
-    assert words(make(Basis(8, 8, "random", 0))).endswith(f"8 runs, random, seed 0. {NO_PROOF}")
+    # The only probability is the one that it is not.
+    assert text.replace(DESIGN, "").lower().count("probabilit") == 0
+
+
+@pytest.mark.parametrize("make", [pass_rates, margins, pairs, driving])
+@pytest.mark.parametrize(
+    ("sampled", "says"),
+    [
+        (Basis(8, 8, "random", 0), "8 runs, random, seed 0. {} {} Intervals and p: of indep"),
+        (REPLICATED, "Student's t over the means of 16 independently scrambled replicates"),
+        (Basis(8, 8, "lhs", 0), "No interval: Latin hypercube points are neither independent"),
+        (Basis(8, 8, "corners", 0), "No interval: corners are extreme plants, no draw."),
+        (Basis(8, 8, "sobol", 0), "No interval: points of one Sobol sequence, of an older"),
+    ],
+)
+def test_every_table_says_what_its_intervals_are(make, sampled, says):
+    text = words(make(sampled))
+    assert says.format(NO_PROOF, DESIGN) in text
+    # These are of independent runs, and of nothing else.
+    for name in ("Clopper", "McNemar"):
+        assert sampled.sampler == "random" or name not in text
+
+
+def test_where_there_is_no_interval_a_clause_says_why():
+    agreeing = replicated_pass_rate([4] * 16, [4] * 16)
+    some = replicated_pass_rate([3, 4] * 8, [4] * 16)
+    rates = {("a", "lqr"): some, ("a", "grosmc"): agreeing}
+    text = lines(pass_rates_table(rates, {}, REPLICATED))
+    # 3/4 and 1 eight times each: 7/8 ± 2.1314 (1/8) sqrt(16/15) / 4, rounded outwards.
+    assert " ".join(text[3].split()) == "a LQR 56 64 87.50 80.62 .. 94.38 0"
+    assert " ".join(text[4].split()) == "GROSMC 64 64 100 - 0"
+    said = "Where none is given: no interval: all replicates agree; --sampler random gives one."
+    assert said in words(pass_rates_table(rates, {}, REPLICATED))
+
+
+def test_pairs_of_replicates_have_students_interval_and_no_mcnemar():
+    first, second = np.full(64, -1.0), np.where(np.arange(64) < 40, 1.0, -1.0)
+    rows = {("a", "lqr", "grosmc"): paired(first, second, 0.95, DRAWS)}
+    text = lines(paired_table(rows, {"a": "s"}, REPLICATED))
+    # Eight replicates gain 3 of 4 plants, eight 2 of 4.
+    assert text[4].split()[-6:] == ["40", "+62.5", "<", "1e-4", "+2", "s"]
+    assert "(+55.6 .. +69.4)" in text[5]
 
 
 def test_pass_rates_are_shown_with_their_intervals():
@@ -96,14 +141,18 @@ def test_pass_rates_are_shown_with_their_intervals():
     assert lqr.split()[-1] == "25"
     # One failure of 100,000 is not 100 %.
     assert any("99999   100000   99.99" in line for line in text)
-    said = '"at least 99 % of this distribution passes" with 95 % confidence takes 299'
+    said = '"at least 99 % of the declared design passes" with 95 % confidence takes 299'
     assert said in words(pass_rates())
 
 
 def test_margins_are_shown_with_their_unit():
     grosmc = lines(margins())[3].split()
     # Worst six of 101 evenly spaced.
-    assert grosmc[5:] == ["0.5", "0.525", "0.51", "0.55", "1", "1.45", "s"]
+    found = [*grosmc[-8:]]
+    assert found == ["0.5", "0.525", "0.51", "0.55", "1", "1.45", "1", "s"]
+    # 1 ± 1.984 sqrt(101 / 1200 * 1.02) / sqrt(101): Student's t of 101 independent runs.
+    assert "(0.942 .." in lines(margins())[4]
+    assert "1.06)" in lines(margins())[5]
     assert "-inf" in words(margins())
 
 

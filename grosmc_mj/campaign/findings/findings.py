@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.basis import Basis
@@ -15,9 +18,16 @@ from grosmc_mj.campaign.findings.statistics import (
     PassRate,
     margin_summary,
     pass_rate,
+    replicated_pass_rate,
 )
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.part import COMPLETES, EVERYTHING, Counts, margin_column
+from grosmc_mj.campaign.runs.manifest import read_manifest, replicates_in
+from grosmc_mj.campaign.runs.part import (
+    COMPLETES,
+    EVERYTHING,
+    ReplicateCounts,
+    margin_column,
+)
 from grosmc_mj.errors import SetupError
 
 # Runs that distributions, differences and drivers are computed from; counts are of all.
@@ -69,12 +79,16 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
         GrosmcError: If there are no runs, a part is broken, or the confidence is no share.
     """
     specification = campaign.specification
-    counts = folder.counts(campaign, range(specification.shards))
-    if not counts:
+    if not any(map(folder.done, range(specification.shards))):
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
+    replicates = replicates_in(read_manifest(folder.path))
+    counts = folder.replicate_counts(campaign, range(specification.shards), replicates or 1)
+    runs = int(next(iter(counts.values()))["runs"].sum())
+    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed, replicates)
     first = range(min(specification.shards, -(-MOST // specification.shard)))
     asked = [margin_column(each.key) for each in campaign.requirements]
     columns = folder.columns(campaign, ["id", "relative", *campaign.family.names, *asked], first)
+    draws = sampled.draws(next(iter(columns.values()))["id"])
     causes: dict[str, list[Sensitivity]] = {}
     worst: dict[str, list[int]] = {}
     for law, own in columns.items():
@@ -83,23 +97,23 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
         if law not in campaign.judged:
             continue
         values = {name: own[name] for name in campaign.family.names}
-        causes[law] = sensitivities(values, own["relative"], confidence)
+        causes[law] = sensitivities(values, own["relative"], confidence, draws)
     margins = {(ALL, law): columns[law]["relative"] for law in campaign.judged if law in columns}
     for each in campaign.requirements:
         margins |= {(each.words, law): columns[law][margin_column(each.key)] for law in each.of}
     looked = len(next(iter(columns.values()))["id"])
-    runs = next(iter(counts.values()))["runs"]
-    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
     last = (campaign.judged or list(campaign.laws))[-1]
     return Findings(
         sampled=sampled,
         looked_at=sampled._replace(runs=looked),
-        rates=_rates(campaign, counts, confidence),
-        cut_short={law: each["runs"] - each[COMPLETES] for law, each in counts.items()},
+        rates=_rates(campaign, counts, sampled, confidence),
+        cut_short={
+            law: int((each["runs"] - each[COMPLETES]).sum()) for law, each in counts.items()
+        },
         margins=margins,
-        summaries={key: margin_summary(each) for key, each in margins.items()},
+        summaries={key: margin_summary(each, confidence, draws) for key, each in margins.items()},
         differences={
-            (requirement, law, last): paired(each, margins[requirement, last], confidence)
+            (requirement, law, last): paired(each, margins[requirement, last], confidence, draws)
             for (requirement, law), each in margins.items()
             if law != last and (requirement, last) in margins
         },
@@ -110,14 +124,26 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
 
 
 def _rates(
-    campaign: Campaign, counts: Counts, confidence: float
+    campaign: Campaign, counts: ReplicateCounts, sampled: Basis, confidence: float
 ) -> dict[tuple[str, str], PassRate]:
     """Pass rates of all requirements, and of all together."""
     asked = [(COMPLETES, COMPLETES, tuple(campaign.laws))]
     asked += [(each.words, each.key, each.of) for each in campaign.requirements]
     asked.append((ALL, EVERYTHING, tuple(campaign.judged)))
     return {
-        (words, law): pass_rate(counts[law][key], counts[law]["runs"], confidence)
+        (words, law): _rate(counts[law][key], counts[law]["runs"], sampled, confidence)
         for words, key, of in asked
         for law in of
     }
+
+
+def _rate(
+    kept: NDArray[np.int64], runs: NDArray[np.int64], sampled: Basis, confidence: float
+) -> PassRate:
+    """A pass rate with the interval that the sampler gives, if it gives one."""
+    if sampled.replicates:
+        return replicated_pass_rate(kept.tolist(), runs.tolist(), confidence)
+    found = pass_rate(int(kept.sum()), int(runs.sum()), confidence)
+    if sampled.why_not:
+        return found._replace(low=None, high=None, note=sampled.why_not)
+    return found

@@ -1,7 +1,15 @@
 """What the premises of a sliding mode law promise of a family of plants.
 
 The promise is eq. (14)'s: with the switching gain that the law has, |s| cannot grow, anywhere in
-the operating region, on a plant with these numbers and under wrenches up to these.
+the operating region, on a plant with these numbers and under wrenches up to these. It is of
+continuous time. A law of period h does not see that s has changed its sign until its next sample,
+and while the gain covers what pushes, |s'| is at most 2 rho in the meantime, twice what the
+switching term does. So what a run is held to is
+
+    max |s| <= |s(0)| + w h rho_max,  w = 2, or the width of a wider boundary layer,
+
+with the largest rho of the law in the operating region on the nominal plant. Of a plant whose input
+gain is larger than the nominal one the same would be more.
 """
 
 from __future__ import annotations
@@ -18,13 +26,15 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE, Quantity
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.premises.audit import least_margin
+from grosmc_mj.premises.audit import largest_rate, least_margin
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 
 # Scales are known to this part of themselves, up to the largest.
 _TOLERANCE = 0.01
 # Gains that were computed for a plant hold for it to rounding of the largest rates.
 _ROUNDING = 1e-9
+# What s moves by between two samples, over h rho.
+_SAMPLE = 2.0
 # What the equations, from which the premises are computed, do not have.
 _NOT_IN_EQUATIONS = ("damping", "friction", "armature")
 
@@ -110,6 +120,15 @@ class PromisedFamily:
         steps = round(self.campaign.duration / timestep)
         return max(abs(float(profile(step * timestep))) for step in range(steps))
 
+    def surface_band(self) -> float:
+        """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
+        campaign, law = self.campaign, self.law
+        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.bare)
+        rate = largest_rate(law, plant.analytic(), self.bound)
+        switching = getattr(law.parameters, "switching", None)
+        width = max(_SAMPLE, getattr(switching, "width", 0.0))
+        return width * campaign.control_period * rate
+
     def corners(self, scale: float) -> list[Array]:
         """The extreme plants of the family, scaled: the corners of its numbers' ranges."""
         campaign = self.campaign
@@ -173,6 +192,17 @@ def promise(campaign: Campaign, controller: str) -> Promise:
         return found.promise()
     except GrosmcError as error:
         return Promise(None, str(error))
+
+
+def surface_band(campaign: Campaign, controller: str) -> float | None:
+    """By how much |s| may exceed |s(0)| while a promise holds; None where nothing is promised."""
+    found = PromisedFamily.of(campaign, controller)
+    if isinstance(found, str):
+        return None
+    try:
+        return found.surface_band()
+    except GrosmcError:
+        return None
 
 
 def premise_grid(

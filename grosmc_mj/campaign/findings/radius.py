@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE
 from grosmc_mj.campaign.family.sampling import unit_points
-from grosmc_mj.campaign.findings.promise import Promise, promise
-from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.campaign.findings.promise import Promise, promise, surface_band
+from grosmc_mj.campaign.runs.shard import Outcomes, evaluate
 
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
@@ -29,12 +29,19 @@ class Look:
         least: Least margin of all plants, in parts of its limit.
         failures: How many plants fail.
         values: The uncertain numbers of the worst of them, (d,).
+        surface: Largest |s| - |s(0)| of all plants over what the promise allows; inf if one did
+            not complete, None where nothing is promised.
+        leaving: How many plants exceed it.
+        leaver: The uncertain numbers of the one that does most, (d,).
     """
 
     scale: float
     least: float
     failures: int
     values: Array
+    surface: float | None = None
+    leaving: int = 0
+    leaver: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +54,8 @@ class Radius:
         looks: In the order of their scale.
         promised: What the premises promise.
         largest: Scale beyond which nobody looked, or at which plants stop being physical.
+        band: By how much |s| may exceed |s(0)| while the promise holds; None where nothing is
+            promised.
     """
 
     controller: str
@@ -54,6 +63,7 @@ class Radius:
     looks: tuple[Look, ...]
     promised: Promise
     largest: float
+    band: float | None = None
 
     @property
     def outside(self) -> Look | None:
@@ -63,17 +73,33 @@ class Radius:
     @property
     def found(self) -> float:
         """The largest scale below that, at which no failure was found; 0 if there is none."""
-        limit = self.outside.scale if self.outside else np.inf
+        return self._below(self.outside)
+
+    @property
+    def left(self) -> Look | None:
+        """The smallest scale at which |s| left the bound of the promise; None if it never did."""
+        return next((look for look in self.looks if look.leaving), None)
+
+    @property
+    def stayed(self) -> float | None:
+        """The largest scale below that; None where nothing is promised."""
+        return None if self.band is None else self._below(self.left)
+
+    def _below(self, wrong: Look | None) -> float:
+        """The largest scale that was looked at below another."""
+        limit = wrong.scale if wrong else np.inf
         return max((look.scale for look in self.looks if look.scale < limit), default=0.0)
 
 
 def radius(
     campaign: Campaign, controller: str, advance: Callable[[int], object] = lambda _: None
 ) -> Radius:
-    """Bisect the scale of the uncertainty at which the first failure is found.
+    """Bisect the scales of the uncertainty at which a requirement fails and |s| leaves its bound.
 
-    The same plants are looked at at every scale, moved towards and away from the nominal one: the
-    campaign's first ones and, where they are not too many, all corners of its ranges.
+    A promise is of |s| alone, so that it is compared with the second; requirements may be looser
+    or stricter. The same plants are looked at at every scale, moved towards and away from the
+    nominal one: the campaign's first ones and, where they are not too many, all corners of its
+    ranges.
 
     Args:
         campaign: The campaign.
@@ -84,30 +110,59 @@ def radius(
     points = _points(campaign)
     values = family.values(points)
     largest = min(LARGEST_SCALE, family.largest_scale * (1 - 1e-9))
-    looks: list[Look] = []
+    band = surface_band(campaign, controller)
+    looks: dict[float, Look] = {}
 
-    def fails(scale: float) -> bool:
-        tried = family.scaled(values, scale)
-        relative = evaluate(campaign, controller, tried).relative
-        advance(len(tried))
-        least = int(relative.argmin())
-        looks.append(Look(scale, float(relative[least]), int((relative < 0).sum()), tried[least]))
-        return looks[-1].failures > 0
+    def look(scale: float) -> Look:
+        if scale not in looks:
+            tried = family.scaled(values, scale)
+            looks[scale] = _look(scale, evaluate(campaign, controller, tried), band)
+            advance(len(tried))
+        return looks[scale]
 
-    low, high = 0.0, min(1.0, largest)
-    if not fails(0.0):
-        while not fails(high) and high < largest:
-            low, high = high, min(2 * high, largest)
-        if looks[-1].failures:
-            while high - low > max(_TOLERANCE * low, _LEAST):
-                middle = (low + high) / 2
-                low, high = (low, middle) if fails(middle) else (middle, high)
+    _bisect(lambda scale: look(scale).failures > 0, largest)
+    if band is not None:
+        _bisect(lambda scale: look(scale).leaving > 0, largest)
     return Radius(
         controller=controller,
         plants=len(points),
-        looks=tuple(sorted(looks, key=lambda look: look.scale)),
+        looks=tuple(sorted(looks.values(), key=lambda look: look.scale)),
         promised=promise(campaign, controller),
         largest=largest,
+        band=band,
+    )
+
+
+def _bisect(wrong: Callable[[float], bool], largest: float) -> None:
+    """Look where something is wrong for the first time, up to the largest scale."""
+    low, high = 0.0, min(1.0, largest)
+    if wrong(0.0):
+        return
+    while not wrong(high):
+        if high >= largest:
+            return
+        low, high = high, min(2 * high, largest)
+    while high - low > max(_TOLERANCE * low, _LEAST):
+        middle = (low + high) / 2
+        low, high = (low, middle) if wrong(middle) else (middle, high)
+
+
+def _look(scale: float, found: Outcomes, band: float | None) -> Look:
+    """What plants at one scale did."""
+    least = int(found.relative.argmin())
+    look = Look(
+        scale, float(found.relative[least]), int((found.relative < 0).sum()), found.values[least]
+    )
+    if band is None:
+        return look
+    away = (found.metrics["max_sliding"] - found.metrics["sliding_start"]) / band
+    away = np.where(np.isnan(away), np.inf, away)
+    most = int(away.argmax())
+    return replace(
+        look,
+        surface=float(away[most]),
+        leaving=int((away > 1).sum()),
+        leaver=found.values[most],
     )
 
 

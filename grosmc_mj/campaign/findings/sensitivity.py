@@ -11,6 +11,7 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.findings.checks import checked_margins, checked_share, checked_values
+from grosmc_mj.campaign.findings.replicates import INDEPENDENT, Draws
 from grosmc_mj.errors import ArgumentError
 
 # Fisher's transformation of a correlation needs more than three runs.
@@ -24,11 +25,11 @@ class Sensitivity(NamedTuple):
     Attributes:
       parameter: Its name.
       correlation: Spearman's rank correlation with the margin: its sign says which way.
-      low: Lower end of its interval.
+      low: Lower end of its interval; None where runs are not independent.
       high: Upper end.
       share: Part of the variance of the margins' ranks that the parameter explains alone.
       p_value: Kruskal and Wallis's (from chi-squared), of a share at least as large if it explained
-        nothing.
+        nothing; None where runs are not independent.
       note: Why there is nothing to tell.
     """
 
@@ -42,7 +43,7 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    values: Mapping[str, Any], margins: Any, confidence: float = 0.95
+    values: Mapping[str, Any], margins: Any, confidence: float = 0.95, draws: Draws = INDEPENDENT
 ) -> list[Sensitivity]:
     """The parameters in order of the share that each explains, the strongest first.
 
@@ -55,12 +56,14 @@ def sensitivities(
 
     The interval of the correlation r is tanh(artanh r ± q sqrt((1 + r²/2) / (n - 3))) with the
     normal quantile q (Bonett and Wright, 2000), |r| being at most 1 - 6 / (n³ - n), half an
-    exchange of neighbours short of 1; it is approximate.
+    exchange of neighbours short of 1; it is approximate. It and the p-value are of independent
+    runs only.
 
     Args:
       values: Each parameter's values, run by run, (n,).
       margins: Signed margins, (n,). Runs that did not complete, -inf, are tied at the lowest rank.
       confidence: Of each interval, between 0 and 1.
+      draws: How the runs were drawn.
 
     Raises:
       ArgumentError: If there are no parameters or margins, the lengths differ, a value is not
@@ -75,6 +78,8 @@ def sensitivities(
         _driver(name, checked_values(name, column, len(found)), ranks, confidence)
         for name, column in values.items()
     ]
+    if not draws.independent:
+        rows = [each._replace(low=None, high=None, p_value=None) for each in rows]
     return sorted(rows, key=_importance, reverse=True)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from decimal import ROUND_CEILING, Decimal
 from typing import Any, NamedTuple
 
@@ -9,6 +10,12 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.campaign.findings.checks import checked_margins, checked_share
+from grosmc_mj.campaign.findings.replicates import (
+    INDEPENDENT,
+    Draws,
+    interval_of_mean,
+    student,
+)
 from grosmc_mj.errors import ArgumentError
 
 # The worst part whose mean is the CVaR [%].
@@ -22,17 +29,19 @@ class PassRate(NamedTuple):
       kept: Runs that kept it.
       runs: All runs.
       rate: kept / runs.
-      low: Lower end of the interval.
+      low: Lower end of the interval; None if there is none.
       high: Upper end.
-      confidence: With which the interval covers the distribution's pass rate.
+      confidence: With which the interval covers the share of the declared design that passes.
+      note: Why there is no interval.
     """
 
     kept: int
     runs: int
     rate: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     confidence: float
+    note: str = ""
 
 
 class MarginSummary(NamedTuple):
@@ -47,6 +56,11 @@ class MarginSummary(NamedTuple):
       cvar: Mean of the worst 5 % of the margins: the conditional value at risk.
       diverged: Runs at -inf: those that did not complete.
       runs: All runs.
+      mean: Mean of all, -inf if a run did not complete.
+      mean_low: Lower end of its interval; None if there is none.
+      mean_high: Upper end.
+      confidence: Of that.
+      note: Why there is no interval.
     """
 
     least: float
@@ -57,6 +71,11 @@ class MarginSummary(NamedTuple):
     cvar: float
     diverged: int
     runs: int
+    mean: float
+    mean_low: float | None
+    mean_high: float | None
+    confidence: float
+    note: str = ""
 
 
 def pass_rate(kept: int, runs: int, confidence: float = 0.95) -> PassRate:
@@ -84,6 +103,29 @@ def pass_rate(kept: int, runs: int, confidence: float = 0.95) -> PassRate:
     )
 
 
+def replicated_pass_rate(
+    kept: Sequence[int], runs: Sequence[int], confidence: float = 0.95
+) -> PassRate:
+    """Pass rate with Student's interval over the replicates' own rates, inside 0 to 1.
+
+    Args:
+      kept: Runs of each replicate that kept the requirement, (R,).
+      runs: Runs of each replicate; one without any does not count.
+      confidence: Between 0 and 1.
+
+    Raises:
+      ArgumentError: If there are no runs, or the confidence is no share.
+    """
+    there = [(int(k), int(n)) for k, n in zip(kept, runs, strict=True) if n]
+    if not there:
+        raise ArgumentError("no replicate has runs: give at least one run")
+    found = student(np.array([k / n for k, n in there]), confidence)
+    total, all_runs = sum(k for k, _ in there), sum(n for _, n in there)
+    low = None if found.low is None else max(found.low, 0.0)
+    high = None if found.high is None else min(found.high, 1.0)
+    return PassRate(total, all_runs, total / all_runs, low, high, confidence, found.note)
+
+
 def runs_needed(rate: float, confidence: float = 0.95) -> int:
     """Runs without one failure after which "at least ``rate`` passes" has the confidence.
 
@@ -104,19 +146,24 @@ def runs_needed(rate: float, confidence: float = 0.95) -> int:
     return runs - 1 if share ** (runs - 1) <= doubt else runs
 
 
-def margin_summary(margins: Any) -> MarginSummary:
-    """Quantiles of the margins, and the mean of the worst of them.
+def margin_summary(
+    margins: Any, confidence: float = 0.95, draws: Draws = INDEPENDENT
+) -> MarginSummary:
+    """Quantiles of the margins, and the means of all and of the worst of them.
 
     The q-quantile is the smallest margin m such that at least q of the runs have m or less; the
     CVaR is the mean of the ceil(0.05 n) smallest.
 
     Args:
       margins: Signed margins, (n,), -inf for a run that did not complete.
+      confidence: Of the interval of the mean, between 0 and 1.
+      draws: How the runs were drawn.
 
     Raises:
-      ArgumentError: If there are none, or one is NaN or +inf.
+      ArgumentError: If there are none, one is NaN or +inf, or the confidence is no share.
     """
-    rising = np.sort(checked_margins("margins", margins))
+    found = checked_margins("margins", margins)
+    rising = np.sort(found)
     runs = len(rising)
 
     def count(percent: int) -> int:
@@ -126,4 +173,14 @@ def margin_summary(margins: Any) -> MarginSummary:
     least, q01, q05, median, q95 = (float(rising[count(p) - 1]) for p in (0, 1, 5, 50, 95))
     cvar = float(rising[: count(TAIL)].mean())
     diverged = int(np.count_nonzero(rising == -np.inf))
-    return MarginSummary(least, q01, q05, median, q95, cvar, diverged, runs)
+    mean = interval_of_mean(found, draws, confidence)
+    return MarginSummary(
+        least=least, q01=q01, q05=q05, median=median, q95=q95, cvar=cvar,
+        diverged=diverged,
+        runs=runs,
+        mean=float(found.mean()),
+        mean_low=mean.low,
+        mean_high=mean.high,
+        confidence=confidence,
+        note=mean.note,
+    )  # fmt: skip

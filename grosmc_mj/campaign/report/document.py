@@ -15,8 +15,9 @@ from grosmc_mj.campaign.runs.replay import ReplayedRun
 from grosmc_mj.report.document import origin
 
 # Of these documents; manifest and parts have their own. In schema 1 infinities were texts, and
-# versions, revision and seed stood in the manifest alone.
-_SCHEMA_VERSION = 2
+# versions, revision and seed stood in the manifest alone. In schema 2 every statement had an
+# interval, as if its runs were independent.
+_SCHEMA_VERSION = 3
 RESULTS = "results.json"
 
 
@@ -26,6 +27,7 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
         **_origin(campaign),
         "sampled": {**found.sampled._asdict(), "words": found.sampled.words},
         "says": found.sampled.footnote,
+        "intervals": found.sampled.intervals,
         "distributions_from": found.looked_at.runs,
         "pass_rates": [
             {"requirement": requirement, "controller": law, **rate._asdict()}
@@ -84,8 +86,20 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
             "outside_scale": None if each.outside is None else each.outside.scale,
             "promised": each.promised.scale,
             "promised_note": each.promised.note,
+            "surface_band": each.band,
+            "surface_kept": each.stayed,
+            "surface_left_scale": None if each.left is None else each.left.scale,
+            "surface_left": None
+            if each.left is None or each.left.leaver is None
+            else _named(campaign, each.left.leaver),
             "looks": [
-                {"scale": look.scale, "least": look.least, "failures": look.failures}
+                {
+                    "scale": look.scale,
+                    "least": look.least,
+                    "failures": look.failures,
+                    "surface": look.surface,
+                    "leaving": look.leaving,
+                }
                 for look in each.looks
             ],
         }

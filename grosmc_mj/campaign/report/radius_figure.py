@@ -33,6 +33,8 @@ class RadiusCurve(NamedTuple):
       found: Largest scale at which no failure was found; None if there was one at each.
       promised: Scale up to which the premises hold; None if they hold at none.
       promised_note: What that rests on, or why there is none.
+      stayed: Largest scale at which |s| kept the bound that is promised; None if it is not known.
+      left: Smallest scale at which |s| left it; None if it never did.
     """
 
     law: str
@@ -41,6 +43,8 @@ class RadiusCurve(NamedTuple):
     found: float | None
     promised: float | None
     promised_note: str
+    stayed: float | None = None
+    left: float | None = None
 
 
 def write_radius(campaign: Campaign, found: Sequence[Radius], files: Sequence[Path]) -> None:
@@ -53,6 +57,8 @@ def write_radius(campaign: Campaign, found: Sequence[Radius], files: Sequence[Pa
             each.found or None,
             each.promised.scale,
             each.promised.note,
+            each.stayed,
+            None if each.left is None else each.left.scale,
         )
         for each in found
     ]
@@ -105,7 +111,12 @@ def _draw(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
                 scales[mask], shown[mask], ls="", marker=marker, mfc=face, mec=style.colour,
                 mew=1.6, ms=7, label=label, zorder=5, clip_on=False,
             )  # fmt: skip
-    right = max([float(scales[-1]), *(v for v in (curve.found, curve.promised) if v is not None)])
+    right = max(
+        [
+            float(scales[-1]),
+            *(v for v in (curve.found, curve.promised, curve.stayed) if v is not None),
+        ]
+    )
     axes.set_xlim(0, 1.06 * right or 1.0)
     axes.set_ylim(low, high)
     _draw_radii(axes, curve, style)
@@ -116,7 +127,7 @@ def _draw(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
 
 
 def _draw_radii(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
-    """Both radii as lines with their values above, and in words in the legend."""
+    """The radii as lines, both outer ones with their values above, and in words in the legend."""
     # The values stand on the outer sides of the lines, where they cannot meet.
     outer = curve.promised is None or (curve.found or 0.0) >= curve.promised
     line: dict[str, Any] = {"lw": 2.2, "color": style.colour}
@@ -128,6 +139,14 @@ def _draw_radii(axes: Axes, curve: RadiusCurve, style: LawStyle) -> None:
         words += f": {curve.promised_note}"
     line = {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))}
     _radius(axes, curve.promised, words, line, right=not outer)
+    if curve.stayed is not None:
+        words = f"|s| keeps the promised bound up to {curve.stayed:.3g}"
+        if curve.left is not None:
+            words += f", leaves it at {curve.left:.3g}"
+        # Its value stands in the legend: a third one above the panel would meet the others.
+        axes.axvline(
+            curve.stayed, zorder=3, label=in_lines(words, 52), lw=1.6, color=OPTIMUM, ls=":"
+        )
 
 
 def _found_words(curve: RadiusCurve) -> str:

@@ -6,7 +6,7 @@ Each says below itself what was sampled and what that does not prove.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.table import Table
 
@@ -44,24 +44,22 @@ def pass_rates_table(
     confidence = _the_confidence([each.confidence for each in rates.values()])
     rows = []
     for (requirement, law), rate in rates.items():
-        # Rounded outwards, so that the interval shown covers the exact one.
-        low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
-        counts = (str(rate.kept), str(rate.runs), _rate(rate), f"{low:.2f} .. {high:.2f}")
+        counts = (str(rate.kept), str(rate.runs), _rate(rate), rate_interval(rate, "..") or "-")
         rows.append((requirement, label_of(law), *counts, str(diverged.get(law, 0))))
     needed = runs_needed(_AIM, confidence)
     interval = f"{_percent(confidence)} interval"
     return table(
-        "Runs that keep each requirement",
+        "Runs of the declared design that keep each requirement",
         [
             *text("requirement"), *names("law"),
             *numbers("kept", "of runs", "rate %", interval, "not completed"),
         ],
         rows,
         grouped=True,
-        legend="Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To "
-        f'state "at least {_percent(_AIM)} of this distribution passes" with '
-        f"{_percent(confidence)} confidence takes {needed} independent runs without a "
-        "failure." + _basis(sampled),
+        legend=f"{_clopper(sampled)}A run that did not complete keeps nothing. To state "
+        f'"at least {_percent(_AIM)} of the declared design passes" with '
+        f"{_percent(confidence)} confidence takes {needed} independent runs (--sampler random) "
+        f"without a failure.{_notes(rates.values())}" + _basis(sampled),
     )  # fmt: skip
 
 
@@ -80,22 +78,27 @@ def margins_table(
     """
     if not summaries:
         raise ArgumentError("no margins for a table: give at least one requirement and law")
+    confidence = _the_confidence([each.confidence for each in summaries.values()])
     rows = []
     for (requirement, law), each in summaries.items():
         values = (each.least, each.cvar, each.q01, each.q05, each.median, each.q95)
-        cells = (*map(number, values), units.get(requirement, ""))
+        mean = number(each.mean)
+        if each.mean_low is not None and each.mean_high is not None:
+            mean += f"\n({number(each.mean_low)} ..\n{number(each.mean_high)})"
+        cells = (*map(number, values), mean, units.get(requirement, ""))
         rows.append((requirement, label_of(law), *cells))
     return table(
         "Margins: limit less measured",
         [
             *text("requirement"), *names("law"),
-            *numbers("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "unit"),
+            *numbers("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit"),
         ],
         rows,
         grouped=True,
         legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
-        "the margins (CVaR); then quantiles. -inf: a run that did not complete is among them."
-        + _basis(sampled),
+        "the margins (CVaR); then quantiles, and the mean with its "
+        f"{_percent(confidence)} interval (Student's t). -inf: a run that did not complete is "
+        f"among them.{_notes(summaries.values())}" + _basis(sampled),
     )  # fmt: skip
 
 
@@ -117,7 +120,8 @@ def paired_table(
     confidence = _the_confidence([each.confidence for each in differences.values()])
     rows = []
     for (requirement, first, second), each in differences.items():
-        points = _between("", *(100 * v for v in (each.difference, each.low, each.high)))
+        ends = (None if end is None else 100 * end for end in (each.low, each.high))
+        points = _between("", 100 * each.difference, *ends)
         unit = units.get(requirement, "")
         median = _between(unit, each.median, each.median_low, each.median_high)
         laws = f"{label_of(first)},\n{label_of(second)}"
@@ -128,16 +132,15 @@ def paired_table(
         [
             *text("requirement"), *names("laws"),
             *numbers(
-                "only\nfirst", "only\nsecond", "pass rate\n[% points]", "McNemar\np",
+                "only\nfirst", "only\nsecond", "pass rate\n[% points]", "p",
                 "median of\nmargins",
             ),
         ],
         rows,
         grouped=True,
         legend=f"Only: plants on which one law alone keeps the requirement. In brackets: "
-        f"{_percent(confidence)} intervals, of the rates conservative (two Clopper-Pearson "
-        "intervals together), of the median by order statistics. All requirements: of each law its "
-        "own." + _basis(sampled),
+        f"{_percent(confidence)} intervals{_of_pairs(sampled)}. All requirements: of each law its "
+        f"own.{_notes(differences.values())}" + _basis(sampled),
     )  # fmt: skip
 
 
@@ -159,12 +162,12 @@ def sensitivity_table(
         raise ArgumentError("no parameters for a table: give at least one")
     rows = []
     for each in found:
-        if each.share is None or each.p_value is None or each.correlation is None:
+        if each.share is None or each.correlation is None:
             rows.append((each.parameter, "-", "", "-", each.note))
             continue
-        assert each.low is not None
-        assert each.high is not None
-        correlation = f"{each.correlation:+.2f} ({each.low:+.2f} .. {each.high:+.2f})"
+        correlation = f"{each.correlation:+.2f}"
+        if each.low is not None and each.high is not None:
+            correlation += f" ({each.low:+.2f} .. {each.high:+.2f})"
         share, p_value = f"{100 * each.share:.0f}", _p_value(each.p_value)
         rows.append((each.parameter, share, p_value, correlation, each.note))
     return table(
@@ -175,7 +178,7 @@ def sensitivity_table(
         legend="Share of the variance of the margins' ranks that the parameter explains alone, "
         "less what chance gives; p: of a share at least as large if it explained nothing. "
         "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
-        "correlated parameters overlap." + _basis(sampled),
+        f"correlated parameters overlap.{_independent_only(sampled)}" + _basis(sampled),
     )
 
 
@@ -208,20 +211,31 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
     for each in found:
         law, outside, promised = label_of(each.controller), each.outside, each.promised
         plant = "none was found" if outside is None else plant_words(campaign, outside.values)
-        scales = (each.found, None if outside is None else outside.scale, promised.scale)
+        scales = (
+            each.found,
+            None if outside is None else outside.scale,
+            promised.scale,
+            each.stayed,
+            None if each.left is None else each.left.scale,
+        )
         rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
-        notes.append(f"{law}: {promised.note}.")
+        bound = "" if each.band is None else f"; there |s| - |s(0)| is at most {each.band:.3g}"
+        notes.append(f"{law}: {promised.note}{bound}.")
     return table(
         "How far the uncertainty may grow: 1 is as declared",
         [
-            *names("law"), *numbers("no failure up to", "failure at", "promised"),
+            *names("law"),
+            *numbers(
+                "no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat"
+            ),
             *text("the failing plant just outside"),
         ],
         rows,
         legend=f"{found[0].plants} plants at each scale, up to "
         f"{max(each.largest for each in found):.3g}. Promised: scale up to which the premises hold "
-        "for every extreme plant, so that |s| does not grow in continuous time; of the "
-        f"requirements they say nothing. {' '.join(notes)} {NO_PROOF}",
+        "for every extreme plant, so that |s| does not grow but for what one sample does. Compare "
+        "it with where |s| leaves that bound: of the requirements, which may be looser or "
+        f"stricter, premises say nothing. {' '.join(notes)} {NO_PROOF}",
     )  # fmt: skip
 
 
@@ -249,14 +263,52 @@ def _percent(share: float) -> str:
     return f"{100 * share:.6g} %"
 
 
-def _p_value(p: float) -> str:
-    """A p-value."""
+def _p_value(p: float | None) -> str:
+    """A p-value; a dash where there is none."""
+    if p is None:
+        return "-"
     return "< 1e-4" if p < 1e-4 else f"{p:.2g}"
 
 
-def _between(unit: str, value: float, low: float, high: float) -> str:
-    """A signed number over its interval; an end may be open."""
-    return f"{_signed(value)} {unit}".rstrip() + f"\n({_signed(low)} .. {_signed(high)})"
+def _between(unit: str, value: float, low: float | None, high: float | None) -> str:
+    """A signed number over its interval, if it has one; an end may be open."""
+    interval = "" if low is None or high is None else f"\n({_signed(low)} .. {_signed(high)})"
+    return f"{_signed(value)} {unit}".rstrip() + interval
+
+
+def rate_interval(rate: PassRate, between: str) -> str:
+    """The interval of a pass rate [%]; empty if there is none."""
+    if rate.low is None or rate.high is None:
+        return ""
+    # Rounded outwards, so that the interval shown covers the exact one.
+    low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
+    return f"{low:.2f} {between} {high:.2f}"
+
+
+def _notes(rows: Iterable[PassRate | MarginSummary | PairedDifference]) -> str:
+    """Why some rows have no interval."""
+    notes = dict.fromkeys(each.note for each in rows if each.note)
+    return f" Where none is given: {'; '.join(notes)}." if notes else ""
+
+
+def _clopper(sampled: Basis) -> str:
+    """What the intervals of pass rates are, of independent runs."""
+    return "Intervals of Clopper and Pearson. " if sampled.independent else ""
+
+
+def _of_pairs(sampled: Basis) -> str:
+    """What the intervals of differences are, of independent runs."""
+    if not sampled.independent:
+        return ""
+    return (
+        ", of the rates conservative (two Clopper-Pearson intervals together), of the median by "
+        "order statistics; p: McNemar's, exact"
+    )
+
+
+def _independent_only(sampled: Basis) -> str:
+    """Why drivers have no p and no intervals."""
+    return "" if sampled.independent else " p and intervals of them: with --sampler random only."
 
 
 def _signed(value: float) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
@@ -27,7 +28,14 @@ from grosmc_mj.campaign.runs.manifest import (
     outdated,
     read_manifest,
 )
-from grosmc_mj.campaign.runs.part import Counts, counts_of, read_part, rows_of
+from grosmc_mj.campaign.runs.part import (
+    Counts,
+    ReplicateCounts,
+    counts_of,
+    read_part,
+    replicate_counts_of,
+    rows_of,
+)
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.report.document import write_json
@@ -41,6 +49,10 @@ _NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
 UNCHECKED = (
     "is of schema 1: its parts carry no checksum, so that only their ids, columns and order can "
     "be verified"
+)
+ONE_SEQUENCE = (
+    "was drawn from one Sobol sequence by an older version: its runs are no replicates, so that "
+    "they give no interval"
 )
 
 
@@ -200,6 +212,18 @@ class Folder:
         total: dict[str, dict[str, int]] = {}
         for table in self.tables(campaign, indices):
             add(total, counts_of(campaign, table))
+        return total
+
+    def replicate_counts(
+        self, campaign: Campaign, indices: Sequence[int], replicates: int
+    ) -> ReplicateCounts:
+        """The same of each replicate that the runs belong to in turn."""
+        total: dict[str, dict[str, NDArray[np.int64]]] = {}
+        for table in self.tables(campaign, indices):
+            for law, counts in replicate_counts_of(campaign, table, replicates).items():
+                own = total.setdefault(law, {})
+                for key, count in counts.items():
+                    own[key] = own[key] + count if key in own else count
         return total
 
     def columns(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.sampling import replicates_of
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.file.user_code import named_in, sources
@@ -34,6 +35,8 @@ _HASHED = ("configuration", "model", "sources", "versions")
 _DEEPEST, _LONGEST = 32, 10**8
 # What must be the same for the same campaign.
 _DECIDING = ("configuration", "model", "sources")
+# Versions before it drew Sobol points from one sequence, whose runs are no replicates.
+_REPLICATES = "replicates"
 
 
 def manifest_of(campaign: Campaign) -> dict[str, Any]:
@@ -138,17 +141,37 @@ def _items(value: Any) -> Iterable[Any]:
     return value if isinstance(value, list) else ()
 
 
-def differences(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+def differences(
+    there: Mapping[str, Any], asked: Mapping[str, Any], *, points: bool = True
+) -> list[str]:
     """What of a campaign decides its results and is not the same, a line each.
 
     Versions are left out, see ``outdated``; with others, the bytes of a model say nothing.
+
+    Args:
+        there: Manifest of a folder.
+        asked: That of what is asked for.
+        points: Whether to tell of runs that an older version drew in another way.
     """
     keys = ("configuration", "sources") if outdated(there, asked) else _DECIDING
     changed = _changed(there, asked, keys)
+    if not points and _REPLICATES not in there["configuration"]:
+        changed = [line for line in changed if not line.startswith(f"{_REPLICATES}: ")]
     if "laws" in there["configuration"]["file"]:
         return changed
     # The laws' numbers were not in the case file then.
     return [line for line in changed if not line.startswith(("file.task", "file.laws"))]
+
+
+def replicates_in(manifest: Mapping[str, Any]) -> int:
+    """Independent replicates that the runs of a folder belong to in turn; 0 if to none."""
+    number = manifest["configuration"].get(_REPLICATES, 0)
+    return number if type(number) is int else 0
+
+
+def points_differ(there: Mapping[str, Any], asked: Mapping[str, Any]) -> bool:
+    """Whether run i had other numbers where a folder was made, by an older version."""
+    return replicates_in(there) != replicates_in(asked)
 
 
 def refuse_other_code(folder: Path, there: Mapping[str, Any], specification: Specification) -> None:
@@ -190,10 +213,12 @@ def model_hash(campaign: Campaign) -> str:
 def _configuration(campaign: Campaign) -> dict[str, Any]:
     """All that decides the results, but for code and model."""
     specification = campaign.specification
+    number = replicates_of(specification.sampler)
     return {
         "runs": specification.runs,
         "seed": specification.seed,
         "sampler": specification.sampler,
+        **({_REPLICATES: number} if number else {}),
         "shard": specification.shard,
         "controllers": list(campaign.laws),
         "control_period": campaign.control_period,

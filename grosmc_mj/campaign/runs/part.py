@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import MARGIN
@@ -29,6 +30,8 @@ COMPLETES = "completes"
 EVERYTHING = "everything"
 # Counts by controller and requirement.
 Counts = Mapping[str, Mapping[str, int]]
+# The same of each replicate, (replicates,).
+ReplicateCounts = Mapping[str, Mapping[str, NDArray[np.int64]]]
 
 
 def margin_column(key: str) -> str:
@@ -119,12 +122,32 @@ def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
 def counts_of(campaign: Campaign, table: pa.Table) -> dict[str, dict[str, int]]:
     """Runs, and of them those that keep each requirement, by controller, from a part's rows."""
     return {
+        law: {key: int(each.sum()) for key, each in own.items()}
+        for law, own in _kept(campaign, table).items()
+    }
+
+
+def replicate_counts_of(
+    campaign: Campaign, table: pa.Table, replicates: int
+) -> dict[str, dict[str, NDArray[np.int64]]]:
+    """The same of each replicate: run i belongs to number i modulo them, (replicates,)."""
+    runs = table.num_rows // len(campaign.laws)
+    replicate = table["id"].to_numpy()[:runs] % replicates
+    return {
+        law: {key: np.bincount(replicate[each], minlength=replicates) for key, each in own.items()}
+        for law, own in _kept(campaign, table).items()
+    }
+
+
+def _kept(campaign: Campaign, table: pa.Table) -> dict[str, dict[str, NDArray[np.bool_]]]:
+    """Which runs count, by controller: all, and those that keep each requirement; NaN does not."""
+    return {
         law: {
-            "runs": rows.num_rows,
-            EVERYTHING: _kept(rows["relative"]),
-            COMPLETES: rows["status"].to_pylist().count("completed"),
+            "runs": np.ones(rows.num_rows, bool),
+            EVERYTHING: rows["relative"].to_numpy() >= 0,
+            COMPLETES: np.array(rows["status"].to_pylist()) == "completed",
             **{
-                each.key: _kept(rows[margin_column(each.key)])
+                each.key: rows[margin_column(each.key)].to_numpy() >= 0
                 for each in campaign.requirements
                 if law in each.of
             },
@@ -138,11 +161,6 @@ def rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
     """One controller's rows of a part."""
     runs = table.num_rows // len(campaign.laws)
     return table.slice(list(campaign.laws).index(controller) * runs, runs)
-
-
-def _kept(margins: pa.ChunkedArray) -> int:
-    """How many margins are none below zero; NaN is."""
-    return int((margins.to_numpy() >= 0).sum())
 
 
 class _RefusedError(Exception):

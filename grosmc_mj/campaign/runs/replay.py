@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,13 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE
 from grosmc_mj.campaign.family.meter import METRICS
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.manifest import read_json
+from grosmc_mj.campaign.runs.folder import ONE_SEQUENCE, Folder
+from grosmc_mj.campaign.runs.manifest import (
+    manifest_of,
+    points_differ,
+    read_json,
+    read_manifest,
+)
 from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
@@ -69,7 +74,7 @@ def replay(
     if number is None:
         values = found_values(campaign, folder.path, which, name)
     else:
-        values = campaign.values(range(number, number + 1))[0]
+        values = _sampled(campaign, folder, number, name)
     result, outcome = _run(campaign, name, values, which, engine)
     stored = None if number is None else _stored(campaign, folder, number, name)
     return ReplayedRun(
@@ -164,16 +169,33 @@ def _run(
     return result, outcomes(campaign, controller, values[None], [plant_sample], *ends)
 
 
+def _sampled(campaign: Campaign, folder: Folder, number: int, controller: str) -> Array:
+    """The uncertain numbers of a run, (d,): those of its row where an older version drew them."""
+    if not points_differ(read_manifest(folder.path), manifest_of(campaign)):
+        return campaign.values(range(number, number + 1))[0]
+    row = _row(campaign, folder, campaign.family.names, number, controller)
+    if row is None:
+        raise SetupError(f"{folder.path} {ONE_SEQUENCE}, and run {number} is not there")
+    return np.array([float(value) for value in row.values()])
+
+
 def _stored(
     campaign: Campaign, folder: Folder, number: int, controller: str
 ) -> Mapping[str, Any] | None:
     """The row of a run; None if its part is not there."""
-    index = number // campaign.specification.shard
     names = [*METRICS, *(margin_column(each.key) for each in campaign.requirements)]
-    wanted = [*names, "relative", "ended", "status"]
-    columns = folder.columns(campaign, wanted, [index])[controller]
+    return _row(campaign, folder, [*names, "relative", "ended", "status"], number, controller)
+
+
+def _row(
+    campaign: Campaign, folder: Folder, names: Sequence[str], number: int, controller: str
+) -> Mapping[str, Any] | None:
+    """Some columns of the row of a run; None if its part is not there."""
+    index = number // campaign.specification.shard
+    columns = folder.columns(campaign, names, [index])[controller]
     place = number - campaign.specification.ids(index).start
-    return {name: each[place] for name, each in columns.items()} if len(columns["ended"]) else None
+    there = all(map(len, columns.values()))
+    return {name: each[place] for name, each in columns.items()} if there else None
 
 
 def _differences(campaign: Campaign, stored: Mapping[str, Any], found: Outcomes) -> tuple[str, ...]:

@@ -13,12 +13,13 @@ from typing import Any
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.folder import UNCHECKED, Folder
+from grosmc_mj.campaign.runs.folder import ONE_SEQUENCE, UNCHECKED, Folder
 from grosmc_mj.campaign.runs.manifest import (
     SCHEMA_VERSION,
     differences,
     manifest_of,
     outdated,
+    points_differ,
     read_manifest,
     refuse_other_code,
 )
@@ -147,21 +148,30 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
             "imported: give a case file of your own with the same text, beside which that lies, "
             "by --case-file"
         )
-    campaign, others = _built(folder, manifest, specification)
+    campaign, others = _built(folder, manifest, specification, reading=True)
     said = [f"{line}: bits may differ" for line in others]
+    if points_differ(manifest, manifest_of(campaign)):
+        said.append(f"{folder} {ONE_SEQUENCE}.")
     old = manifest["schema_version"] < SCHEMA_VERSION
     return campaign, [*said, f"{folder} {UNCHECKED}."] if old else said
 
 
 def _built(
-    folder: Path, manifest: Mapping[str, Any], specification: Specification
+    folder: Path,
+    manifest: Mapping[str, Any],
+    specification: Specification,
+    *,
+    reading: bool = False,
 ) -> tuple[Campaign, list[str]]:
-    """The campaign of a specification, if it is the manifest's, and what has other versions now."""
+    """The campaign of a specification, if it is the manifest's, and what has other versions now.
+
+    To be read, its runs may have been drawn as older versions did it.
+    """
     refuse_other_code(folder, manifest, specification)
     _forget_others(manifest["sources"], specification.folder)
     campaign = Campaign.of(specification)
     now = manifest_of(campaign)
-    if changed := differences(manifest, now):
+    if changed := differences(manifest, now, points=not reading):
         raise ArgumentError(f"{folder} was begun with something else: {'; '.join(changed)}")
     return campaign, outdated(manifest, now)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -38,16 +37,21 @@ def say_verdict(
     rates = {law: rate for (asked, law), rate in found.rates.items() if asked == ALL}
     missed = False
     for law, rate in sorted(rates.items(), key=lambda each: each[1].rate):
-        if at_least is not None and rate.low < at_least:
+        if at_least is not None and (rate.low is None or rate.low < at_least):
             missed = True
-            screen.say_verdict(
-                console,
-                f"{law}: at least {100 * rate.low:.4g} % of the distribution keep everything "
-                f"(confidence {confidence:g}), {100 * at_least:g} % are asked for.",
-                good=False,
-            )
+            shown = rate.note
+            if rate.low is not None:
+                shown = (
+                    f"at least {100 * rate.low:.4g} % of the declared design keep everything "
+                    f"(confidence {confidence:g})"
+                )
+            words = f"{law}: {shown}; {100 * at_least:g} % are asked for."
+            screen.say_verdict(console, words, good=False)
         else:
-            words = f"{law} keeps everything on {rate.kept} of {rate.runs} plants: {_rate(rate)}."
+            words = (
+                f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
+                f"design: {_rate(rate)}."
+            )
             screen.say_verdict(console, words, good=rate.kept == rate.runs)
     for law in asked.laws:
         if law not in asked.judged:
@@ -56,14 +60,17 @@ def say_verdict(
 
 
 def _rate(rate: PassRate) -> str:
-    """A pass rate with its interval, rounded outwards."""
-    low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
-    return f"{low:.2f} to {high:.2f} % ({100 * rate.confidence:g} % interval)"
+    """The interval of a pass rate, or why there is none."""
+    from grosmc_mj.campaign.report.tables import rate_interval
+
+    interval = rate_interval(rate, "to")
+    return f"{interval} % ({100 * rate.confidence:g} % interval)" if interval else rate.note
 
 
 def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
     """The requirements that fail most first, what drives the margins, and what was sampled."""
     from grosmc_mj.campaign.findings.findings import ALL
+    from grosmc_mj.campaign.report.tables import rate_interval
     from grosmc_mj.report.tables import number
 
     rows = []
@@ -72,9 +79,8 @@ def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
             continue
         margin = found.summaries.get((requirement, law))
         least = "-" if margin is None else f"{number(margin.least)} {found.units[requirement]}"
-        low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
         kept = f"{rate.kept} of {rate.runs}"
-        rows.append((requirement, law, kept, f"{low:.2f} .. {high:.2f}", least.rstrip()))
+        rows.append((requirement, law, kept, rate_interval(rate, "..") or "-", least.rstrip()))
     columns = ("requirement", "law", "kept", "interval %", "least margin")
     console.print(screen.brief_table("", columns, rows, words=2, most=8))
     drivers = [
@@ -138,7 +144,11 @@ def say_radius(console: Console, asked: Campaign, found: Sequence[Radius], *, fu
         if each.outside is not None:
             line += f", one at {each.outside.scale:.3g}"
         if each.promised.scale is not None:
-            line += f"; promised up to {each.promised.scale:.3g}"
+            line += f"; |s| is promised its bound up to {each.promised.scale:.3g}"
+        if each.stayed is not None:
+            line += f", keeps it up to {each.stayed:.3g}"
+        if each.left is not None:
+            line += f", leaves it at {each.left.scale:.3g}"
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
     if full:

@@ -39,7 +39,7 @@ class CampaignCommand(Command):
 
     The uncertainty is a case file's [[uncertain]] tables; the package has a file for servo,
     cart_pendulum and arm. Every plant meets every controller, in MuJoCo, and nothing is recorded
-    but what it did: pass rates with exact intervals, margins, differences between the controllers
+    but what it did: pass rates with intervals, margins, differences between the controllers
     and what drives the margins go to standard output. The folder keeps manifest.json, one row a run
     in parts/*.parquet, results.json and figures.
 
@@ -55,7 +55,8 @@ class CampaignCommand(Command):
         runs: Plants.
         shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
         seed: Of the sampler; run i depends on it and on i alone.
-        sampler: sobol, lhs, random or corners.
+        sampler: sobol (16 independently scrambled replicates), lhs, random or corners. Intervals
+            come from sobol's replicates or from random's runs; the others give none.
         controllers: Those of the file to run.
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
@@ -73,8 +74,9 @@ class CampaignCommand(Command):
         evaluations: Runs that this search may take for a controller.
         radius: Bisect the scale of the uncertainty at which each controller first fails.
         axes: Two uncertain numbers that the map is drawn over.
-        at_least: Share of plants that must be shown to keep everything, under each controller:
-            exit code 1 if the lower end of an interval is below it.
+        at_least: Share of the declared design that must be shown to keep everything, under each
+            controller: exit code 1 if the lower end of an interval is below it, or there is no
+            interval.
         figures: Whether to draw the figures.
         replay: Number of the run to repeat; or worst, shrunk or outside, the plants that --worst
             and --radius found.
@@ -271,6 +273,11 @@ def _check(command: CampaignCommand) -> None:
     for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
         if value is not None and not 0 < value < 1:
             raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
+    if command.at_least is not None and command.sampler in ("lhs", "corners"):
+        raise ArgumentError(
+            f"--at-least asks for an interval, and --sampler {command.sampler} gives none: take "
+            "sobol or random"
+        )
     if command.worst and not LEAST <= command.evaluations <= _MOST_EVALUATIONS:
         raise ArgumentError(
             f"--evaluations {command.evaluations} must be {LEAST} or more, up to "
