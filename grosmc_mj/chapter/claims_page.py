@@ -121,7 +121,7 @@ def _causes(findings: Sequence[Finding]) -> Iterator[str]:
             causes.setdefault(finding.claim.cause, []).append(finding)
     yield ""
     own = [each.claim.kind for several in causes.values() for each in several]
-    counts = ", ".join(f"{own.count(kind)} of {kind.plural}" for kind in Kind)
+    counts = ", ".join(f"{own.count(kind)} {kind.plural}" for kind in Kind)
     yield f"Not supported are {counts}, for {len(causes)} causes."
     yield ""
     yield "| cause | statements |"
