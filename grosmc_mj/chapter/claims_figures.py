@@ -11,7 +11,7 @@ from grosmc_mj.chapter.claims.claim import Claim, Drawing, Finding, Verdict
 from grosmc_mj.chapter.claims_tables import VERDICT_COLOURS
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps
-from grosmc_mj.report.palette import COLOURS, OPTIMUM
+from grosmc_mj.report.palette import COLOURS, FAILED, KEPT, OPTIMUM
 
 _DOTS = {
     Verdict.SUPPORTED: "o",
@@ -22,6 +22,8 @@ _DOTS = {
 }
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
 _WIDE = 30.0
+# Of the height of a figure, for a value of a choice [inch].
+_ROW = 0.22
 
 
 def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
@@ -32,11 +34,12 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
     """
     claim = finding.claim
     drawing = claim.drawing(lab) if claim.drawing is not None else None
-    with figure_written(path, (7.2, 5.4 if drawing else 2.2), (".png",)) as figure:
+    above = 1.6 + _ROW * len(finding.decisive.trials)
+    with figure_written(path, (7.2, above + (3.6 if drawing else 0.6)), (".png",)) as figure:
         if drawing is None:
             values = figure.subplots()
         else:
-            values, curves = figure.subplots(2, 1, height_ratios=(1, 2.2))
+            values, curves = figure.subplots(2, 1, height_ratios=(above, 3.6))
             _draw_curves(curves, drawing)
         _draw_values(values, finding)
         figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=TITLE_SIZE)
@@ -44,9 +47,17 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
 
 
 def _draw_values(axes: Axes, finding: Finding) -> None:
-    """One row for each plant: filled at T, hollow at T/2, and the threshold."""
-    claim, rows = finding.claim, list(finding.plants)
-    for row, plant in enumerate(rows):
+    """One row for each plant: filled at T, hollow at T/2, and the threshold.
+
+    Then one for each value of the choices that the claim is meant for, on the plant that decides.
+    """
+    claim, trials = finding.claim, finding.decisive.trials
+    rows = [*finding.plants, *trials]
+    for row, tried in enumerate(trials.values(), start=len(finding.plants)):
+        if tried.value is not None:
+            colour, marker = (KEPT, "o") if claim.holds(tried) else (FAILED, "X")
+            axes.plot(tried.value, row, marker, ms=6, color=colour, clip_on=False)
+    for row, plant in enumerate(finding.plants):
         found = finding.plants[plant]
         colour, marker = VERDICT_COLOURS[found.verdict], _DOTS[found.verdict]
         for measured, face in ((found.measured, colour), (found.refined, "none")):
@@ -66,7 +77,9 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
 
 def _is_wide(claim: Claim, finding: Finding) -> bool:
     """Whether values and threshold differ by orders of magnitude."""
+    tried = finding.decisive.trials.values()
     values = [each.measured.value for each in finding.plants.values()]
+    values += [each.value for each in tried]
     there = [abs(value) for value in (*values, claim.threshold) if value]
     everything_positive = all(value is None or value > 0 for value in (*values, claim.threshold))
     return everything_positive and bool(there) and max(there) > _WIDE * min(there)
