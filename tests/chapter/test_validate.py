@@ -253,13 +253,13 @@ def test_whole_ledger_is_as_expected(found: dict[str, dict[str, Any]]) -> None:
         assert claim["verdict"] == told.verdicts[told.plants[-1]].value
         # Nothing is left open at the default settings.
         assert Verdict.INCONCLUSIVE not in verdicts.values()
-        assert bool(claim["because"]) <= (claim["verdict"] == "refuted")
+        assert bool(claim["because"]) <= (claim["verdict"] in ("premise not met", "undetermined"))
 
 
 def test_what_is_refuted_of_the_arm_names_the_gain_that_is_too_small(
     found: dict[str, dict[str, Any]],
 ) -> None:
-    for name in ("arm-rejects-d", "arm-sliding", "arm-epsilon", "arm-sliding-dynamics"):
+    for name in ("arm-rejects-d", "arm-sliding", "arm-index", "arm-sliding-dynamics"):
         assert "epsilon (Theorem 3" in found[name]["because"]
     assert found["pendulum-cart"]["because"] == ""
 
@@ -270,9 +270,11 @@ def test_physics_and_the_corrected_equations_agree_on_every_claim(
     for name, claim in found.items():
         plants = claim["plants"]
         if {"corrected", "physics"} <= set(plants) and "eq" not in name:
-            assert plants["physics"]["value"] == pytest.approx(
-                plants["corrected"]["value"], rel=1e-6, abs=1e-6
-            ), name
+            values = [plants[plant]["value"] for plant in ("physics", "corrected")]
+            if None in values:
+                assert values == [None, None], name
+                continue
+            assert values[0] == pytest.approx(values[1], rel=1e-6, abs=1e-6), name
 
 
 # The servo's closed loop by hand, for the printed K: J z1'' = -(B + Kt k2) z1' - Kt k1 z1 + T_d.
@@ -374,10 +376,10 @@ def test_cart_coasts_with_the_momentum_that_the_force_gave_it(
     assert value(found, "pendulum-cart") == pytest.approx(abs(impulse[row - 1]) / 1.2, rel=0.01)
 
 
-def test_linear_design_converges_from_70_degrees_and_not_from_75(
+def test_linear_design_keeps_to_its_optimum_up_to_the_angle_that_the_claim_says(
     found: dict[str, dict[str, Any]],
 ) -> None:
-    """Lagrange's equations under u = -K z, integrated continuously by another solver."""
+    """Lagrange's equations under u = -K z, integrated continuously, beside z' = (A - b K) z."""
     # theta'' = (g sin + ...)/(L (4/3 - a m)) about upright, a = 1/1.2.
     D = 0.5 * (4 / 3 - 0.2 / 1.2)
     A, b = np.array([[0.0, 1.0], [9.8 / D, 0.0]]), np.array([[0.0], [1 / 1.2 / D]])
@@ -390,16 +392,17 @@ def test_linear_design_converges_from_70_degrees_and_not_from_75(
         force = [-float(K @ z) - 0.1 * s * z[1] ** 2, 0.2 * 9.8 * 0.5 * s]
         return [z[1], float(np.linalg.solve(mass, force)[1])]
 
-    def reaches(angle: float) -> bool:
-        start = [-math.radians(angle), 0.0]
+    def keeps(angle: float) -> bool:
+        start = np.array([-math.radians(angle), 0.0])
+        time = np.linspace(0, 6, 601)
         # Sampling at 1 ms shifts the edge by far less than the 5 degrees of the claim's grid.
-        run = scipy.integrate.solve_ivp(slope, (0, 6), start, rtol=1e-8, atol=1e-10)
-        kept = np.abs(run.y[0]).max() < math.pi / 2
-        return bool(kept and abs(run.y[0, -1]) < 0.02 * math.radians(angle))
+        run = scipy.integrate.solve_ivp(slope, (0, 6), start, t_eval=time, rtol=1e-8, atol=1e-10)
+        optimum = np.array([(scipy.linalg.expm((A - b @ K[None]) * t) @ start)[0] for t in time])
+        return bool(np.abs(run.y[0] - optimum).max() <= 0.02 * math.radians(angle))
 
     edge = value(found, "pendulum-region-lqr")
-    assert reaches(edge)
-    assert not reaches(edge + 5)
+    assert keeps(edge)
+    assert not keeps(edge + 5)
 
 
 def test_documents_say_how_sure_they_are(found: dict[str, dict[str, Any]]) -> None:

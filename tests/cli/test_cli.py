@@ -85,7 +85,7 @@ def test_wrong_use_gets_one_line_and_exit_code_2(
         (("--from", "100"), "from 100 s shows nothing: the runs end at 18 s"),
         (("--to", "100"), "to 100 s: the runs end at 18 s"),
         (("--camera", "nose"), "unknown camera 'nose': valid: fixed, follow"),
-        (("--controllers", "pid"), "valid: lqr, fl-lqr, grosmc"),
+        (("--controllers", "mpc"), "valid: lqr, fl-lqr, grosmc"),
         (("--controllers",), "1 to 4 controllers, not 0"),
         (("--controllers", "pid", "lqr", "fl-lqr", "grosmc", "smc"), "controller"),
         (("--speed", "1e-12"), "frames"),  # of which there would be more than any memory holds

@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.optimize
 
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
+from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, surface_memory, within
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -164,6 +164,7 @@ def without_bounds(lab: Laboratory, plant: PlantName) -> Measured:
     """max |x1 - x1*| in case 1 under the law with eta alone, in percent of the step."""
     experiment = find_experiment("servo", "case1")
     law = lab.controller(experiment, plant, "grosmc")
+    surface_memory(law)
     alone = replace(law, parameters=replace(law.parameters, gamma0=0.0, gamma1=0.0))
     result = lab.once(("without bounds", plant), lambda: lab.run_with(experiment, plant, alone))
     return of(result, from_optimum(result.comparison), f"η = {law.parameters.eta:.3g} A alone")
