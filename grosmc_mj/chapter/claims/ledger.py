@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -61,8 +61,10 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
         claim: What is judged.
         refine: Whether to look at half the time steps too.
     """
+    # What a choice turns it turns on every plant: it is tried on the one that decides.
+    trials = _trials(lab, claim)
     plants: dict[PlantName, PlantFinding] = {
-        name: _on(lab, claim, name, refine=refine) for name in claim.plants
+        name: _on(lab, claim, name, trials, refine=refine) for name in claim.plants
     }
     finding = Finding(claim, plants)
     failed = (Verdict.REFUTED, Verdict.UNDETERMINED)
@@ -86,19 +88,30 @@ def verdict_differences(findings: Sequence[Finding]) -> list[str]:
     ]
 
 
-def _on(lab: Laboratory, claim: Claim, plant: PlantName, *, refine: bool) -> PlantFinding:
+def _trials(lab: Laboratory, claim: Claim) -> dict[str, Measured]:
+    """What is measured at the values of the choices that the claim is meant for."""
+    return {
+        choice.written(value): tried(lab, claim, claim.plants[-1], choice, value)
+        for choice in claim.choices
+        if choice.name in (*claim.every, *claim.some)
+        for value in choice.values
+    }
+
+
+def _on(
+    lab: Laboratory,
+    claim: Claim,
+    plant: PlantName,
+    trials: Mapping[str, Measured],
+    *,
+    refine: bool,
+) -> PlantFinding:
     """What is found on one plant."""
     measured = claim.measure(lab, plant)
     refined = None if claim.exact or not refine else claim.measure(lab.refined, plant)
     verdict = _verdict(claim, measured, refined)
-    meant = [choice for choice in claim.choices if choice.name in (*claim.every, *claim.some)]
-    if not meant or verdict is Verdict.INCONCLUSIVE:
-        return PlantFinding(measured, refined, verdict)
-    trials = {
-        choice.written(value): tried(lab, claim, plant, choice, value)
-        for choice in meant
-        for value in choice.values
-    }
+    if not trials or verdict is Verdict.INCONCLUSIVE:
+        return PlantFinding(measured, refined, verdict, trials)
     answers = {claim.holds(each) for each in (measured, *trials.values()) if not each.broken}
     if len(answers) > 1:
         verdict = Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED

@@ -244,7 +244,7 @@ def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
 
 
 def _systems_table(done: _Validation) -> Table:
-    """What was computed of each system: runs, equations against MuJoCo, claims by verdict."""
+    """Of each system: runs, those that ended early, accelerations against MuJoCo's, verdicts."""
     from grosmc_mj.chapter.claims.claim import Verdict
 
     rows = []
@@ -259,11 +259,9 @@ def _systems_table(done: _Validation) -> Table:
         counts = [str(verdicts.count(verdict)) if verdicts else "-" for verdict in Verdict]
         ended = sum(bool(each.ended) for each in runs)
         agreement = f"{max(worst):.1e}" if worst else "-"
-        rows.append((system, str(len(runs)), str(ended), agreement, *counts))
-    columns = (
-        "system", "runs", "ended early", "equations - MuJoCo",
-        *(verdict.value for verdict in Verdict),
-    )  # fmt: skip
+        count = f"{len(runs)}" + (f" ({ended} early)" if ended else "")
+        rows.append((system, count, agreement, *counts))
+    columns = ("system", "runs", "to MuJoCo", *(verdict.value for verdict in Verdict))
     return screen.brief_table("", columns, rows)
 
 
