@@ -81,6 +81,8 @@ class Algebra(NamedTuple):
             Python raises ZeroDivisionError for one or two inputs.
         regular: E -> whether E, row by row, is nonsingular beyond rounding and finite.
         product: (G, E) -> G E row by row, for G (m, m) and a row-by-row E.
+        within: (a, limit) -> a with each entry between -limit and limit.
+        differ: (a, b) -> whether an entry of them does.
         store: (row, a): write a vector into an array.
         nothing: (0, ..., 0).
         given: What a law returns: a number for one input, else the vector.
@@ -92,6 +94,8 @@ class Algebra(NamedTuple):
     solve: Callable[[Any, Any], Vector]
     regular: Callable[[Any], bool]
     product: Callable[[Any, Any], Vector]
+    within: Callable[[Any, Any], Vector]
+    differ: Callable[[Any, Any], bool]
     store: Callable[[Any, Any], None]
     nothing: Vector
     given: Callable[[Any], Any]
@@ -106,6 +110,13 @@ def algebra(m: int) -> Algebra:
         for k in range(m):
             total += G[i, k] * E[k * m + j]
         return total
+
+    @jitable
+    def differ(a: Any, b: Any) -> bool:
+        found = False
+        for i in range(m):
+            found = found or a[i] != b[i]
+        return found
 
     @jitable
     def store(row: Any, a: Any) -> None:
@@ -127,6 +138,8 @@ def algebra(m: int) -> Algebra:
         solve=_solver(m),
         regular=_regular(m),
         product=each(m * m, product_entry),
+        within=each(m, _within),
+        differ=differ,
         store=store,
         nothing=(0.0,) * m,
         given=first if m == 1 else whole,
@@ -136,6 +149,11 @@ def algebra(m: int) -> Algebra:
 @jitable
 def _sum(i: int, a: Any, b: Any) -> float:
     return a[i] + b[i]
+
+
+@jitable
+def _within(i: int, a: Any, limit: Any) -> float:
+    return min(limit, max(-limit, a[i]))
 
 
 @jitable

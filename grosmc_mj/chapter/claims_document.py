@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Finding, PlantFinding
+from grosmc_mj.chapter.claims.claim import Finding
 from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 
 
@@ -32,7 +33,7 @@ def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
         "verdict": finding.verdict.value,
         "because": finding.because,
         "untested": claim.untested,
-        "plants": {name: _plant(each, lab) for name, each in finding.plants.items()},
+        "plants": {name: _plant(finding, name, lab) for name in finding.plants},
         "expected": {
             "verdicts": {name: verdict.value for name, verdict in claim.verdicts.items()},
             "reason": claim.reason,
@@ -40,8 +41,9 @@ def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
     }
 
 
-def _plant(found: PlantFinding, lab: Laboratory) -> dict[str, Any]:
+def _plant(finding: Finding, plant: PlantName, lab: Laboratory) -> dict[str, Any]:
     """What was found on one plant, with the evidence that it has converged."""
+    found = finding.plants[plant]
     evidence: dict[str, Any] = {"exact": found.refined is None}
     if found.refined is not None:
         evidence |= {
@@ -55,7 +57,7 @@ def _plant(found: PlantFinding, lab: Laboratory) -> dict[str, Any]:
         "note": found.measured.note,
         "verdict": found.verdict.value,
         "evidence": evidence,
-        "trials": {name: trial.value for name, trial in found.trials.items()},
+        "trials": {name: trial.value for name, trial in finding.trials.items()},
     }
 
 

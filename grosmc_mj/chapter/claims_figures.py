@@ -34,7 +34,7 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
     """
     claim = finding.claim
     drawing = claim.drawing(lab) if claim.drawing is not None else None
-    above = 1.6 + _ROW * len(finding.decisive.trials)
+    above = 1.6 + _ROW * len(finding.trials)
     with figure_written(path, (7.2, above + (3.6 if drawing else 0.6)), (".png",)) as figure:
         if drawing is None:
             values = figure.subplots()
@@ -51,7 +51,7 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
 
     Then one for each value of the choices that the claim is meant for, on the plant that decides.
     """
-    claim, trials = finding.claim, finding.decisive.trials
+    claim, trials = finding.claim, finding.trials
     rows = [*finding.plants, *trials]
     for row, tried in enumerate(trials.values(), start=len(finding.plants)):
         if tried.value is not None:
@@ -77,9 +77,8 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
 
 def _is_wide(claim: Claim, finding: Finding) -> bool:
     """Whether values and threshold differ by orders of magnitude."""
-    tried = finding.decisive.trials.values()
     values = [each.measured.value for each in finding.plants.values()]
-    values += [each.value for each in tried]
+    values += [each.value for each in finding.trials.values()]
     there = [abs(value) for value in (*values, claim.threshold) if value]
     everything_positive = all(value is None or value > 0 for value in (*values, claim.threshold))
     return everything_positive and bool(there) and max(there) > _WIDE * min(there)

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, Verdict
-from grosmc_mj.chapter.claims.sweep import stored_flips
+from grosmc_mj.chapter.claims.ledger import by_cause
+from grosmc_mj.chapter.claims.sweep import flips_of
 from grosmc_mj.chapter.claims_figures import write_picture
 from grosmc_mj.chapter.claims_tables import decisive, shown, turning
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -107,26 +108,22 @@ def _turning(findings: Sequence[Finding]) -> Iterator[str]:
     yield "| statement | choice | its answer flips |"
     yield "|---|---|---|"
     for finding in findings:
-        printed = {choice.name: choice.printed for choice in finding.claim.choices}
-        for choice, where in stored_flips().get(finding.claim.id, {}).items():
-            name = choice + (" (printed)" if printed.get(choice) else "")
+        for choice, where in flips_of(finding.claim):
+            name = choice.name + (" (printed)" if choice.printed else "")
             yield f"| {finding.claim.id} | {_cell(name)} | {_cell(where)} |"
 
 
 def _causes(findings: Sequence[Finding]) -> Iterator[str]:
     """Why claims are not supported: a line a cause."""
-    causes: dict[str, list[Finding]] = {}
-    for finding in findings:
-        if finding.verdict is not Verdict.SUPPORTED:
-            causes.setdefault(finding.claim.cause, []).append(finding)
+    causes = by_cause(findings)
     yield ""
-    own = [each.claim.kind for several in causes.values() for each in several]
-    counts = ", ".join(f"{own.count(kind)} {kind.plural}" for kind in Kind)
+    kinds = [each.claim.kind for own in causes.values() for each in own]
+    counts = ", ".join(f"{kinds.count(kind)} {kind.plural}" for kind in Kind)
     yield f"Not supported are {counts}, for {len(causes)} causes."
     yield ""
     yield "| cause | statements |"
     yield "|---|---|"
-    for cause, own in sorted(causes.items(), key=lambda each: -len(each[1])):
+    for cause, own in causes.items():
         named = ", ".join(f"[{each.claim.id}](#{each.claim.id})" for each in own)
         yield f"| {_cell(cause)} | {named} |"
 

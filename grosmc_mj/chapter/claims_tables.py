@@ -10,7 +10,7 @@ from rich.text import Text
 
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, Verdict
 from grosmc_mj.chapter.claims.faults import Caught
-from grosmc_mj.chapter.claims.sweep import Swept, stored_flips
+from grosmc_mj.chapter.claims.sweep import Swept, flips_of
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Reading
 from grosmc_mj.report.formulas import in_text
@@ -44,10 +44,10 @@ def decisive(finding: Finding) -> Measured:
     Of a claim that is meant for every or some of its choices and turns on none of them it is what
     comes nearest to it: at least so much for every one, or for one of them.
     """
-    claim, found = finding.claim, finding.decisive
-    tried = [each for each in (found.measured, *found.trials.values()) if each.value is not None]
-    if not found.trials or finding.verdict is Verdict.UNDETERMINED or not tried:
-        return found.measured
+    claim, measured = finding.claim, finding.decisive.measured
+    tried = [each for each in (measured, *finding.trials.values()) if each.value is not None]
+    if not finding.trials or finding.verdict is Verdict.UNDETERMINED or not tried:
+        return measured
     return (min if claim.sense == "at most" else max)(tried, key=lambda each: each.value or 0.0)
 
 
@@ -88,9 +88,8 @@ LEGEND = (
 def turning(finding: Finding) -> list[str]:
     """What the verdict turns on: its threshold, and what is not printed and turns the record."""
     said = ["within 50 % of its threshold"] if finding.near else []
-    flips = stored_flips().get(finding.claim.id, {})
-    own = [each.name for each in finding.claim.choices if not each.printed]
-    return [*said, *(f"flips {flips[name]}" for name in own if name in flips)]
+    flips = [where for choice, where in flips_of(finding.claim) if not choice.printed]
+    return [*said, *(f"flips {where}" for where in flips)]
 
 
 def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.metrics import Metric, cost_shares
+from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number
 
 BEGIN, END = "<!-- results -->", "<!-- /results -->"
@@ -59,13 +60,8 @@ def write_table(readme: Path, results: Path) -> None:
     for path in (readme, results):
         if not path.is_file():
             raise SetupError(f"{path} is missing: run make validate in the checkout first")
-    text = readme.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise SetupError(f"{readme} has no {BEGIN} ... {END}")
-    table = results_table(json.loads(results.read_text(encoding="utf-8")))
-    readme.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+    document = json.loads(results.read_text(encoding="utf-8"))
+    replace_marked(readme, BEGIN, END, lambda: results_table(document))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import Reach
-from grosmc_mj.vectors import algebra, each, norm
+from grosmc_mj.vectors import algebra, norm
 
 # What a law regulates: outputs' errors through feedback linearization, or the whole state.
 Coordinates = OutputCoordinates | StateCoordinates
@@ -66,8 +66,7 @@ def grosmc_linear(error: Coordinates, reach: Reach) -> Law:
     error_state, applied, m = error.state, error.applied, error.inputs
     surface = integral_surface(m, error.size)
     times, subtract, store, given = _operations(m)
-    add, nothing = algebra(m).add, algebra(m).nothing
-    within = each(m, lambda i, wanted, limit: min(limit, max(-limit, wanted[i])))
+    add, nothing, within = algebra(m).add, algebra(m).nothing, algebra(m).within
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)

@@ -221,6 +221,14 @@ class Task:
         chains = self.error.linearization
         return lqr(chains.A, chains.B, self.Q, self.R)
 
+    def optimum(self, *, linearizing: bool) -> LqrDesign:
+        """The nominal optimum of laws with feedback linearization, or of those without.
+
+        Raises:
+            GainError: As ``chain_optimum`` or ``linearization_optimum``.
+        """
+        return self.chain_optimum() if linearizing else self.linearization_optimum()
+
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
         return FeedbackParameters(self.plant.parameters, self.reference, K)

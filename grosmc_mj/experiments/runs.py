@@ -110,6 +110,11 @@ class RunResult:
 
         return judge_all(self.experiment.limits, [self])
 
+    @property
+    def cost_shares(self) -> tuple[Metric, Metric]:
+        """J(u_c)/J* and J(u_d)/J* a second, see ``metrics.cost_shares``."""
+        return cost_shares(self.metrics, float(self.trajectory.time[-1]))
+
     def film(self, path: str | Path) -> Path:
         """Write a film of the run, and return where it is.
 
@@ -134,7 +139,7 @@ class RunResult:
         until, status = self.trajectory.time[-1], self.status.name.lower()
         named = ("deviation", "settling_time", "max_input")
         values = [f"{name.replace('_', ' ')} {_shown(self.metrics[name])}" for name in named]
-        for name, share in zip(_SHARES, cost_shares(self.metrics, until), strict=True):
+        for name, share in zip(_SHARES, self.cost_shares, strict=True):
             values.append(f"{name} {_shown(share)}")
         return "\n".join(
             [

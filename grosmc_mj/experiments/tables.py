@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from grosmc_mj.experiments.metrics import Metric, cost_shares
+from grosmc_mj.experiments.metrics import Metric
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.report.tables import names, number, numbers, table, text, words
@@ -48,8 +48,7 @@ def results_table(results: Sequence[RunResult]) -> Table:
     rows, styles = [], []
     for result in results:
         law, ended = result.controller.name, result.status is not Status.COMPLETED
-        _, rest = cost_shares(result.metrics, float(result.trajectory.time[-1]))
-        found = {**result.metrics, "": rest}
+        found = {**result.metrics, "": result.cost_shares[1]}
         cells = [metric_cell(found.get(name)) for _, name in columns]
         rows.append((result.case.name, result.plant, law + (" (!)" if ended else ""), *cells))
         styles.append("red" if ended else "bold" if law == "grosmc" else "")

@@ -86,8 +86,8 @@ class Campaign:
             if specification.sampler == "corners":
                 _refuse_corners(specification, family)
         mistakes.refuse()
-        laws = {law.name: law for (plant, _), law in experiment.laws.items() if plant == name}
-        laws = {each: law for each, law in laws.items() if each in wanted}
+        own = (each for each in experiment.controllers if each in wanted)
+        laws = {each: experiment.laws[name, each] for each in own}
         onsets = [_onset(each, family) for each in case.disturbances]
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         requirements = required(limits, laws)

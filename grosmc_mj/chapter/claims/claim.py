@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any, Literal, NamedTuple
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import GrosmcError
+from grosmc_mj.errors import GrosmcError, shown
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 
@@ -73,12 +73,10 @@ class Choice:
 
 
 def shown_value(value: Any) -> str:
-    """A value of a choice, in short."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(shown_value(each) for each in value)}]"
-    return f"{value:g}"
+    """A value of a choice, in short: numbers in lists as short as alone."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(shown_value, value))}]"
+    return shown(value, str)
 
 
 class NeedsSlidingModeError(GrosmcError):
@@ -212,13 +210,11 @@ class PlantFinding:
         measured: At the settings asked for.
         refined: At half the timestep and control period; None for an exact claim.
         verdict: What both together say.
-        trials: At the values of the choices that the claim is meant for every or some of.
     """
 
     measured: Measured
     refined: Measured | None
     verdict: Verdict
-    trials: Mapping[str, Measured] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -229,11 +225,14 @@ class Finding:
         claim: The claim.
         plants: By plant.
         because: The premise that failed where the claim did, if one did.
+        trials: On the plant that decides, at the values of the choices that the claim is meant for
+            every or some of.
     """
 
     claim: Claim
     plants: Mapping[PlantName, PlantFinding]
     because: str = ""
+    trials: Mapping[str, Measured] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
@@ -262,7 +261,7 @@ class Finding:
         for answer, word in ((True, "true"), (False, "false")):
             tried = [
                 f"{name} ({measured.value:.3g})"
-                for name, measured in self.decisive.trials.items()
+                for name, measured in self.trials.items()
                 if measured.value is not None and self.claim.holds(measured) is answer
             ]
             said.append(f"{word} with {', '.join(tried)}")

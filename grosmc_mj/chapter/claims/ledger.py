@@ -66,7 +66,7 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
     plants: dict[PlantName, PlantFinding] = {
         name: _on(lab, claim, name, trials, refine=refine) for name in claim.plants
     }
-    finding = Finding(claim, plants)
+    finding = Finding(claim, plants, trials=trials)
     failed = (Verdict.REFUTED, Verdict.UNDETERMINED)
     if claim.premise is None or finding.verdict not in failed:
         return finding
@@ -75,7 +75,16 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
         for name, found in plants.items():
             if found.verdict is Verdict.REFUTED:
                 plants[name] = replace(found, verdict=Verdict.PREMISE_NOT_MET)
-    return Finding(claim, plants, because)
+    return replace(finding, because=because)
+
+
+def by_cause(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
+    """What is not supported, by its cause: what most of them fail for first."""
+    causes: dict[str, list[Finding]] = {}
+    for finding in findings:
+        if finding.verdict is not Verdict.SUPPORTED:
+            causes.setdefault(finding.claim.cause, []).append(finding)
+    return dict(sorted(causes.items(), key=lambda each: -len(each[1])))
 
 
 def verdict_differences(findings: Sequence[Finding]) -> list[str]:
@@ -111,11 +120,11 @@ def _on(
     refined = None if claim.exact or not refine else claim.measure(lab.refined, plant)
     verdict = _verdict(claim, measured, refined)
     if not trials or verdict is Verdict.INCONCLUSIVE:
-        return PlantFinding(measured, refined, verdict, trials)
+        return PlantFinding(measured, refined, verdict)
     answers = {claim.holds(each) for each in (measured, *trials.values()) if not each.broken}
     if len(answers) > 1:
         verdict = Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
-    return PlantFinding(measured, refined, verdict, trials)
+    return PlantFinding(measured, refined, verdict)
 
 
 def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value: Any) -> Measured:

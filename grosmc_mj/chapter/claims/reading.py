@@ -102,18 +102,17 @@ def _claim(
             raise ArgumentError(f"{key} = {shown(value)} must be {_WORDS[kind]}")
         if key in _CALLED_WITH:
             values[key] = _bound(key, value, system)
-    if isinstance(table.get("limit"), dict) and "word" in table["limit"]:
-        values |= _meaning(values.pop("limit"))
-    elif "limit" in table:
-        values |= _limit(values.pop("limit"))
+    if "limit" in table:
+        read = _meaning if "word" in table["limit"] else _limit
+        values |= read(values.pop("limit"))
     if missing := [key for key in _REQUIRED if key not in table and key not in values]:
         raise ArgumentError(f"{', '.join(missing)} must be given too")
     for key in ("choices", "every", "some"):
         chosen = [_one_of("choice", each, choices) for each in table.get(key, ())]
-        if key != "choices" and (lacking := [x for x in chosen if x not in table["choices"]]):
+        if lacking := [each for each in chosen if each not in table.get("choices", ())]:
             raise ArgumentError(f"{key}: {', '.join(lacking)} must be among its choices")
-        made = [_choice(choices[each]) for each in chosen]
-        values[key] = tuple(made if key == "choices" else (each.name for each in made))
+        made = tuple(_choice(choices[each]) for each in chosen)
+        values[key] = made if key == "choices" else tuple(each.name for each in made)
     if "kind" in table:
         values["kind"] = Kind(_one_of("kind", table["kind"], [each.value for each in Kind]))
     if "cause" in table:

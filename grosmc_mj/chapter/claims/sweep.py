@@ -102,6 +102,12 @@ def sweep_document(found: Sequence[Swept]) -> list[dict[str, Any]]:
     ]
 
 
+def flips_of(claim: Claim) -> list[tuple[Choice, str]]:
+    """The choices that a claim's answer changes with by the record, and where."""
+    flips = stored_flips().get(claim.id, {})
+    return [(choice, flips[choice.name]) for choice in claim.choices if choice.name in flips]
+
+
 @cache
 def stored_flips() -> dict[str, dict[str, str]]:
     """By claim, the choices that its answer changes with and where; empty before a record."""

@@ -242,15 +242,12 @@ def verdicts_table(findings: Sequence[Finding]) -> Table:
 
 def _unsupported(findings: Sequence[Finding]) -> Table:
     """Why claims are not supported, a line a cause; what most of them fail for first."""
-    from grosmc_mj.chapter.claims.claim import Verdict
+    from grosmc_mj.chapter.claims.ledger import by_cause
 
-    causes: dict[str, list[Finding]] = {}
-    for each in findings:
-        if each.verdict is not Verdict.SUPPORTED:
-            causes.setdefault(each.claim.cause, []).append(each)
-    rows = []
-    for cause, own in sorted(causes.items(), key=lambda each: -len(each[1])):
-        rows.append((cause, ", ".join(each.claim.id for each in own), str(len(own))))
+    rows = [
+        (cause, ", ".join(each.claim.id for each in own), str(len(own)))
+        for cause, own in by_cause(findings).items()
+    ]
     columns = ("not supported since", "statements", "")
     return screen.brief_table("", columns, rows, words=2, most=_MOST)
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from grosmc_mj.cli import screen
+from grosmc_mj.report.palette import FAILED
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,7 +49,7 @@ def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> in
     if failed:
         console.print(_failures(audits))
         points = [f"{found.case.name}: {line}" for found in audits for line in worst_points(found)]
-        screen.say_lines(console, points, "#D55E00", all=full)
+        screen.say_lines(console, points, FAILED, all=full)
     console.print(_counts(audits))
     console.print(
         "Margins are positive where the premise holds; over the declared operating region and "

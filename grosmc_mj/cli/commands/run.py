@@ -16,6 +16,7 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.report.palette import FAILED
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -206,14 +207,14 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
         if done.experiment.not_judged:
             words = "Nothing that the file requires can be judged."
     screen.say_verdict(console, words, good=done.kept)
-    screen.say_lines(console, list(done.experiment.not_judged), "#D55E00", all=full)
+    screen.say_lines(console, list(done.experiment.not_judged), FAILED, all=full)
     screen.say_lines(console, tables.endings(done.results), all=full)
     fails = [
         f"premise fails: {premise.name} of {audit.controller} ({premise.source})"
         for audit in done.premises
         for premise in audit.failed()
     ]
-    screen.say_lines(console, fails, "#D55E00", all=full)
+    screen.say_lines(console, fails, FAILED, all=full)
     for audit in done.premises:
         held = len(audit.premises) - len(audit.failed())
         console.print(
@@ -258,7 +259,7 @@ def _answers(console: Console, done: Sequence[_JudgedExperiment]) -> None:
     untold = [f"{each.name}: {line}" for each in done for line in each.experiment.not_judged]
     words = _kept(failed, judged, len(untold))
     screen.say_verdict(console, words, good=all(each.kept for each in done))
-    screen.say_lines(console, untold, "#D55E00", all=False)
+    screen.say_lines(console, untold, FAILED, all=False)
     rows = [
         (
             each.name,
@@ -290,7 +291,6 @@ def _requirements(judgements: Sequence[Judgement]) -> Table:
 
 def runs_table(results: Sequence[RunResult]) -> Table:
     """The main numbers of runs of one case, physics first."""
-    from grosmc_mj.experiments.metrics import cost_shares
     from grosmc_mj.experiments.tables import metric_cell
 
     system, error = results[0].trajectory.system, results[0].controller.designed.error
@@ -299,7 +299,7 @@ def runs_table(results: Sequence[RunResult]) -> Table:
     for result in sorted(results, key=lambda each: each.plant != "physics"):
         metrics = result.metrics
         law = result.controller.name + (" (!)" if result.ended else "")
-        shares = cost_shares(metrics, float(result.trajectory.time[-1]))
+        shares = result.cost_shares
         found = (metrics["deviation"], metrics["settling_time"], *shares, metrics["max_input"])
         rows.append((result.plant, law, *map(metric_cell, found)))
         styles.append("red" if result.ended else "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any
@@ -130,7 +129,7 @@ def _adaptive(
         adaptation=float(adaptation),
         limit=float(limit),
     )
-    optimum = task.chain_optimum() if linearizing else task.linearization_optimum()
+    optimum = task.optimum(linearizing=linearizing)
     return Controller(
         "adaptive",
         slotine_li(error, found),
@@ -171,10 +170,10 @@ def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
     regressor, nominal = found.regressor, found.nominal
     operations = algebra(m)
     store, given = operations.store, operations.given
+    within, differ = operations.within, operations.differ
     composite = each(m, lambda i, z, p: sign * (z[2 * i + 1] + p.frequency * z[2 * i]))
     rates = each(m, lambda i, z, y, p: y[3 * i + 1] - sign * p.frequency * z[2 * i])
     accelerations = each(m, lambda i, z, y, p: y[3 * i + 2] - sign * p.frequency * z[2 * i + 1])
-    within: Callable[..., Any] = each(m, lambda i, u, limit: min(limit, max(-limit, u[i])))
 
     def torque(i: int, Y: Any, theta: Any, s: Any, p: Any) -> float:
         total = -row_times(i, p.damping, s)
@@ -195,11 +194,7 @@ def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
         u = torques(Y, memory.theta, s, p)
         store(memory.composite, s)
         store(memory.v, driven(t, x, u, memory, p))
-        applied = within(u, p.limit)
-        cut = False
-        for i in range(m):
-            cut = cut or applied[i] != u[i]
-        if not cut:
+        if not differ(within(u, p.limit), u):
             for j in range(k):
                 change = 0.0
                 for i in range(m):

@@ -103,7 +103,7 @@ def dynamic_feedback(
     operations = algebra(m)
     times, add, subtract = operations.times, operations.add, operations.subtract
     nothing, store, given = operations.nothing, operations.store, operations.given
-    within = each(m, lambda i, u, limit: min(limit, max(-limit, u[i])))
+    within, differ = operations.within, operations.differ
     if not linearizing:
         feedback = jitable(lambda t, x, v, memory, p: v)
         driven = feedback
@@ -122,9 +122,7 @@ def dynamic_feedback(
         store(memory.v, v)
         u = feedback(t, x, v, memory, p)
         applied = within(u, p.limit)
-        cut = False
-        for i in range(m):
-            cut = cut or applied[i] != u[i]
+        cut = differ(applied, u)
         if cut and holds:
             return given(u)
         if cut:

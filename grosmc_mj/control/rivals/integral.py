@@ -35,8 +35,7 @@ def lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controll
     Raises:
         GainError: If a number is not positive or there is no optimum.
     """
-    require_task(task)
-    return _lqi(task, task.chain_optimum(), integral_weight, limit, linearizing=True)
+    return _lqi(task, integral_weight, limit, linearizing=True)
 
 
 def linear_lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controller:
@@ -50,8 +49,7 @@ def linear_lqi(task: Task, integral_weight: float, limit: float = math.inf) -> C
     Raises:
         GainError: As for ``lqi``, or if zero error is no equilibrium without input.
     """
-    require_task(task)
-    return _lqi(task, task.linearization_optimum(), integral_weight, limit, linearizing=False)
+    return _lqi(task, integral_weight, limit, linearizing=False)
 
 
 def pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
@@ -70,8 +68,7 @@ def pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
     Raises:
         GainError: If a number is not positive or an output has another relative degree.
     """
-    require_task(task)
-    return _pid(task, task.chain_optimum(), frequency, limit, linearizing=True)
+    return _pid(task, frequency, limit, linearizing=True)
 
 
 def linear_pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
@@ -85,13 +82,12 @@ def linear_pid(task: Task, frequency: float, limit: float = math.inf) -> Control
     Raises:
         GainError: As for ``pid``, or if zero error is no equilibrium without input.
     """
+    return _pid(task, frequency, limit, linearizing=False)
+
+
+def _lqi(task: Task, integral_weight: float, limit: float, *, linearizing: bool) -> Controller:
     require_task(task)
-    return _pid(task, task.linearization_optimum(), frequency, limit, linearizing=False)
-
-
-def _lqi(
-    task: Task, optimum: LqrDesign, integral_weight: float, limit: float, *, linearizing: bool
-) -> Controller:
+    optimum = task.optimum(linearizing=linearizing)
     if not 0 < real(integral_weight) < math.inf:
         raise GainError(
             f"LQI: integral_weight = {shown(integral_weight)} must be finite and positive"
@@ -107,9 +103,9 @@ def _lqi(
     )
 
 
-def _pid(
-    task: Task, optimum: LqrDesign, frequency: float, limit: float, *, linearizing: bool
-) -> Controller:
+def _pid(task: Task, frequency: float, limit: float, *, linearizing: bool) -> Controller:
+    require_task(task)
+    optimum = task.optimum(linearizing=linearizing)
     degrees, m = task.error.linearization.relative_degree, task.error.inputs
     if set(degrees) != {2} or not 0 < real(frequency) < _MOST:
         raise GainError(

@@ -57,8 +57,7 @@ def adrc(task: Task, bandwidth: float, limit: float = math.inf) -> Controller:
     Raises:
         GainError: If a number is not positive.
     """
-    require_task(task)
-    return _adrc(task, task.chain_optimum(), bandwidth, limit, linearizing=True)
+    return _adrc(task, bandwidth, limit, linearizing=True)
 
 
 def linear_adrc(task: Task, bandwidth: float, limit: float = math.inf) -> Controller:
@@ -72,13 +71,12 @@ def linear_adrc(task: Task, bandwidth: float, limit: float = math.inf) -> Contro
     Raises:
         GainError: As for ``adrc``, or if zero error is no equilibrium without input.
     """
+    return _adrc(task, bandwidth, limit, linearizing=False)
+
+
+def _adrc(task: Task, bandwidth: float, limit: float, *, linearizing: bool) -> Controller:
     require_task(task)
-    return _adrc(task, task.linearization_optimum(), bandwidth, limit, linearizing=False)
-
-
-def _adrc(
-    task: Task, optimum: LqrDesign, bandwidth: float, limit: float, *, linearizing: bool
-) -> Controller:
+    optimum = task.optimum(linearizing=linearizing)
     if not 0 < real(bandwidth) < math.inf:
         raise GainError(f"ADRC: bandwidth = {shown(bandwidth)} rad/s must be finite and positive")
     chains = task.error.linearization

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grosmc_mj.errors import SetupError
+from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number
 from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, rivals
 
@@ -47,13 +48,8 @@ def write_page(page: Path) -> None:
     Raises:
         SetupError: If the page or a mark is missing.
     """
-    text = page.read_text(encoding="utf-8") if page.is_file() else ""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise SetupError(f"{page} has no {BEGIN} ... {END}")
-    table = rivals_table(row for system in SYSTEMS for row in rivals(system))
-    page.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+    rows = (row for system in SYSTEMS for row in rivals(system))
+    replace_marked(page, BEGIN, END, lambda: rivals_table(rows))
 
 
 if __name__ == "__main__":

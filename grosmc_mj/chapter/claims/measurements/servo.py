@@ -15,7 +15,6 @@ from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, sur
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics import cost_shares
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.balance import switching_rate
 
@@ -152,10 +151,10 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
 def cost_of_switching(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
     """What the input costs beyond (13), over J* and the length of the run, in percent a second."""
     result = lab.case("servo", case, plant, "grosmc")
-    duration = float(result.trajectory.time[-1])
-    counted, rest = (each.value for each in cost_shares(result.metrics, duration))
+    counted, rest = (each.value for each in result.cost_shares)
     if counted is None or rest is None:
         return of(result, None, "the law has no J*")
+    duration = float(result.trajectory.time[-1])
     note = f"J with the whole u is {counted + rest * duration:.3g} J* after {duration:g} s"
     return of(result, 100 * abs(rest), note)
 
