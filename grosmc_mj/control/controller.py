@@ -26,7 +26,7 @@ from grosmc_mj.records import extended
 from grosmc_mj.vectors import algebra, each
 
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
-_OF_THE_RUN = ("v", "undefined", "workspace", "s", "meters")
+_OF_THE_RUN = ("v", "undefined", "workspace", "first", "s", "meters", "loop")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,19 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
+class Sampling:
+    """How a law that samples itself is asked: at every timestep.
+
+    Attributes:
+        period: Its own control period [s].
+        timestep: That of the runs which it is made for [s].
+    """
+
+    period: float
+    timestep: float
+
+
+@dataclass(frozen=True, eq=False)
 class Controller:
     """A law, its parameters and the memory that each run of it starts with.
 
@@ -88,6 +101,7 @@ class Controller:
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
         design: What it was designed for; None for an open loop and the like.
+        sampling: Of a law that samples itself, as one in its loop does; None for all others.
     """
 
     name: str
@@ -95,6 +109,7 @@ class Controller:
     parameters: Any
     memory: Callable[[], Memory] = Memory
     design: Design | None = None
+    sampling: Sampling | None = None
 
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
@@ -134,11 +149,15 @@ class Controller:
     def sampled(self, control_period: float) -> Controller:
         """The same, told its control period [s] where it reads ``p.period``."""
         p = self.parameters
-        if not isinstance(p, Sampled) or p.period == control_period:
+        if self.sampling or not isinstance(p, Sampled) or p.period == control_period:
             return self
         made = self.design.numbers_at if self.design else None
         numbers = {} if made is None else made(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
+
+    def asked_every(self, control_period: float) -> float:
+        """Time between two calls of the law in runs of a control period [s]."""
+        return self.sampling.timestep if self.sampling else control_period
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""

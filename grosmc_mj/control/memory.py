@@ -19,11 +19,14 @@ class Memory:
             a number or, for m inputs, (m,).
         undefined: 1 once the law has met a state where it is not defined, else 0.
         workspace: Address of what the feedback of this run computes in; 0 for nothing.
+        first: Time of the law's first sample [s]: 0, or later for a law that is told the state at
+            the instant when its output arrives.
     """
 
     v: Any = 0.0
     undefined: float = 0.0
     workspace: float = 0.0
+    first: float = 0.0
 
 
 def _row() -> Array:
@@ -37,7 +40,7 @@ class SurfaceMemory(Memory):
     Attributes:
         v: As above, (m,).
         s: The sliding variable at the last sample, (m,).
-        z0: The error state at t = 0, (n,).
+        z0: The error state at the first sample, (n,).
         integral: Of G (A - B K) z up to the last sample, (m,).
         rate: The integrand at the last sample, (m,).
         t: Time of the last sample [s].

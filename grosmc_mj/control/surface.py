@@ -38,7 +38,8 @@ def integral_surface(m: int, n: int) -> Callable[[float, Any, Any, Any], Vector]
 
     @jitable
     def surface(t: float, z: Any, memory: Any, p: Any) -> Vector:
-        if t == 0.0:
+        if t == memory.first:
+            memory.t = t
             for j in range(n):
                 memory.z0[j] = z[j]
         accumulate(t, rate(p.S, z), memory)

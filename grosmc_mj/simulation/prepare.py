@@ -189,12 +189,22 @@ def _stride(
             f"{stride * h:g} s, or another timestep"
         )
     for each in controllers:
+        if own := each.sampling:
+            for what, made_for, given in (
+                ("timestep", own.timestep, h),
+                ("control period", own.period, period),
+            ):
+                if not math.isclose(made_for, given, rel_tol=1e-9):
+                    raise ArgumentError(
+                        f"{each.name} is in a loop for a {what} of {made_for:g} s, not {given:g} s"
+                    )
         wanted = each.design.control_period if each.design else None
         if wanted is not None and not math.isclose(wanted, period, rel_tol=1e-9):
             raise ArgumentError(
                 f"{each.name} is designed for a control period of {wanted:g} s, not {period:g} s"
             )
-    return stride, period
+    # One that samples itself is asked at every timestep.
+    return (1, h) if controllers[0].sampling else (stride, period)
 
 
 def _steps(duration: float, h: float) -> int:

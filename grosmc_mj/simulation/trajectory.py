@@ -33,6 +33,10 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
+# Of a law's memory: an address, and what a loop computes in.
+_NOT_SAVED = ("workspace", "first", "loop")
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """One run, or a batch of them with one more axis in front of every array.
@@ -58,6 +62,8 @@ class Trajectory:
             exactly; None on an analytic plant.
         status: How each run ended, () or (nsim,).
         valid_until: Time up to which each run is valid [s], () or (nsim,).
+        seen: What sensors and estimators told of x at the last sample, (..., N, n); None for a
+            law that knows it.
     """
 
     system: System
@@ -72,6 +78,7 @@ class Trajectory:
     physics: Array | None
     status: NDArray[np.object_]
     valid_until: Array
+    seen: Array | None = None
 
     def __repr__(self) -> str:
         """What it is, without its rows."""
@@ -144,9 +151,11 @@ class Trajectory:
             ("wrench", _wrench_names(system) if self.wrench is not None else [], self.wrench),
             ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
         ]
-        remembered = self.memory.dtype.names or ()
-        # An address means nothing after the run.
-        for name in [each for each in remembered if each != "workspace"]:
+        if self.seen is not None:
+            names = [(f"{each.name} seen", each.unit) for each in system.states]
+            groups.insert(1, ("seen", names, self.seen))
+        remembered = [each for each in self.memory.dtype.names or () if each not in _NOT_SAVED]
+        for name in remembered:
             rows = self.memory[name]
             groups.append((f"memory {name}", _numbered(f"memory {name}", "", rows), rows))
         columns = [SignalColumn("time", "s", self.time)]
@@ -201,6 +210,7 @@ class Trajectory:
             physics=None if self.physics is None else self.physics[run, :end],
             status=self.status[run],
             valid_until=self.valid_until[run],
+            seen=None if self.seen is None else self.seen[run, : end - 1],
         )
 
 
@@ -278,6 +288,7 @@ def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajector
         group: rows(group)
         for group in ("state", "command", "input", "sliding", "weighed", "wrench", "physics")
     }
+    given["seen"] = rows("seen") if "seen" in groups else None
     ended: Any = Status[about["status"]]
     until: Any = np.float64(about["valid_until"])
     return Trajectory(

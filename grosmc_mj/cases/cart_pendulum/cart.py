@@ -201,7 +201,7 @@ def shaped_regulator(reach: Reach) -> laws.Law:
         if not linearizable(x):
             memory.undefined = 1.0
             return 0.0
-        if t == 0.0:
+        if t == memory.first:
             memory.z0[0] = x[3]
         brought = p.limit * math.tanh((p.K[0, 0] * x[0] + p.K[0, 2] * x[2]) / p.limit)
         w = -p.K[0, 1] * x[1] - p.K[0, 3] * x[3] - brought

@@ -184,7 +184,7 @@ def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
     torques = each(m, torque)
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        if t == 0.0:
+        if t == memory.first:
             theta = nominal(p.plant)
             for j in range(k):
                 memory.theta[j] = theta[j]

@@ -115,7 +115,7 @@ def dynamic_feedback(
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         z = error_state(t, x, p)
-        if t == 0.0:
+        if t == memory.first:
             for i in range(order):
                 memory.q[i] = row_times(i, p.start, z)
         v = subtract(nothing, add(times(p.K, z), times(p.H, memory.q)))

@@ -30,6 +30,13 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
                 moved += g[i * m + j] * u[j]
             slope[i] = moved + d[i]
 
+    return runge_kutta(n, slope_at)
+
+
+@cache
+def runge_kutta(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
+    """The same for n states and a jitable (x, u, w, p, slope) that writes x' into the last."""
+
     @jitable
     def step(x: Any, u: Any, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any) -> None:
         for i in range(n):

@@ -1,0 +1,12 @@
+"""The loop as built: what lies between a law and its plant.
+
+Sensors, a computer, estimators and actuators are values (``parts``); ``in_loop`` puts them around a
+law, written once for both engines.
+"""
+
+from __future__ import annotations
+
+from grosmc_mj.simulation.loop.in_loop import in_loop
+from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Loop, Sensor
+
+__all__ = ["Actuator", "Computing", "Estimator", "Loop", "Sensor", "in_loop"]
