@@ -18,6 +18,7 @@ from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError, unknown_name
 from grosmc_mj.experiments.case import Case, case_of
+from grosmc_mj.experiments.file.loop_tables import loop_of_file
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
@@ -36,6 +37,7 @@ from grosmc_mj.experiments.requirements import (
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
+from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 
@@ -50,6 +52,7 @@ class Experiment:
         nominal: The plant that its laws believe in.
         case: Start, duration, edits, disturbances.
         settings: How it is run.
+        loop: What lies between laws and plants; None for nothing.
         asked: The settings that count instead of what the file says of a controller.
     """
 
@@ -58,6 +61,7 @@ class Experiment:
     nominal: NominalPlant
     case: Case
     settings: Settings
+    loop: Loop | None = None
     asked: frozenset[str] = frozenset()
     _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
 
@@ -196,10 +200,18 @@ class Experiment:
                 made = design(table, self.file, self.nominal, plant, self.folder, period)
                 self._designs[key] = made
             made = self._designs[key]
-            made = _realized(made, self._realization_of(table, made))
-            return _sampled(made, period)
+            made = _sampled(_realized(made, self._realization_of(table, made)), period)
+            return made if self.loop is None else self._looped(made, self.loop, table)
         except GrosmcError as error:
             raise ArgumentError(f"controller {name}: {error}") from error
+
+    def _looped(self, made: Controller, loop: Loop, table: ControllerTable) -> Controller:
+        """A law in the loop, which it knows if its table says so."""
+        settings = self.settings
+        return _in_loop(
+            made, loop, self.nominal.system, control_period=settings.control_period,
+            timestep=settings.timestep, predict=table.predict,
+        )  # fmt: skip
 
     def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:
         """The same, designed for a nominal plant that is not the file's.
@@ -332,6 +344,7 @@ def _with(table: Any, path: Sequence[str], value: Any) -> Any:
     return table.model_copy(update={key: inner})
 
 
+_in_loop = lru_cache(maxsize=512)(in_loop)
 _realized = lru_cache(maxsize=512)(realized)
 _sampled = lru_cache(maxsize=512)(Controller.sampled)
 
@@ -380,8 +393,19 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
     # The package's own laws are designed once for all experiments on one task.
     shared = file.plant.system is not None and not named_in(file)
     designs = _shared_designs(repr((file.plant.system, file.task))) if shared else {}
-    made = Experiment(file, path, nominal, case, settings, _designs=designs)
-    mistakes = Mistakes()
+    mistakes, loop = Mistakes(), None
+    tables = file.computing, file.sensor, file.estimator, file.actuator
+    with mistakes.gathered():
+        loop = loop_of_file(*tables, nominal.system)
+        if loop is not None:
+            loop.require_fits(nominal.system, settings.timestep, settings.control_period)
+    made = Experiment(file, path, nominal, case, settings, loop, _designs=designs)
+    for table in file.controller:
+        if table.predict and not any(tables):
+            mistakes.note(
+                f"controller {table.called}: predict: there is no loop that it could know: give "
+                "the file a [computing], a [[sensor]] or an [[actuator]]"
+            )
     for name in file.plant.compare or ():
         if name not in nominal.names:
             mistakes.note(f"plant: compare: {unknown_name('plant', name, nominal.names)}")

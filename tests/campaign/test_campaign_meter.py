@@ -11,7 +11,7 @@ import pytest
 from campaign_cases import INERTIA, LAWS, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.meter import METRICS, cost_ratios, metered
+from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files

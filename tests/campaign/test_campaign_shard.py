@@ -9,7 +9,7 @@ import pytest
 from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.meter import METRICS, metered
+from grosmc_mj.experiments.metrics.running import METRICS, metered
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure

@@ -14,13 +14,13 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
-from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.family.sampling import all_corners
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import MARGIN
-from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.runs.manifest import SCHEMA_VERSION
 from grosmc_mj.campaign.runs.shard import Outcomes
 from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.metrics.running import METRICS
 
 _OURS = b"grosmc_mj"
 _CHECKSUM = "sha256"

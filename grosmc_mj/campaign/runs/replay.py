@@ -13,7 +13,6 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE
-from grosmc_mj.campaign.family.meter import METRICS
 from grosmc_mj.campaign.runs.folder import ONE_SEQUENCE, Folder
 from grosmc_mj.campaign.runs.manifest import (
     manifest_of,
@@ -25,6 +24,7 @@ from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
+from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.simulate import Engine, simulate
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.meter import METRICS, cost_ratios, metered
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.metrics.definitions import Recording, folded
+from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
 from grosmc_mj.experiments.requirements import afters, margins_of
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import simulate

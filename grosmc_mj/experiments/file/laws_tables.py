@@ -77,6 +77,8 @@ class LawTable(Table):
         surface: ``printed`` or ``discrete``.
         memory: What a law of the user's own remembers, by names, as a run begins: numbers and
             lists of them.
+        predict: Whether the law knows the dead time of its loop, and is told the state at the
+            instant when its output arrives.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
@@ -85,6 +87,7 @@ class LawTable(Table):
     switching: str = "sign"
     surface: Literal["printed", "discrete"] = "printed"
     memory: dict[str, Any] = {}
+    predict: bool = False
 
     @property
     def numbers(self) -> dict[str, Any]:

@@ -8,6 +8,12 @@ from pydantic import AfterValidator, Field, model_validator
 
 from grosmc_mj.errors import shown
 from grosmc_mj.experiments.file.laws_tables import ControllerTable, LawTable, TaskTable
+from grosmc_mj.experiments.file.loop_tables import (
+    ActuatorTable,
+    ComputingTable,
+    EstimatorTable,
+    SensorTable,
+)
 from grosmc_mj.experiments.file.table import (
     Kilograms,
     Metres,
@@ -244,6 +250,10 @@ class CaseFile(Table):
         run: How it is run.
         edit: What the true plant has that the laws do not know.
         disturbance: What acts on it.
+        computing: The computer between sensors and actuators; ideal without it.
+        sensor: What the states are measured by; exactly without one.
+        estimator: What gives the states that are not measured.
+        actuator: What makes the inputs; exactly without one.
         task: What the laws are designed for.
         laws: Laws with their numbers, by name.
         controller: Those that are run.
@@ -260,6 +270,10 @@ class CaseFile(Table):
     run: RunTable
     edit: list[EditTable] = []
     disturbance: list[DisturbanceTable] = []
+    computing: ComputingTable | None = None
+    sensor: list[SensorTable] = []
+    estimator: list[EstimatorTable] = []
+    actuator: list[ActuatorTable] = []
     task: TaskTable = TaskTable()
     laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]

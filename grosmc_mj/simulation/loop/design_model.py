@@ -98,7 +98,9 @@ def _of_robot(error: RobotCoordinates) -> Advance:
     return advance
 
 
-def held(design: Design, advance: Advance, memory: Any, p: Any, period: float) -> tuple[Array, Array]:
+def held(
+    design: Design, advance: Advance, memory: Any, p: Any, period: float
+) -> tuple[Array, Array]:
     """(A_d, B_d) of the design model over a period, by central differences at zero error.
 
     Args:

@@ -45,7 +45,7 @@ def _update(row: Any, kind: float, number: float, y: float, T: float, gained: fl
     if kind == LEVANT:
         row[_POSITION], row[_RATE] = levant(position, rate, y, number, T)
         return
-    if kind == HIGH_GAIN or kind == ESO:
+    if kind in (HIGH_GAIN, ESO):
         pole = math.exp(-number * T)
         if kind == HIGH_GAIN:
             e = y - (position + T * rate)

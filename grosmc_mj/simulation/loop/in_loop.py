@@ -286,9 +286,7 @@ def loop_of(controller: Controller) -> LoopSampling:
     return controller.sampling
 
 
-def _memory(
-    make: Callable[[], Memory], sampling: LoopSampling, numbers: LoopNumbers
-) -> Memory:
+def _memory(make: Callable[[], Memory], sampling: LoopSampling, numbers: LoopNumbers) -> Memory:
     """The law's own memory, and the loop's."""
     n, m = len(sampling.system.states), len(sampling.system.inputs)
     rest = numbers.rest

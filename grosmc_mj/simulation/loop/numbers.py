@@ -194,7 +194,9 @@ def _whole(rows: Array, columns: tuple[int, ...]) -> Array:
     return rows
 
 
-def estimator_rows(estimators: tuple[Estimator, ...], pairs: dict[int, int], names: list[str]) -> Array:
+def estimator_rows(
+    estimators: tuple[Estimator, ...], pairs: dict[int, int], names: list[str]
+) -> Array:
     """``LoopNumbers.estimators``: of each rate its position, by ``pairs``."""
     rows = [
         (_KINDS[each.law], names.index(name), pairs[names.index(name)], each.number)

@@ -84,7 +84,8 @@ def metered(
     """The same controller with meters: its memory has ``meters`` besides.
 
     Args:
-        controller: A law with error coordinates and an optimum.
+        controller: A law with error coordinates and an optimum; if it is in a loop, the meters
+            stand outside and note the true state and the given input.
         control_period: Of the run [s].
         after: From when on largest errors are wanted [s].
         onset: When the first disturbance begins; settling is measured up to it, unless it acts
@@ -99,7 +100,9 @@ def metered(
     numbers = LawMeterNumbers(
         after=np.array(after or [0.0], float),
         onset=transient_end(onset),
-        transition=_transition(optimum.closed_loop.tobytes(), error.size, control_period),
+        transition=_transition(
+            optimum.closed_loop.tobytes(), error.size, controller.asked_every(control_period)
+        ),
         Q=optimum.Q,
         R=optimum.R,
     )
