@@ -81,6 +81,7 @@ class EstimatorTable(Table):
         slope: Of ``levant``: bound of the rate's derivative.
         bandwidth: Of ``high-gain`` and ``eso``.
         load: Of ``kalman``: standard deviation of an unknown input.
+        settled: Whether it begins with the true value; else with a rate of zero.
     """
 
     of: str | list[str]
@@ -89,6 +90,7 @@ class EstimatorTable(Table):
     slope: Any = None
     bandwidth: Any = None
     load: Any = None
+    settled: bool = True
 
 
 class ActuatorTable(Table):
@@ -169,7 +171,7 @@ def loop_of_file(
                 first = table.of if isinstance(table.of, str) else (table.of or [""])[0]
                 given = _numbers(kind, first, table, system)
                 of: Any = table.of if isinstance(table.of, str) else tuple(table.of)
-                for key in ("law", "order"):
+                for key in ("law", "settled", "order"):
                     if hasattr(table, key):
                         given[key] = getattr(table, key)
                 parts[kind].append(make(of, **given))

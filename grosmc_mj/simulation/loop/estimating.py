@@ -140,6 +140,8 @@ def rate_estimating(
             at = measured_at(i, int(q.sensors[position, 4]), period) if period > 0 else i
             if own[_BEGUN] == 0.0:
                 own[_BEGUN], own[_POSITION], own[_LAST], own[_AT] = 1.0, y, y, at
+                if q.estimators[row, 4] != 0.0:
+                    own[_RATE] = loop.past[i % loop.past.shape[0], of]
             elif at > own[_AT]:
                 # A sensor of its own pace has a clock; else the computer's own pace is believed.
                 T = (at - own[_AT]) * q.timestep if period > 0 else q.period
@@ -166,6 +168,8 @@ def filtering(n: int, m: int, move: Advance) -> Callable[..., None]:
         loop, q = memory.loop, p.loop
         for j in range(n):
             loop.model[j] = loop.observed[j]
+            if loop.sample == 0.0 and q.settled != 0.0:
+                loop.model[j] = loop.past[i % loop.past.shape[0], j]
         if loop.sample > 0.0:
             mean(i, int(q.stride), loop, q, loop.mean)
             move(t - q.period, loop.mean, memory, p, q.period)

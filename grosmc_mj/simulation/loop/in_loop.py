@@ -232,6 +232,7 @@ def _numbers(controller: Controller, sampling: LoopSampling) -> LoopNumbers:
         estimators=_estimators(loop, system),
         gain=np.zeros((n, n)),
         filtered=given,
+        settled=float(any(each.settled for each in loop.estimators if each.law == "kalman")),
         actuators=actuator_rows(loop, system, h),
         rest=np.zeros(m) if point is None else np.array(point.u, float),
         dead=knows * (to_output + age),

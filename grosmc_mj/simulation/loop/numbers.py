@@ -36,9 +36,11 @@ class LoopNumbers:
         jitter: Latest that a sample is.
         missed: Share of the samples without a new output.
         sensors: Resolution, noise, bias, drift [1/s], delay and period of each state, (n, 6).
-        estimators: Kind, rate, position and number of each estimator of a rate, (k, 4).
+        estimators: Kind, rate, position, number and whether it begins settled, of each estimator of
+            a rate, (k, 5).
         gain: Of the Kalman filter, on the innovation of each state, (n, n).
         filtered: 1 for each state that it gives, (n,).
+        settled: 1 if it begins settled.
         actuators: Delay, resolution, limit, change in a timestep, time constant over the timestep,
             order and dead zone of each input, (m, 7).
         rest: Input before the first output arrives, (m,).
@@ -62,6 +64,7 @@ class LoopNumbers:
     estimators: Array
     gain: Array
     filtered: Array
+    settled: float
     actuators: Array
     rest: Array
     dead: float
@@ -199,10 +202,16 @@ def estimator_rows(
 ) -> Array:
     """``LoopNumbers.estimators``: of each rate its position, by ``pairs``."""
     rows = [
-        (_KINDS[each.law], names.index(name), pairs[names.index(name)], each.number)
+        (
+            _KINDS[each.law],
+            names.index(name),
+            pairs[names.index(name)],
+            each.number,
+            float(each.settled),
+        )
         for each in estimators
         if each.law != "kalman"
         for name in each.of
     ]
     # Compiled code has no arrays without rows: one that is of no state.
-    return np.array(rows or [(0.0, -1.0, -1.0, 0.0)], float)
+    return np.array(rows or [(0.0, -1.0, -1.0, 0.0, 0.0)], float)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
-from grosmc_mj.arguments import real, require_each
+from grosmc_mj.arguments import real, require, require_each
 from grosmc_mj.errors import ArgumentError, Mistakes, shown, unknown_name
 from grosmc_mj.plants import System
 
@@ -115,6 +115,8 @@ class Estimator:
         bandwidth: Of ``high-gain`` and ``eso``: where all their poles are [rad/s].
         load: Of ``kalman``: standard deviation of an unknown input, constant in a sample, in the
             unit of the inputs.
+        settled: Whether it has run long before the law is switched on, and so begins with the true
+            value; else it begins with a rate of zero, and the law with what that is off by.
     """
 
     of: tuple[str, ...]
@@ -123,8 +125,10 @@ class Estimator:
     slope: float | None = None
     bandwidth: float | None = None
     load: float | None = None
+    settled: bool = True
 
     def __post_init__(self) -> None:
+        require("settled", self.settled, bool, "True or False")
         object.__setattr__(self, "of", (self.of,) if isinstance(self.of, str) else tuple(self.of))
         if self.law not in get_args(EstimatorLaw):
             raise ArgumentError(unknown_name("estimator", self.law, get_args(EstimatorLaw)))
