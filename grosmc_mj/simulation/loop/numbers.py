@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from grosmc_mj.arrays import Array
-from grosmc_mj.plants import System
-from grosmc_mj.simulation.loop.parts import Actuator, Estimator, Loop, Sensor, steps_in
 
 # How estimators of a rate are told apart in compiled code.
 DIFFERENCE, FILTERED, LEVANT, HIGH_GAIN, ESO = 0.0, 1.0, 2.0, 3.0, 4.0
-_KINDS = {
-    "difference": DIFFERENCE,
-    "filtered": FILTERED,
-    "levant": LEVANT,
-    "high-gain": HIGH_GAIN,
-    "eso": ESO,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,97 +109,3 @@ class LoopMemory:
     stage: Array
     total: Array
     calm: Array
-
-
-@dataclass(frozen=True)
-class Room:
-    """How much of the past is kept, in timesteps.
-
-    Attributes:
-        past: Of the state.
-        queue: Of the outputs.
-    """
-
-    past: int
-    queue: int
-
-    @classmethod
-    def needed(cls, loop: Loop, timestep: float, stride: int) -> Room:
-        """What a loop needs; a power of two, so that few layouts occur.
-
-        Args:
-            loop: The loop.
-            timestep: [s].
-            stride: Timesteps in a control period.
-        """
-
-        def steps(seconds: float) -> int:
-            return steps_in("delay", seconds, timestep)
-
-        sensors = max((steps(s.delay) + steps(s.period) for s in loop.sensors), default=0)
-        delay = steps(loop.computing.delay)
-        delay += max((steps(each.delay) for each in loop.actuators), default=0)
-        lag = max((each.lag * each.order for each in loop.actuators), default=0.0)
-        most = delay + sensors + math.ceil(lag / timestep) + stride
-        return cls(1 << sensors.bit_length(), 1 << most.bit_length())
-
-    def with_other(self, other: Room) -> Room:
-        """Enough for both."""
-        return Room(max(self.past, other.past), max(self.queue, other.queue))
-
-
-def sensor_rows(loop: Loop, system: System, timestep: float) -> Array:
-    """``LoopNumbers.sensors``."""
-    known = {sensor.of: sensor for sensor in loop.sensors}
-    sensors = [known.get(state.name, Sensor(state.name)) for state in system.states]
-    rows = [
-        (s.resolution, s.noise, s.bias, s.drift, s.delay / timestep, s.period / timestep)
-        for s in sensors
-    ]
-    return _whole(np.array(rows, float), (4, 5))
-
-
-def actuator_rows(loop: Loop, system: System, timestep: float) -> Array:
-    """``LoopNumbers.actuators``."""
-    known = {actuator.of: actuator for actuator in loop.actuators}
-    actuators = [known.get(each.name, Actuator(each.name)) for each in system.inputs]
-    rows = [
-        (
-            a.delay / timestep,
-            a.resolution,
-            a.limit,
-            a.rate_limit * timestep,
-            a.lag / timestep,
-            a.order,
-            a.dead_zone,
-        )
-        for a in actuators
-    ]
-    return _whole(np.array(rows, float), (0,))
-
-
-def _whole(rows: Array, columns: tuple[int, ...]) -> Array:
-    """Rows whose columns of timesteps are whole numbers."""
-    for column in columns:
-        rows[:, column] = np.round(rows[:, column])
-    return rows
-
-
-def estimator_rows(
-    estimators: tuple[Estimator, ...], pairs: dict[int, int], names: list[str]
-) -> Array:
-    """``LoopNumbers.estimators``: of each rate its position, by ``pairs``."""
-    rows = [
-        (
-            _KINDS[each.law],
-            names.index(name),
-            pairs[names.index(name)],
-            each.number,
-            float(each.settled),
-        )
-        for each in estimators
-        if each.law != "kalman"
-        for name in each.of
-    ]
-    # Compiled code has no arrays without rows: one that is of no state.
-    return np.array(rows or [(0.0, -1.0, -1.0, 0.0, 0.0)], float)

@@ -1,0 +1,107 @@
+"""A law among its sensors, computer and actuators, as a law of the plant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from grosmc_mj.control.laws import Law
+from grosmc_mj.jitable import jitable
+from grosmc_mj.simulation.loop.actuating import actuating
+from grosmc_mj.simulation.loop.counter import uniform
+from grosmc_mj.simulation.loop.design_model import Advance
+from grosmc_mj.simulation.loop.estimating import filtering, rate_estimating
+from grosmc_mj.simulation.loop.sensing import sensing
+from grosmc_mj.vectors import algebra, each
+
+
+@cache
+def looped_law_of(
+    law: Law,
+    n: int,
+    m: int,
+    advance: Advance | None,
+    observers: frozenset[str],
+    predicts: bool,
+) -> Law:
+    """The law in a loop of n states and m inputs."""
+    inner, store, given = jitable(law), algebra(m).store, algebra(m).given
+    sense, actuate = sensing(n), actuating(m)
+    expect, estimate = rate_estimating(n, m, advance if "eso" in observers else None)
+    entries = each(m, lambda i, u: u[i])
+    vector = jitable(lambda u: (u,)) if m == 1 else jitable(lambda u: u)
+    observe, foresee = _nothing, _nothing
+    if advance is not None and "kalman" in observers:
+        observe = filtering(n, m, advance)
+    if advance is not None and predicts:
+        foresee = foreseeing(m, advance)
+
+    @jitable
+    def late(k: int, q: Any) -> float:
+        """By how many timesteps sample k is late."""
+        if q.jitter == 0.0:
+            return 0.0
+        return math.floor(uniform(q.seed, q.run, n, k) * (q.jitter + 1.0)) * 1.0
+
+    def looped_law(t: float, x: Any, memory: Any, p: Any) -> Any:
+        loop, q = memory.loop, p.loop
+        i, k = int(loop.step), int(loop.sample)
+        row = i % loop.past.shape[0]
+        for j in range(n):
+            loop.past[row, j] = x[j]
+        if loop.step >= loop.due:
+            t_k = k * q.period
+            if k > 0:
+                expect(i, t_k, memory, p)
+            sense(i, loop, q)
+            estimate(i, t_k, memory, p)
+            observe(i, t_k, memory, p)
+            for j in range(n):
+                loop.model[j] = loop.seen[j]
+            foresee(i, t_k, memory, p)
+            for j in range(n):
+                loop.believed[j] = loop.model[j]
+            u = vector(inner(t_k + q.ahead, loop.believed, memory, p))
+            store(loop.asked, u)
+            for j in range(m):
+                if not math.isfinite(u[j]):
+                    return given(u)
+            if q.missed == 0.0 or uniform(q.seed, q.run, n + 1, k) >= q.missed:
+                store(loop.output, u)
+            loop.sample = k + 1.0
+            loop.due = (k + 1) * q.stride + late(k + 1, q)
+        row = i % loop.queue.shape[0]
+        for j in range(m):
+            loop.queue[row, j] = loop.output[j]
+        actuate(i, loop, q)
+        loop.step = i + 1.0
+        return given(entries(loop.given))
+
+    made: Any = looped_law
+    made.python_only = getattr(law, "python_only", False)
+    return looped_law
+
+
+@jitable
+def _nothing(i: int, t: float, memory: Any, p: Any) -> None:
+    """Where nothing is observed or foreseen."""
+
+
+@cache
+def foreseeing(m: int, move: Advance) -> Callable[..., None]:
+    """Jitable (i, t, memory, p): move ``loop.model`` on by the dead time that the law knows."""
+
+    @jitable
+    def foresee(i: int, t: float, memory: Any, p: Any) -> None:
+        loop, q = memory.loop, p.loop
+        dead, room = int(q.dead), loop.queue.shape[0]
+        for step in range(dead):
+            a = i - dead + step
+            for j in range(m):
+                asked = q.rest[j] if a < 0 else loop.queue[a % room, j]
+                loop.mean[j] = min(q.known_limit[j], max(-q.known_limit[j], asked))
+            move(t + q.ahead + (step - dead) * q.timestep, loop.mean, memory, p, q.timestep)
+
+    return foresee
