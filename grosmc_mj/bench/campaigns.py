@@ -19,7 +19,7 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import campaign_files, specification_of
 from grosmc_mj.campaign.runs.executors import make_executor
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.shard import plants_of, with_meters
+from grosmc_mj.campaign.runs.shard import laws_with_meters, plants_of
 from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
@@ -82,7 +82,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
     problem, _ = prepare(
         plants,
-        [with_meters(campaign, law, plant_sample) for plant_sample in plant_samples],
+        laws_with_meters(campaign, law, plant_samples),
         starts,
         duration=_STEPS * campaign.control_period,
         control_period=campaign.control_period,

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
+from grosmc_mj.experiments.file.loop_tables import loop_of_file
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.simulation.loop import Loop
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,7 @@ class Case:
         duration: [s]; the chapter prints none.
         edits: Edits of the plant; the controller keeps the nominal numbers.
         disturbances: Wrenches on the plant.
+        loop: What lies between laws and plant; None for nothing.
         design: What its laws are called together; empty for the system's name.
     """
 
@@ -41,6 +44,7 @@ class Case:
     duration: float
     edits: tuple[Edit, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
+    loop: Loop | None = None
     design: str = ""
 
     @property
@@ -77,6 +81,9 @@ def case_of(
     for i, table in enumerate(file.disturbance):
         with mistakes.gathered():
             disturbances.append(_disturbance(table, f"disturbance {i + 1}", folder))
+    loop = None
+    with mistakes.gathered():
+        loop = loop_of_file(file.computing, file.sensor, file.estimator, file.actuator, system)
     mistakes.refuse()
     return Case(
         system=system.name,
@@ -87,6 +94,7 @@ def case_of(
         duration=file.run.duration,
         edits=_case_edits(file),
         disturbances=tuple(disturbances),
+        loop=loop,
         design=file.task.name,
     )
 

@@ -18,7 +18,6 @@ from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError, unknown_name
 from grosmc_mj.experiments.case import Case, case_of
-from grosmc_mj.experiments.file.loop_tables import loop_of_file
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
@@ -52,7 +51,6 @@ class Experiment:
         nominal: The plant that its laws believe in.
         case: Start, duration, edits, disturbances.
         settings: How it is run.
-        loop: What lies between laws and plants; None for nothing.
         asked: The settings that count instead of what the file says of a controller.
     """
 
@@ -61,7 +59,6 @@ class Experiment:
     nominal: NominalPlant
     case: Case
     settings: Settings
-    loop: Loop | None = None
     asked: frozenset[str] = frozenset()
     _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
 
@@ -201,7 +198,7 @@ class Experiment:
                 self._designs[key] = made
             made = self._designs[key]
             made = _sampled(_realized(made, self._realization_of(table, made)), period)
-            return made if self.loop is None else self._looped(made, self.loop, table)
+            return made if self.case.loop is None else self._looped(made, self.case.loop, table)
         except GrosmcError as error:
             raise ArgumentError(f"controller {name}: {error}") from error
 
@@ -393,15 +390,13 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
     # The package's own laws are designed once for all experiments on one task.
     shared = file.plant.system is not None and not named_in(file)
     designs = _shared_designs(repr((file.plant.system, file.task))) if shared else {}
-    mistakes, loop = Mistakes(), None
-    tables = file.computing, file.sensor, file.estimator, file.actuator
-    with mistakes.gathered():
-        loop = loop_of_file(*tables, nominal.system)
-        if loop is not None:
-            loop.require_fits(nominal.system, settings.timestep, settings.control_period)
-    made = Experiment(file, path, nominal, case, settings, loop, _designs=designs)
+    made = Experiment(file, path, nominal, case, settings, _designs=designs)
+    mistakes = Mistakes()
+    if case.loop is not None:
+        with mistakes.gathered():
+            case.loop.require_fits(nominal.system, settings.timestep, settings.control_period)
     for table in file.controller:
-        if table.predict and not any(tables):
+        if table.predict and case.loop is None:
             mistakes.note(
                 f"controller {table.called}: predict: there is no loop that it could know: give "
                 "the file a [computing], a [[sensor]] or an [[actuator]]"

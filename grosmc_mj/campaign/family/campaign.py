@@ -110,7 +110,7 @@ class Campaign:
             disturbances=self.experiment.case.disturbances,
             record=False,
         )
-        last = (problem.steps - 1) // problem.stride * self.control_period
+        last = (problem.steps - 1) // problem.stride * problem.control_period
         for after in afters(self.requirements):
             if after * (1 - 1e-12) > last:
                 raise ArgumentError(
@@ -161,10 +161,10 @@ class Campaign:
         )
         return self.family.values(points)
 
-    def plant_sample(self, values: Sequence[float] | Array) -> PlantSample:
-        """The plant, disturbances and start that these values make."""
-        row = np.asarray(values, float).tolist()
-        return plant_sample_of(self.experiment.case, self.family.quantities, row)
+    def plant_sample(self, values: Sequence[float] | Array, run: int = 0) -> PlantSample:
+        """The plant, disturbances, start and loop that these values make, in a run."""
+        row, timestep = np.asarray(values, float).tolist(), self.experiment.settings.timestep
+        return plant_sample_of(self.experiment.case, self.family.quantities, row, timestep, run)
 
 
 def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.sampling import all_corners
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import number_in
@@ -33,8 +34,14 @@ MARGIN = "margin "
 # Columns of the results, beside the uncertain numbers.
 RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
 # What a physical plant has above zero, and what it has not below zero.
-_POSITIVE = ("mass_scale", "length_scale", "scale")
-_NOT_NEGATIVE = ("added_mass", "damping", "friction", "armature")
+_POSITIVE = (
+    "mass_scale", "length_scale", "scale", "time_constant", "slope", "bandwidth", "load", "limit",
+    "rate_limit",
+)  # fmt: skip
+_NOT_NEGATIVE = (
+    "added_mass", "damping", "friction", "armature", "delay", "jitter", "missed", "resolution",
+    "noise", "period", "lag", "dead_zone",
+)  # fmt: skip
 # Where a model keeps what a joint edit changes.
 _OF_JOINT = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}
 
@@ -45,7 +52,7 @@ class Quantity:
 
     Attributes:
         name: What it is called.
-        owner: ``body``, ``joint``, ``disturbance``, ``start`` or ``parameter``.
+        owner: ``body``, ``joint``, ``disturbance``, ``start``, ``parameter`` or a part of the loop.
         of: Name of that.
         quantity: Which of its numbers.
         at: Of an added mass: where on the body [m].
@@ -74,6 +81,8 @@ class Quantity:
         """Whether a plant can have this value."""
         if self.quantity in _POSITIVE:
             return value > 0
+        if self.quantity == "missed" and value >= 1:
+            return False
         return value >= 0 or self.quantity not in _NOT_NEGATIVE
 
     def ends(self, scale: float) -> tuple[float, float]:
@@ -85,7 +94,9 @@ class Quantity:
     @property
     def largest_scale(self) -> float:
         """The factor on distances from the nominal value up to which all values are physical."""
-        least = self.distribution.support[0]
+        least, most = self.distribution.support
+        if self.quantity == "missed":
+            return (1 - self.nominal) / (most - self.nominal) * (1 - 1e-9)
         if self.quantity not in (*_POSITIVE, *_NOT_NEGATIVE) or least >= self.nominal:
             return math.inf
         return self.nominal / (self.nominal - least)
@@ -173,7 +184,9 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
         with mistakes.gathered(f"uncertain {index + 1} ({table.called}): "):
             quantities.append(_quantity(table, case, plant))
     mistakes.refuse()
-    _refuse_twice([f"{each.of} {each.quantity}" for each in quantities], "uncertain")
+    ofs = [f"{each.owner} " * (each.owner in LOOP_UNITS) + each.of for each in quantities]
+    numbers = [f"{of} {each.quantity}" for of, each in zip(ofs, quantities, strict=True)]
+    _refuse_twice(numbers, "uncertain")
     names = [each.name for each in quantities]
     _refuse_twice(names, "called")
     for name in names:
@@ -200,6 +213,8 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
             raise ArgumentError(unknown_name("state", table.of, names))
         index = names.index(table.of)
         unit = plant.system.states[index].unit
+    if table.owner in LOOP_UNITS:
+        unit = loop_unit(table.owner, table.of, table.quantity, plant.system)
     read = partial(number_in, unit=unit)
     found = Quantity(
         name=table.called,
@@ -281,12 +296,25 @@ def _of_parameter(table: UncertainTable, case: Case, plant: Any) -> float:
     return 1.0
 
 
+def _of_loop(table: UncertainTable, case: Case, plant: Any) -> float:
+    if case.loop is None:
+        raise ArgumentError(f"the file has no loop, so no {table.owner}: give it one")
+    part = case.loop.part(table.owner, table.of)
+    value = getattr(part, table.quantity)
+    if value is None or (math.isinf(value) and table.nominal is None):
+        raise ArgumentError(
+            f"the {table.owner} has no {table.quantity.replace('_', ' ')}: give it one, or nominal"
+        )
+    return float(value)
+
+
 _NOMINAL = {
     "body": _of_body,
     "joint": _of_joint,
     "disturbance": _of_disturbance,
     "start": _of_start,
     "parameter": _of_parameter,
+    **dict.fromkeys(LOOP_UNITS, _of_loop),
 }
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
@@ -20,10 +21,12 @@ class PlantSample:
     Attributes:
         case: Start, edits and disturbances.
         scales: Factors on parameters of an analytic plant of the user's own.
+        run: Number of the run, for what its loop draws.
     """
 
     case: Case
     scales: tuple[tuple[str, float], ...] = ()
+    run: int = 0
 
     def plant(self, like: Plant) -> Plant:
         """The plant, from one without uncertainty."""
@@ -31,9 +34,17 @@ class PlantSample:
 
 
 def plant_sample_of(
-    case: Case, quantities: Sequence[Quantity], values: Sequence[float]
+    case: Case,
+    quantities: Sequence[Quantity],
+    values: Sequence[float],
+    timestep: float,
+    run: int = 0,
 ) -> PlantSample:
-    """The member with these values of the uncertain numbers, in the order of the quantities."""
+    """The member with these values of the uncertain numbers, in the order of the quantities.
+
+    Times of its loop are rounded to whole timesteps [s].
+    """
+    loop = case.loop
     edits, x0 = list(case.edits), list(case.x0)
     disturbances, scales = list(case.disturbances), []
     for quantity, value in zip(quantities, values, strict=True):
@@ -46,10 +57,15 @@ def plant_sample_of(
                 _disturbed(each, quantity.quantity, value) if each.label == quantity.of else each
                 for each in disturbances
             ]
+        elif quantity.owner in LOOP_UNITS and loop is not None:
+            loop = loop.changed(quantity.owner, quantity.of, **{quantity.quantity: value})
         else:
             _edit(edits, quantity, value)
-    changed = replace(case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances))
-    return PlantSample(changed, tuple(scales))
+    changed = replace(
+        case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances),
+        loop=loop if loop is case.loop or loop is None else loop.rounded(timestep),
+    )  # fmt: skip
+    return PlantSample(changed, tuple(scales), run)
 
 
 def _disturbed(disturbance: Disturbance, quantity: str, value: float) -> Disturbance:

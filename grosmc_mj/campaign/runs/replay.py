@@ -21,7 +21,7 @@ from grosmc_mj.campaign.runs.manifest import (
     read_manifest,
 )
 from grosmc_mj.campaign.runs.part import margin_column
-from grosmc_mj.campaign.runs.shard import Outcomes, outcomes, plants_of, with_meters
+from grosmc_mj.campaign.runs.shard import Outcomes, laws_with_meters, outcomes, plants_of
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.running import METRICS
@@ -75,7 +75,7 @@ def replay(
         values = found_values(campaign, folder.path, which, name)
     else:
         values = _sampled(campaign, folder, number, name)
-    result, outcome = _run(campaign, name, values, which, engine)
+    result, outcome = _run(campaign, name, values, which, number or 0, engine)
     stored = None if number is None else _stored(campaign, folder, number, name)
     return ReplayedRun(
         result=result,
@@ -141,16 +141,17 @@ def found_values(campaign: Campaign, folder: Path, which: str, controller: str) 
 
 
 def _run(
-    campaign: Campaign, controller: str, values: Array, which: str, engine: Engine
+    campaign: Campaign, controller: str, values: Array, which: str, number: int, engine: Engine
 ) -> tuple[RunResult, Outcomes]:
     """The run, recorded, on the plant as it is drawn."""
-    plant_sample, law = campaign.plant_sample(values), campaign.laws[controller]
+    plant_sample, law = campaign.plant_sample(values, number), campaign.laws[controller]
+    (measured,) = laws_with_meters(campaign, law, [plant_sample])
     (plant,) = plants_of(campaign, [plant_sample], drawn=True)
     settings, ended = campaign.experiment.settings, ""
     try:
         run = simulate(
             plant,
-            with_meters(campaign, law, plant_sample),
+            measured,
             plant_sample.case.x0,
             duration=campaign.duration,
             control_period=campaign.control_period,

@@ -17,6 +17,7 @@ from grosmc_mj.experiments.metrics.definitions import Recording, folded
 from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
 from grosmc_mj.experiments.requirements import afters, margins_of
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.loop import relooped, room_of
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 
@@ -56,7 +57,11 @@ def evaluate(campaign: Campaign, controller: str, values: Array, threads: int = 
 
 
 def evaluate_all(
-    campaign: Campaign, controllers: Iterable[str], values: Array, threads: int = 0
+    campaign: Campaign,
+    controllers: Iterable[str],
+    values: Array,
+    threads: int = 0,
+    ids: Sequence[int] | None = None,
 ) -> list[Outcomes]:
     """Run the same plants under each controller, as one batch, with nothing recorded.
 
@@ -65,15 +70,19 @@ def evaluate_all(
         controllers: Names of the controllers; their batches share the plants' compiled models.
         values: The uncertain numbers, (n, d).
         threads: 0 for all cores.
+        ids: Numbers of the runs, (n,), for what their loops draw; 0 for each by default.
     """
-    plant_samples = [campaign.plant_sample(row) for row in values]
+    numbers = [0] * len(values) if ids is None else ids
+    plant_samples = [
+        campaign.plant_sample(row, run) for row, run in zip(values, numbers, strict=True)
+    ]
     plants = plants_of(campaign, plant_samples)
     found = []
     for controller in controllers:
         law = campaign.laws[controller]
         run = simulate(
             plants,
-            [with_meters(campaign, law, plant_sample) for plant_sample in plant_samples],
+            laws_with_meters(campaign, law, plant_samples),
             np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
             duration=campaign.duration,
             control_period=campaign.control_period,
@@ -112,7 +121,7 @@ def outcomes(
     """
     meters, duration = memory["meters"], campaign.duration
     recording = Recording.sampled(
-        campaign.control_period,
+        campaign.laws[controller].asked_every(campaign.control_period),
         duration,
         np.array([plant_sample.case.onset for plant_sample in plant_samples]),
         afters(campaign.requirements),
@@ -155,15 +164,23 @@ def plants_of(
     return [made[plant_sample.case.edits, plant_sample.scales] for plant_sample in plant_samples]
 
 
-def with_meters(campaign: Campaign, law: Controller, plant_sample: PlantSample) -> Controller:
-    """A law with the meters that the requirements need."""
-    return metered(
-        law,
-        campaign.control_period,
-        afters(campaign.requirements),
-        plant_sample.case.onset,
-        costs=costs_wanted(campaign),
-    )
+def laws_with_meters(
+    campaign: Campaign, law: Controller, plant_samples: Sequence[PlantSample]
+) -> list[Controller]:
+    """A law in the loop of each run, with the meters that the requirements need around it."""
+    loops = [plant_sample.case.loop for plant_sample in plant_samples]
+    varied = [loop for loop in loops if loop is not None]
+    room = room_of(law, varied) if varied else None
+    return [
+        metered(
+            law if loop is None else relooped(law, loop, plant_sample.run, room),
+            campaign.control_period,
+            afters(campaign.requirements),
+            plant_sample.case.onset,
+            costs=costs_wanted(campaign),
+        )
+        for loop, plant_sample in zip(loops, plant_samples, strict=True)
+    ]
 
 
 def costs_wanted(campaign: Campaign) -> bool:

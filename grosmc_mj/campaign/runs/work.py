@@ -85,7 +85,7 @@ def run_shard(
     began = time.perf_counter()
     campaign = open_campaign(folder, specification, bound_to)
     ids = specification.ids(index)
-    found = evaluate_all(campaign, campaign.laws, campaign.values(ids), threads)
+    found = evaluate_all(campaign, campaign.laws, campaign.values(ids), threads, ids)
     table = part_table(campaign, bound_to, index, found)
     Folder(Path(folder)).write(index, table)
     seconds = time.perf_counter() - began

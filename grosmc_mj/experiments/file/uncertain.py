@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from grosmc_mj.errors import shown, unknown_name
+from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
 from grosmc_mj.experiments.file.table import Metres, Table, Three
 
-# What may be uncertain, by what it belongs to, with the unit of its values; a state has its own,
-# and those of a joint are written without one, as in [[edit]].
+# What may be uncertain, by what it belongs to, with the unit of its values; states and the parts of
+# a loop have their own, and those of a joint are written without one, as in [[edit]].
 QUANTITIES: dict[str, dict[str, str]] = {
     "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
     "joint": {"damping": "", "friction": "", "armature": ""},
     "disturbance": {"amplitude": "", "frequency": "rad/s", "phase": "rad", "onset": "s"},
     "start": {"value": ""},
     "parameter": {"scale": ""},
+    **{owner: dict.fromkeys(numbers, "") for owner, numbers in LOOP_UNITS.items()},
 }
 _KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
 
@@ -70,7 +72,7 @@ Spread = Annotated[Any, BeforeValidator(_spread)]
 
 
 class UncertainTable(Table):
-    """``[[uncertain]]``: one number of the plant, a disturbance or the start that is not known.
+    """``[[uncertain]]``: one number of plant, disturbance, start or loop that is not known.
 
     Each is a range ``[least, most]``, uniform in between, or a table with a ``distribution``.
 
@@ -93,6 +95,26 @@ class UncertainTable(Table):
         value: Of that state at t = 0.
         parameter: A parameter of an analytic plant of one's own.
         scale: Factor on it.
+        computing: ``true`` for the computer, whose delay, jitter or missed samples are uncertain.
+        sensor: The state of a [[sensor]] of the file.
+        estimator: The state of an [[estimator]].
+        actuator: The input of an [[actuator]].
+        delay: Of computer, sensor or actuator; rounded to whole timesteps, as all times of a loop.
+        jitter: Of the computer.
+        missed: Of the computer.
+        resolution: Of a sensor or actuator.
+        noise: Of a sensor.
+        bias: Of a sensor.
+        drift: Of a sensor.
+        period: Of a sensor.
+        time_constant: Of an estimator.
+        slope: Of an estimator.
+        bandwidth: Of an estimator.
+        load: Of an estimator.
+        limit: Of an actuator.
+        rate_limit: Of an actuator.
+        lag: Of an actuator.
+        dead_zone: Of an actuator.
         name: What it is called; what it is of and the quantity by default.
         nominal: The value that is no uncertainty, from which the radius is measured: by default
             what the file has without this table, and no disturbance.
@@ -116,6 +138,26 @@ class UncertainTable(Table):
     value: Spread = None
     parameter: str | None = None
     scale: Spread = None
+    computing: Literal[True] | None = None
+    sensor: str | None = None
+    estimator: str | None = None
+    actuator: str | None = None
+    delay: Spread = None
+    jitter: Spread = None
+    missed: Spread = None
+    resolution: Spread = None
+    noise: Spread = None
+    bias: Spread = None
+    drift: Spread = None
+    period: Spread = None
+    time_constant: Spread = None
+    slope: Spread = None
+    bandwidth: Spread = None
+    load: Spread = None
+    limit: Spread = None
+    rate_limit: Spread = None
+    lag: Spread = None
+    dead_zone: Spread = None
     name: str = ""
     nominal: Any = None
 
@@ -140,13 +182,13 @@ class UncertainTable(Table):
 
     @property
     def owner(self) -> str:
-        """``body``, ``joint``, ``disturbance``, ``start`` or ``parameter``."""
+        """What it belongs to, a key of ``QUANTITIES``."""
         return next(name for name in QUANTITIES if getattr(self, name) is not None)
 
     @property
     def of(self) -> str:
-        """Name of the body, joint, disturbance, state or parameter."""
-        return getattr(self, self.owner)
+        """Name of the body, joint, disturbance, state, input or parameter."""
+        return "computing" if self.owner == "computing" else getattr(self, self.owner)
 
     @property
     def quantity(self) -> str:

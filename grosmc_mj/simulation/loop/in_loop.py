@@ -7,6 +7,7 @@ estimators tell it, while all else (engines, meters, films) sees an ordinary con
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 
@@ -113,6 +114,36 @@ def in_loop(
         tuned = _with_filter(made, numbers, advance)
         made = replace(made, parameters=extended(told.parameters, loop=tuned))
     return made
+
+
+def relooped(
+    controller: Controller, loop: Loop, run: int = 0, room: Room | None = None
+) -> Controller:
+    """A controller with another loop around its law, of which it knows what it knew.
+
+    Args:
+        controller: In a loop.
+        loop: The other one.
+        run: Number of the run.
+        room: What its memory shall have room for.
+
+    Raises:
+        ArgumentError: If it is in none, or a part does not fit.
+    """
+    of = loop_of(controller)
+    return in_loop(
+        of.bare, loop, of.system, control_period=of.period, timestep=of.timestep,
+        predict=of.predicts, run=run, known=of.known, room=room,
+    )  # fmt: skip
+
+
+def room_of(controller: Controller, loops: Iterable[Loop]) -> Room:
+    """Room for each of these loops around a controller that is in one."""
+    of = loop_of(controller)
+    found = of.room
+    for loop in loops:
+        found = found.with_other(Room.needed(loop, of.timestep, round(of.period / of.timestep)))
+    return found
 
 
 def _design_model(controller: Controller, observers: set[str], *, predict: bool) -> Advance | None:

@@ -229,8 +229,7 @@ class Loop:
             ("actuator", self.actuators),
         ):
             for part in parts:
-                named = part.of if isinstance(part.of, str) else ", ".join(part.of)
-                yield f"{kind} of {named}", part
+                yield f"{kind} of {', '.join(_names(part))}", part
 
     @property
     def random(self) -> bool:
@@ -238,31 +237,43 @@ class Loop:
         drawn = self.computing.jitter or self.computing.missed
         return bool(drawn or any(sensor.noise for sensor in self.sensors))
 
-    def changed(self, kind: str, of: str, **numbers: Any) -> Loop:
-        """The same loop with other numbers of one of its parts.
+    def part(self, kind: str, of: str) -> Any:
+        """One of its parts.
 
         Args:
             kind: ``computing``, ``sensor``, ``estimator`` or ``actuator``.
             of: Of which state or input; of ``computing`` anything.
+
+        Raises:
+            ArgumentError: If there is no such part.
+        """
+        if kind == "computing":
+            return self.computing
+        parts: Sequence[Any] = getattr(self, f"{kind}s")
+        for part in parts:
+            if of in _names(part):
+                return part
+        known = [name for part in parts for name in _names(part)]
+        raise ArgumentError(unknown_name(kind, of, known) if known else f"there is no [[{kind}]]")
+
+    def changed(self, kind: str, of: str, **numbers: Any) -> Loop:
+        """The same loop with other numbers of one of its parts.
+
+        Args:
+            kind: As of ``part``.
+            of: As of ``part``.
             numbers: What is different.
 
         Raises:
             ArgumentError: If there is no such part, or a number does not fit.
         """
+        old = self.part(kind, of)
+        new = replace(old, **numbers)
         if kind == "computing":
-            return replace(self, computing=replace(self.computing, **numbers))
-        found, known = False, []
-        changed: list[Any] = []
+            return replace(self, computing=new)
         parts: Sequence[Any] = getattr(self, f"{kind}s")
-        for part in parts:
-            known += [part.of] if isinstance(part.of, str) else part.of
-            own = of == part.of or (not isinstance(part.of, str) and of in part.of)
-            found = found or own
-            changed.append(replace(part, **numbers) if own else part)
-        if not found:
-            said = unknown_name(kind, of, known) if known else f"there is no [[{kind}]]"
-            raise ArgumentError(said)
-        return replace(self, **{f"{kind}s": tuple(changed)})
+        made = tuple(new if part is old else part for part in parts)
+        return replace(self, **{f"{kind}s": made})
 
     def require_fits(self, system: System, timestep: float, control_period: float) -> None:
         """Refuse parts of what the system has not, twice of one thing, or off the timestep's grid.
@@ -279,11 +290,7 @@ class Loop:
         states, inputs = ([each.name for each in group] for group in (system.states, system.inputs))
         for kind, valid in (("sensor", states), ("estimator", states), ("actuator", inputs)):
             parts: Sequence[Any] = getattr(self, f"{kind}s")
-            names = [
-                name
-                for part in parts
-                for name in ((part.of,) if isinstance(part.of, str) else part.of)
-            ]
+            names = [name for part in parts for name in _names(part)]
             what = "input" if kind == "actuator" else "state"
             for name in dict.fromkeys(names):
                 if name not in valid:
@@ -316,6 +323,11 @@ class Loop:
                 near = {name: round(getattr(part, name) / timestep) * timestep for name in times}
                 found = found.changed(kind, getattr(part, "of", ""), **near)
         return found
+
+
+def _names(part: Any) -> tuple[str, ...]:
+    """What a part is of."""
+    return (part.of,) if isinstance(part.of, str) else part.of
 
 
 def steps_in(what: str, seconds: float, timestep: float) -> int:
