@@ -91,17 +91,32 @@ def _nothing(i: int, t: float, memory: Any, p: Any) -> None:
 
 @cache
 def foreseeing(m: int, move: Advance) -> Callable[..., None]:
-    """Jitable (i, t, memory, p): move ``loop.model`` on by the dead time that the law knows."""
+    """Jitable (i, t, memory, p): move ``loop.model`` on by the dead time that the law knows.
+
+    Timesteps with one input, up to a control period of them, are one step of the model.
+    """
+
+    @jitable
+    def told(a: int, j: int, loop: Any, q: Any) -> float:
+        """Input j as it was put out in timestep a, within the limits that the law knows."""
+        asked = q.rest[j] if a < 0 else loop.queue[a % loop.queue.shape[0], j]
+        return min(q.known_limit[j], max(-q.known_limit[j], asked))
 
     @jitable
     def foresee(i: int, t: float, memory: Any, p: Any) -> None:
         loop, q = memory.loop, p.loop
-        dead, room = int(q.dead), loop.queue.shape[0]
-        for step in range(dead):
-            a = i - dead + step
+        a = i - int(q.dead)
+        while a < i:
             for j in range(m):
-                asked = q.rest[j] if a < 0 else loop.queue[a % room, j]
-                loop.mean[j] = min(q.known_limit[j], max(-q.known_limit[j], asked))
-            move(t + q.ahead + (step - dead) * q.timestep, loop.mean, memory, p, q.timestep)
+                loop.mean[j] = told(a, j, loop, q)
+            count, same = 1, True
+            while same and a + count < i and count < q.stride:
+                for j in range(m):
+                    same = same and told(a + count, j, loop, q) == loop.mean[j]
+                if same:
+                    count += 1
+            at = t + q.ahead + (a - i) * q.timestep
+            move(at, loop.mean, memory, p, count * q.timestep)
+            a += count
 
     return foresee
