@@ -6,15 +6,18 @@ import gc
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
+from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.simulate import prepare
 
@@ -105,10 +108,14 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     case, controller = experiment.case, experiment.law("physics", "grosmc")
     h = float(plant.model.opt.timestep)
 
-    def native(simulations: int, *, record: bool) -> NativeBatch:
+    looped = in_loop(
+        controller, _every_part(), plant.system, control_period=h, timestep=h, predict=True
+    )
+
+    def native(law: Controller, simulations: int, *, record: bool) -> NativeBatch:
         starts = np.tile(case.x0, (simulations, 1))
         steps = _STEPS[simulations]
-        problem, _ = prepare(plant, controller, starts, duration=steps * h, record=record)
+        problem, _ = prepare(plant, law, starts, duration=steps * h, record=record)
         return NativeBatch(problem)
 
     def open_loop_one() -> Callable[[], object]:
@@ -121,15 +128,15 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
         batch.qpos[:, 1] = case.x0[1]
         return lambda: batch.step(nstep=_STEPS[1024])
 
-    def closed(simulations: int) -> Callable[[], Callable[[], object]]:
+    def closed(law: Controller, simulations: int) -> Callable[[], Callable[[], object]]:
         def ready() -> Callable[[], object]:
-            batch = native(simulations, record=False)
+            batch = native(law, simulations, record=False)
             return lambda: batch.advance(_STEPS[simulations])
 
         return ready
 
     def recorded(simulations: int) -> Callable[[], Callable[[], object]]:
-        return lambda: native(simulations, record=True).run
+        return lambda: native(controller, simulations, record=True).run
 
     few = _STEPS[1] // 10
 
@@ -146,16 +153,33 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
         return run
 
     one, many = "mj_step(nstep), open loop", "Batch.step(nstep), open loop"
+    closed_batch = "GROSMC, native, batch"
     return [
         TimedLoop(one, 1, _STEPS[1], open_loop_one, one),
-        TimedLoop("GROSMC, native", 1, _STEPS[1], closed(1), one),
+        TimedLoop("GROSMC, native", 1, _STEPS[1], closed(controller, 1), one),
         TimedLoop("GROSMC, native, recorded", 1, _STEPS[1], recorded(1), one),
         TimedLoop("GROSMC, Python mj_step loop", 1, few, python_loop, one),
         *_suite_loop(one),
         TimedLoop(many, 1024, _STEPS[1024], open_loop_batch, many),
-        TimedLoop("GROSMC, native, batch", 1024, _STEPS[1024], closed(1024), many),
+        TimedLoop(closed_batch, 1024, _STEPS[1024], closed(controller, 1024), many),
+        TimedLoop(
+            "GROSMC in its loop, batch", 1024, _STEPS[1024], closed(looped, 1024), closed_batch
+        ),
         TimedLoop("GROSMC, native, batch, recorded", 1024, _STEPS[1024], recorded(1024), many),
     ]
+
+
+def _every_part() -> Loop:
+    """The bench's loop of the pendulum with every number that a loop has, and prediction."""
+    loop = find_experiment("cart_pendulum", "bench").case.loop or Loop()
+    return Loop(
+        replace(loop.computing, delay=1e-3, missed=1e-3),
+        tuple(replace(s, noise=1e-5, bias=1e-6, drift=1e-6, delay=1e-3) for s in loop.sensors),
+        loop.estimators,
+        tuple(
+            replace(a, delay=1e-3, rate_limit=1e6, order=2, dead_zone=1e-3) for a in loop.actuators
+        ),
+    )
 
 
 def _suite_loop(baseline: str) -> list[TimedLoop]:

@@ -18,24 +18,7 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
         A function (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h under u, (m,);
         the last three are scratch space, (n,).
     """
-    drift, input_matrix, disturbance = system.drift, system.input_matrix, system.disturbance
-    n, m = len(system.states), len(system.inputs)
-
-    @jitable
-    def slope_at(x: Any, u: Any, w: Any, p: Any, slope: Any) -> None:
-        f, g, d = drift(x, p), input_matrix(x, p), disturbance(x, w, p)
-        for i in range(n):
-            moved = f[i]
-            for j in range(m):
-                moved += g[i * m + j] * u[j]
-            slope[i] = moved + d[i]
-
-    return runge_kutta(n, slope_at)
-
-
-@cache
-def runge_kutta(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
-    """The same for n states and a jitable (x, u, w, p, slope) that writes x' into the last."""
+    n, slope_at = len(system.states), state_derivative(system)
 
     @jitable
     def step(x: Any, u: Any, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any) -> None:
@@ -53,3 +36,21 @@ def runge_kutta(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
             x[i] += h / 6.0 * total[i]
 
     return step
+
+
+@cache
+def state_derivative(system: System) -> Callable[..., None]:
+    """Jitable (x, u, w, p, slope): write x' = f(x) + g(x) u + d(x, w) into slope, (n,)."""
+    drift, input_matrix, disturbance = system.drift, system.input_matrix, system.disturbance
+    n, m = len(system.states), len(system.inputs)
+
+    @jitable
+    def slope_at(x: Any, u: Any, w: Any, p: Any, slope: Any) -> None:
+        f, g, d = drift(x, p), input_matrix(x, p), disturbance(x, w, p)
+        for i in range(n):
+            moved = f[i]
+            for j in range(m):
+                moved += g[i * m + j] * u[j]
+            slope[i] = moved + d[i]
+
+    return slope_at

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.jitable import jitable
-from grosmc_mj.simulation.engines.runge_kutta import runge_kutta, runge_kutta_step
+from grosmc_mj.simulation.engines.runge_kutta import state_derivative
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
 from grosmc_mj.vectors import each
 
@@ -29,8 +29,8 @@ _STEP = 1e-6
 def advance_of(error: OutputCoordinates | StateCoordinates) -> Advance:
     """How the design model of these error coordinates moves.
 
-    Plants with equations by one step of the classical fourth-order rule, models about an operating
-    point by the same on their linearization, robots by their accelerations, q + h q' + h^2/2 q''.
+    Plants with equations by one step of the midpoint rule, models about an operating point by the
+    same on their linearization, robots by their accelerations, q + h q' + h^2/2 q''.
 
     Raises:
         ArgumentError: If they have no design model.
@@ -46,12 +46,11 @@ def advance_of(error: OutputCoordinates | StateCoordinates) -> Advance:
 
 @cache
 def _by_equations(error: ErrorCoordinates) -> Advance:
-    step = runge_kutta_step(error.system)
+    step = _midpoint(len(error.system.states), state_derivative(error.system))
 
     @jitable
     def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:
-        own = memory.loop
-        step(own.model, u, own.calm, p.plant, h, own.slope, own.stage, own.total)
+        step(memory.loop, u, p.plant, h)
 
     return advance
 
@@ -68,14 +67,28 @@ def _linear(n: int, m: int) -> Advance:
                 total += q.B[i, j] * (u[j] - q.rest[j])
             slope[i] = total
 
-    step = runge_kutta(n, slope_at)
+    step = _midpoint(n, slope_at)
 
     @jitable
     def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:
-        own = memory.loop
-        step(own.model, u, own.calm, p.loop, h, own.slope, own.stage, own.total)
+        step(memory.loop, u, p.loop, h)
 
     return advance
+
+
+def _midpoint(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
+    """Jitable (loop, u, p, h): move ``loop.model``, (n,), by h under u, without a wrench."""
+
+    @jitable
+    def step(loop: Any, u: Any, p: Any, h: float) -> None:
+        slope_at(loop.model, u, loop.calm, p, loop.slope)
+        for i in range(n):
+            loop.stage[i] = loop.model[i] + 0.5 * h * loop.slope[i]
+        slope_at(loop.stage, u, loop.calm, p, loop.slope)
+        for i in range(n):
+            loop.model[i] += h * loop.slope[i]
+
+    return step
 
 
 @cache
