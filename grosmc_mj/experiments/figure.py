@@ -136,14 +136,19 @@ def _panels(results: Sequence[RunResult]) -> list[_Panel]:
                 ("cart_travel_below",),
             )
         )
+    looped = first.trajectory.seen is not None
+    if looped:
+        y = system.states[system.controlled[0]]
+        panels.append(_Panel(f"{y.name},\nseen − true [{y.unit}]", _misseen, (), every_plant=False))
     units = [found for r in results if (found := r.controller.designed.sliding_unit)]
     if units:
         name, kinds = "s" if one else "largest |s|", ("sliding_below", "no_reaching_phase")
+        name += ", as the law\nsees it" if looped else ""
         panels.append(
             _Panel(f"{name} [{units[0]}]", _sliding, kinds, every_plant=False, signed=one)
         )
     u = system.inputs[0]
-    name = u.name if one else "largest |u|"
+    name = (u.name if one else "largest |u|") + (" given" if looped else "")
     panels.append(
         _Panel(
             f"{name} [{u.unit}]",
@@ -182,6 +187,13 @@ def _sliding(run: RunResult) -> Array:
     """s, or nothing where a law has no surface."""
     sliding = run.trajectory.sliding
     return np.full(len(run.trajectory.time) - 1, np.nan) if sliding is None else _largest(sliding)
+
+
+def _misseen(run: RunResult) -> Array:
+    """What a law sees of the first controlled state less what it is."""
+    seen, j = run.trajectory.seen, run.trajectory.system.controlled[0]
+    true = run.trajectory.state[:-1, j]
+    return np.zeros_like(true) if seen is None else seen[:, j] - true
 
 
 def _mark(axes: Axes, panel: _Panel, results: Sequence[RunResult]) -> None:

@@ -223,6 +223,7 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     if all_of_them:
         console.print(_requirements(all_of_them))
     console.print(runs_table(done.results))
+    screen.say_lines(console, _in_loop(done.experiment), "dim", all=full)
     robot = done.experiment.nominal.robot
     changed = [*_at_rest(done.experiment), *(robot.converted if robot is not None else ())]
     screen.say_lines(console, list(changed), "dim", all=full)
@@ -239,6 +240,18 @@ def _at_rest(experiment: Experiment) -> list[str]:
         for pairs in named
     )
     return [f"at rest at {state} under {inputs}"]
+
+
+def _in_loop(experiment: Experiment) -> list[str]:
+    """What lies between the laws and the plant, and of what the numbers are then."""
+    from grosmc_mj.simulation.loop.words import loop_words
+
+    if (loop := experiment.case.loop) is None:
+        return []
+    return [
+        "in its loop: y and u are true and given, s and J as the law sees and asks",
+        *loop_words(loop, experiment.nominal.system),
+    ]
 
 
 def _kept(failed: int, judged: int, not_judged: int) -> str:
