@@ -48,7 +48,8 @@ def in_loop(
     The law sees what sensors and estimators give; its output reaches the plant through computer and
     actuators. With ``predict`` it is told the state at the instant when its output arrives: the
     design model runs ahead over the dead time of sensors, computer and actuators, a lag counting
-    as a delay of its time constants, under the outputs that are on their way.
+    as a delay of its time constants, under the outputs that are on their way. What the model has
+    missed of the state's rate lately, a load say, it goes on missing.
 
     Args:
         controller: Any; observers and predictions need one with a design model.

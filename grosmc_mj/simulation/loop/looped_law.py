@@ -12,7 +12,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.loop.actuating import actuating
 from grosmc_mj.simulation.loop.counter import uniform
 from grosmc_mj.simulation.loop.design_model import Advance
-from grosmc_mj.simulation.loop.estimating import filtering, rate_estimating
+from grosmc_mj.simulation.loop.estimating import filtering, known_input, rate_estimating
 from grosmc_mj.simulation.loop.sensing import sensing
 from grosmc_mj.vectors import algebra, each
 
@@ -32,11 +32,11 @@ def looped_law_of(
     expect, estimate = rate_estimating(n, m, advance if "eso" in observers else None)
     entries = each(m, lambda i, u: u[i])
     vector = jitable(lambda u: (u,)) if m == 1 else jitable(lambda u: u)
-    observe, foresee = _nothing, _nothing
+    observe, foresee, recall, learn = _nothing, _nothing, _nothing, _nothing
     if advance is not None and "kalman" in observers:
         observe = filtering(n, m, advance)
     if advance is not None and predicts:
-        foresee = foreseeing(m, advance)
+        foresee, (recall, learn) = foreseeing(n, m, advance), load_learning(n, m, advance)
 
     @jitable
     def late(k: int, q: Any) -> float:
@@ -55,9 +55,12 @@ def looped_law_of(
             t_k = k * q.period
             if k > 0:
                 expect(i, t_k, memory, p)
+                recall(i, t_k, memory, p)
             sense(i, loop, q)
             estimate(i, t_k, memory, p)
             observe(i, t_k, memory, p)
+            if k > 0:
+                learn(i, t_k, memory, p)
             for j in range(n):
                 loop.model[j] = loop.seen[j]
             foresee(i, t_k, memory, p)
@@ -90,7 +93,36 @@ def _nothing(i: int, t: float, memory: Any, p: Any) -> None:
 
 
 @cache
-def foreseeing(m: int, move: Advance) -> Callable[..., None]:
+def load_learning(n: int, m: int, move: Advance) -> tuple[Callable[..., None], Callable[..., None]]:
+    """What the design model misses of the state's rate: two jitable (i, t, memory, p).
+
+    The first, before a sample, moves what was seen at the last one by a period; the second lets
+    ``loop.missed`` follow what is seen instead, through a lag.
+    """
+    mean = known_input(m)
+
+    @jitable
+    def recall(i: int, t: float, memory: Any, p: Any) -> None:
+        loop, q = memory.loop, p.loop
+        for j in range(n):
+            loop.model[j] = loop.seen[j]
+        mean(i, int(q.stride), loop, q, loop.mean)
+        move(t - q.period, loop.mean, memory, p, q.period)
+        for j in range(n):
+            loop.believed[j] = loop.model[j]
+
+    @jitable
+    def learn(i: int, t: float, memory: Any, p: Any) -> None:
+        loop, q = memory.loop, p.loop
+        for j in range(n):
+            rate = (loop.seen[j] - loop.believed[j]) / q.period
+            loop.missed[j] += q.learning * (rate - loop.missed[j])
+
+    return recall, learn
+
+
+@cache
+def foreseeing(n: int, m: int, move: Advance) -> Callable[..., None]:
     """Jitable (i, t, memory, p): move ``loop.model`` on by the dead time that the law knows.
 
     Timesteps with one input, up to a control period of them, are one step of the model.
@@ -118,5 +150,7 @@ def foreseeing(m: int, move: Advance) -> Callable[..., None]:
             at = t + q.ahead + (a - i) * q.timestep
             move(at, loop.mean, memory, p, count * q.timestep)
             a += count
+        for j in range(n):
+            loop.model[j] += loop.missed[j] * (q.dead * q.timestep)
 
     return foresee

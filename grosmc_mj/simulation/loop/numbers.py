@@ -34,6 +34,7 @@ class LoopNumbers:
         rest: Input before the first output arrives, (m,).
         dead: Dead time that the law knows of.
         ahead: From its sample to when its output arrives, as it knows [s].
+        learning: Share of what the design model has missed in a period that is believed at once.
         known_limit: Largest |u| that it knows of, (m,).
         A: Of a design model that is linear about an operating point, (n, n).
         B: The same, (n, m).
@@ -57,6 +58,7 @@ class LoopNumbers:
     rest: Array
     dead: float
     ahead: float
+    learning: float
     known_limit: Array
     A: Array
     B: Array
@@ -84,6 +86,7 @@ class LoopMemory:
         lags: Of each input: after the rate limit, the first lag and the second, (m, 3).
         mean: Input over the last period, as estimators know it, (m,).
         model: The design model's state, (n,).
+        missed: What the design model misses of the state's rate, (n,).
         slope: To compute in, (n,).
         stage: To compute in, (n,).
         total: To compute in, (n,).
@@ -105,6 +108,7 @@ class LoopMemory:
     lags: Array
     mean: Array
     model: Array
+    missed: Array
     slope: Array
     stage: Array
     total: Array
