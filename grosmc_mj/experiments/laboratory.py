@@ -159,7 +159,13 @@ class Laboratory:
 
     def as_set(self, experiment: Experiment) -> Experiment:
         """An experiment with the laboratory's settings and its number."""
-        used = experiment.with_settings(**self.settings.changes())
+        changes = self.settings.changes()
+        if experiment.case.loop is not None:
+            # A loop's pace is its own; physics can be finer.
+            finer = self.settings.timestep / Settings().timestep
+            changes["timestep"] = experiment.settings.timestep * finer
+            changes.pop("control_period", None)
+        used = experiment.with_settings(**changes)
         if self._number is None:
             return used
         designs = self.once(("designs", experiment.path.parent), dict)

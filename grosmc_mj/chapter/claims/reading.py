@@ -13,6 +13,7 @@ from typing import Any, get_args
 from grosmc_mj.chapter.claims.claim import Choice, Claim, Kind, Verdict
 from grosmc_mj.chapter.claims.measurements import (
     arm,
+    bench,
     cart,
     cart_pendulum,
     measures,
@@ -44,7 +45,7 @@ def _functions() -> dict[str, Callable[..., Any]]:
     """What a claim may name: the modules' public functions that take a laboratory."""
     return {
         f"{module.__name__.rpartition('.')[2]}.{name}": function
-        for module in (servo, cart_pendulum, cart, arm, two_link_arm, theory, measures)
+        for module in (servo, cart_pendulum, cart, arm, two_link_arm, bench, theory, measures)
         for name, function in inspect.getmembers(module, inspect.isfunction)
         if function.__module__ == module.__name__
         and not name.startswith("_")
