@@ -13,9 +13,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import SERVO, AnalyticPlant
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.loop import Actuator, Loop, in_loop
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 H = 1e-3
@@ -25,20 +26,30 @@ CURRENT = SERVO.input.name
 
 @dataclass(frozen=True, eq=False)
 class Script:
-    """What is asked for at each sample, and the time between two [s]."""
+    """What is asked for at each sample, the time between two [s], and what observers believe in."""
 
     u: Array
     period: float
+    plant: Any
+    reference: Any
 
 
 def as_scripted(t: float, x: Any, memory: Any, p: Any) -> float:
-    memory.v = p.u[round(t / p.period)]
+    # One that predicts is asked for what comes after the end.
+    memory.v = p.u[min(round(t / p.period), len(p.u) - 1)]
     return memory.v
 
 
-def scripted(u: Sequence[float] | Array, period: float = H) -> Controller:
-    """An open loop that asks for one number after the other."""
-    return Controller("scripted", as_scripted, Script(np.array(u, float), period))
+def scripted(
+    u: Sequence[float] | Array, period: float = H, *, modelled: bool = False
+) -> Controller:
+    """An open loop that asks for one number after the other, with a design model or without."""
+    u = np.array(u, float)
+    if not modelled:
+        return Controller("scripted", as_scripted, Script(u, period, servo().parameters, 0.0))
+    lqr = nominal().law("corrected", "lqr")
+    script = Script(u, period, lqr.parameters.plant, lqr.parameters.reference)
+    return Controller("scripted", as_scripted, script, design=lqr.design)
 
 
 @cache
@@ -54,13 +65,21 @@ def played(
     h: float = H,
     x0: Sequence[float] = (0.0, 0.0),
     run: int = 0,
-    engine: Engine = "python",
+    modelled: bool = False,
+    predict: bool = False,
+    disturbances: Sequence[Disturbance] = (),
 ) -> Trajectory:
     """The servo under a script in a loop, as long as there is something to ask for."""
-    period = stride * h
-    law = in_loop(scripted(u, period), loop, SERVO, control_period=period, timestep=h, run=run)
+    periods: dict[str, Any] = {"control_period": stride * h, "timestep": h}
+    bare = scripted(u, stride * h, modelled=modelled)
     return simulate(
-        servo(), law, x0, duration=len(u) * period, control_period=period, timestep=h, engine=engine
+        servo(),
+        in_loop(bare, loop, SERVO, predict=predict, run=run, **periods),
+        x0,
+        duration=len(u) * stride * h,
+        disturbances=disturbances,
+        engine="python",
+        **periods,
     )
 
 

@@ -4,8 +4,8 @@
   1998, with the gains 1.5 sqrt(L) and 1.1 L, by implicit Euler (V. Acary and B. Brogliato,
   "Implicit Euler numerical scheme and chattering-free implementation of sliding mode systems",
   Systems & Control Letters 59, 2010), solved in closed form: no chatter of its own.
-- ``high-gain`` and ``eso``: H. K. Khalil, "High-gain observers in nonlinear feedback control", 2017,
-  and Z. Gao, "Scaling and bandwidth-parameterization based controller tuning", ACC 2003, as
+- ``high-gain`` and ``eso``: H. K. Khalil, "High-gain observers in nonlinear feedback control",
+  2017, and Z. Gao, "Scaling and bandwidth-parameterization based controller tuning", ACC 2003, as
   current observers with all poles at exp(-w T).
 """
 
