@@ -126,7 +126,7 @@ def test_the_implicit_law_one_sample_late_circles_as_the_harmonic_balance_says()
     assert left_out < 0.03
     found, size = fundamental(cycle(run), np.linspace(0.98, 1.1, 1201))
     assert abs(found / angle - 1) < harmonic
-    assert abs(saturated(size / (H * np.mean(rho))) - N) < left_out
+    assert abs(saturated(size / (H * float(np.mean(rho)))) - N) < left_out
     # Twenty times what it is on time.
     on_time = closed(law, Loop(), (0.0, 0.0), 20.0)
     assert np.abs(cycle(on_time)).max() < 0.05 * size

@@ -36,7 +36,7 @@ from grosmc_mj.simulation.loop.numbers import (
     estimator_rows,
     sensor_rows,
 )
-from grosmc_mj.simulation.loop.parts import Loop
+from grosmc_mj.simulation.loop.parts import LARGEST_SEED, Loop
 from grosmc_mj.simulation.loop.sensing import sensing
 from grosmc_mj.vectors import algebra, each
 
@@ -104,6 +104,11 @@ def in_loop(
     require("controller", controller, Controller, "a Controller")
     require("loop", loop, Loop, "a Loop(computing, sensors, estimators, actuators)")
     require("system", system, System, "a System, such as plant.system")
+    require("known", known, (Loop, type(None)), "a Loop or None")
+    require("predict", predict, (bool, np.bool_), "True or False")
+    whole = isinstance(run, (int, np.integer)) and not isinstance(run, bool)
+    if not (whole and 0 <= run < LARGEST_SEED):
+        raise ArgumentError(f"run = {shown(run)} must be a whole number from 0 to below 2^53")
     h, period = real(timestep), real(control_period)
     if not (0 < h <= period < math.inf and math.isclose(round(period / h) * h, period)):
         raise ArgumentError(
@@ -113,6 +118,8 @@ def in_loop(
     if controller.sampling is not None:
         raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
     loop.require_fits(system, h, period)
+    if known is not None:
+        known.require_fits(system, h, period)
     known, stride = loop if known is None else known, round(period / h)
     sampling = LoopSampling(
         period=period,
@@ -190,6 +197,8 @@ def _estimators(loop: Loop, system: System) -> Array:
                     f"estimator: {part.law} gives a rate: {name!r} is none of "
                     f"{', '.join(rates) or 'them: no state is the rate of another'}"
                 )
+    if sum(part.law == "kalman" for part in loop.estimators) > 1:
+        raise ArgumentError("estimator: two filters by kalman: give one of them all states")
     slow = [sensor.of for sensor in loop.sensors if sensor.period]
     for part in loop.estimators:
         if part.law in ("eso", "kalman") and slow:

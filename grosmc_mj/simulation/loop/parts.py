@@ -37,6 +37,12 @@ def _require(what: str, value: Any, *, positive: bool = False, signed: bool = Fa
         raise ArgumentError(f"{what} = {shown(value)} must be finite{must}")
 
 
+def _require_name(value: Any) -> None:
+    """Refuse what is no name."""
+    if not (isinstance(value, str) and value):
+        raise ArgumentError(f"of = {shown(value)} must be the name of a state or an input")
+
+
 def _require_limit(what: str, value: Any) -> None:
     """Refuse what is no positive number; infinite for none."""
     if not real(value) > 0:
@@ -93,6 +99,7 @@ class Sensor:
     period: float = 0.0
 
     def __post_init__(self) -> None:
+        _require_name(self.of)
         for name in ("resolution", "noise", "delay", "period"):
             _require(name, getattr(self, name))
         for name in ("bias", "drift"):
@@ -129,7 +136,12 @@ class Estimator:
 
     def __post_init__(self) -> None:
         require("settled", self.settled, bool, "True or False")
-        object.__setattr__(self, "of", (self.of,) if isinstance(self.of, str) else tuple(self.of))
+        names = (self.of,) if isinstance(self.of, str) else self.of
+        if not (isinstance(names, Sequence) and names):
+            raise ArgumentError(f"of = {shown(self.of)} must be names of states, at least one")
+        for name in names:
+            _require_name(name)
+        object.__setattr__(self, "of", tuple(names))
         if self.law not in get_args(EstimatorLaw):
             raise ArgumentError(unknown_name("estimator", self.law, get_args(EstimatorLaw)))
         needed = TUNED_BY.get(self.law)
@@ -174,6 +186,7 @@ class Actuator:
     dead_zone: float = 0.0
 
     def __post_init__(self) -> None:
+        _require_name(self.of)
         for name in ("delay", "resolution", "lag", "dead_zone"):
             _require(name, getattr(self, name))
         for name in ("limit", "rate_limit"):
@@ -249,6 +262,18 @@ class Loop:
         Raises:
             ArgumentError: If there is no such part, or a number does not fit.
         """
+        kinds: dict[str, type] = {
+            "computing": Computing,
+            "sensor": Sensor,
+            "estimator": Estimator,
+            "actuator": Actuator,
+        }
+        if kind not in kinds:
+            raise ArgumentError(unknown_name("part", kind, kinds))
+        valid = [each.name for each in fields(kinds[kind]) if each.name != "of"]
+        for name in numbers:
+            if name not in valid:
+                raise ArgumentError(unknown_name(f"number of a {kind} part", name, valid))
         if kind == "computing":
             return replace(self, computing=replace(self.computing, **numbers))
         found, known = False, []
@@ -289,12 +314,19 @@ class Loop:
                 if name not in valid:
                     mistakes.note(f"{kind}: {unknown_name(what, name, valid)}")
                 elif names.count(name) > 1:
-                    mistakes.note(f"two {kind}s of {name!r}: a {what} has one")
+                    article = "an" if what == "input" else "a"
+                    mistakes.note(f"two {kind}s of {name!r}: {article} {what} has one")
         for said, part in self.parts:
             for item in fields(part):
                 if item.name in ("delay", "jitter", "period"):
                     with mistakes.gathered(f"{said}: "):
                         steps_in(item.name, getattr(part, item.name), timestep)
+        for actuator in self.actuators:
+            if actuator.lag * actuator.order > MOST_STEPS * timestep:
+                mistakes.note(
+                    f"actuator of {actuator.of}: lag = {actuator.lag:g} s is more than "
+                    f"{MOST_STEPS} timesteps of {timestep:g} s"
+                )
         if self.computing.jitter and not self.computing.jitter < control_period * (1 - 1e-9):
             mistakes.note(
                 f"computing: jitter = {self.computing.jitter:g} s must be shorter than the control "
