@@ -46,7 +46,7 @@ def test_a_missed_sample_holds_the_output_before(missed: float, seed: int, strid
 
 def test_the_share_that_is_missed_is_the_one_given() -> None:
     """Of N samples sqrt(N p (1 - p)) more or less."""
-    N, p = 4000, 0.3
+    N, p = 10_000, 0.3
     run = computed(N, 1, missed=p)
     missed = np.sum(run.input != run.command)
     assert abs(missed - N * p) < SIGMAS * math.sqrt(N * p * (1 - p))

@@ -15,6 +15,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
 from grosmc_mj.simulation.loop.in_loop import rate_positions
+from grosmc_mj.simulation.loop.parts import TUNED_BY
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -102,6 +103,26 @@ def test_both_engines_agree_in_every_bit(system: str, kind: str, predict: bool) 
     # All of it is at work: what is asked for is not what is given, nor what is seen what is.
     assert not np.array_equal(seen(native), native.state[:-1])
     assert np.abs(native.input - native.command).max() > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [*TUNED_BY, "difference"])
+def test_both_engines_agree_on_every_estimator(law: Any) -> None:
+    plant, bare = plant_of("servo", "corrected"), law_of("servo")
+    angle, speed = (state.name for state in plant.system.states)
+    numbers: dict[str, Any] = {TUNED_BY[law]: 30.0} if law in TUNED_BY else {}
+    loop = Loop(
+        Computing(delay=2 * H, missed=0.1),
+        (Sensor(angle, 1e-4, noise=1e-4, delay=H),),
+        (Estimator((speed,), law, **numbers),),
+    )
+    looped = in_loop(bare, loop, plant.system, predict=True)
+    native, python = (
+        simulate(plant, looped, (0.1, 0.2), duration=0.1, engine=engine)
+        for engine in ("native", "python")
+    )
+    assert_equal(native, python, (*FIELDS, "seen", "memory"))
+    assert not np.array_equal(seen(native)[:, 1], native.state[:-1, 1])
 
 
 @pytest.mark.slow
