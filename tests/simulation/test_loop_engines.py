@@ -40,16 +40,15 @@ def whole(plant: Plant, seed: int = 1) -> Loop:
     pairs = rate_positions(system)
     positions = [system.states[i].name for i in pairs.values()]
     rates = tuple(system.states[i].name for i in pairs)
-    kinds = (
-        Estimator(rates[:1], "eso", bandwidth=150.0),
-        Estimator(rates[1:], "levant", slope=40.0, settled=False),
-    )
+    estimators = [Estimator(rates[:1], "eso", bandwidth=150.0)]
+    if rates[1:]:
+        estimators.append(Estimator(rates[1:], "levant", slope=40.0, settled=False))
     return Loop(
         Computing(delay=2 * H, jitter=H, missed=0.05),
         tuple(
             Sensor(name, 1e-5, noise=1e-5, bias=1e-5, drift=1e-4, delay=H) for name in positions
         ),
-        kinds[: len(rates)],
+        tuple(estimators),
         tuple(
             Actuator(each.name, H, 1e-3, limit=60.0, rate_limit=1e4, lag=1.5e-3, order=2,
                      dead_zone=1e-3)
