@@ -144,6 +144,7 @@ def test_two_mistakes_are_told_at_once(tmp_path: Path) -> None:
         assert said in str(told.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".parquet", ".npz"])
 def test_what_a_law_saw_is_kept_in_files(ending: str, tmp_path: Path) -> None:
     run = Experiment.load("servo/bench").varied(duration=0.05).run("physics", "implicit, predicted")
@@ -164,6 +165,7 @@ def test_a_run_without_a_loop_has_nothing_seen(tmp_path: Path) -> None:
     assert gm.load_trajectory(run.save(tmp_path / "run.npz")).seen is None
 
 
+@pytest.mark.slow
 def test_a_batch_keeps_what_each_law_saw() -> None:
     bench = Experiment.load("servo/bench")
     law, plant = bench.law("physics", "implicit"), bench.plant("physics")
