@@ -26,7 +26,7 @@ from grosmc_mj.plants import CART_PENDULUM, SERVO
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.studies.region import measure as region
 from grosmc_mj.studies.region.axes import choose_axes, starts_on
-from grosmc_mj.studies.region.loop import Loop, state_names
+from grosmc_mj.studies.region.loop import RegionLoop, state_names
 from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion, outcomes
 from grosmc_mj.studies.region.outcome import Outcome, judge
 
@@ -34,9 +34,9 @@ SETTINGS = Settings(integrator="implicitfast")
 CONVERGED = Outcome.CONVERGED.value
 
 
-def loop(system: str, case: str, controller: str) -> Loop:
+def loop(system: str, case: str, controller: str) -> RegionLoop:
     experiment = find_experiment(system, case).with_settings(integrator="implicitfast")
-    return Loop.of(experiment, controller)
+    return RegionLoop.of(experiment, controller)
 
 
 def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:
@@ -191,14 +191,14 @@ def test_under_a_disturbance_no_start_is_called_converged_before_the_end(
     starts = np.array([[0.5, 0.0], [0.2, 0.1], [0.9, 0.0]])
     looked: list[float] = []
 
-    def made_up(self: Loop, found: np.ndarray, duration: float) -> Trajectory:
+    def made_up(self: RegionLoop, found: np.ndarray, duration: float) -> Trajectory:
         looked.append(duration)
         ends = np.zeros((len(found), 1, 2)) + self.equilibrium
         ends[(found[:, 0] < 0.6) & (duration > 9.0), 0, 0] += 0.3
         status = np.full(len(found), Status.COMPLETED)
         return SimpleNamespace(time=[0.0, duration], state=ends, status=status)  # pyright: ignore
 
-    monkeypatch.setattr(Loop, "run", made_up)
+    monkeypatch.setattr(RegionLoop, "run", made_up)
     found = {}
     for case in ("nominal", "case1"):
         found[case] = "".join(outcomes(loop("servo", case, "lqr"), starts, 10.0).tolist())
@@ -211,7 +211,7 @@ def test_a_map_has_the_second_axis_down_the_first_across_and_the_line_on_the_fir
 ) -> None:
     """By starts that converge where the angle is positive and more than the rate."""
 
-    def made_up(loop: Loop, starts: np.ndarray, duration: float) -> np.ndarray:
+    def made_up(loop: RegionLoop, starts: np.ndarray, duration: float) -> np.ndarray:
         angle, rate = starts[:, 1], starts[:, 3]
         return np.where((angle > 0) & (angle > rate), "c", "d")
 

@@ -8,7 +8,8 @@ from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.file.table import Table
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.plants import Signal, System
-from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.simulation.loop.loop import Loop
+from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
 
 # The numbers of each kind of part with their units; {} stands for that of what it is of.
 LOOP_UNITS: dict[str, dict[str, str]] = {

@@ -7,6 +7,7 @@ law, written once for both engines.
 from __future__ import annotations
 
 from grosmc_mj.simulation.loop.in_loop import in_loop, relooped, room_of
-from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.simulation.loop.loop import Loop
+from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
 
 __all__ = ["Actuator", "Computing", "Estimator", "Loop", "Sensor", "in_loop", "relooped", "room_of"]

@@ -24,6 +24,8 @@ from grosmc_mj.vectors import each
 Advance = Callable[[float, Any, Any, Any, float], None]
 # Of a state and an input, to differentiate by.
 _STEP = 1e-6
+# Poles of a filter from here on are 1 but for the rounding of such differences.
+_FADES = 1 - 1e-9
 
 
 def advance_of(error: OutputCoordinates | StateCoordinates) -> Advance:
@@ -169,4 +171,12 @@ def kalman_gain(
     except (np.linalg.LinAlgError, ValueError) as error:
         raise GainError(f"kalman: no steady filter for what is measured: {error}") from None
     gain = P @ C.T @ np.linalg.inv(C @ P @ C.T + noise)
-    return gain, P - gain @ C @ P
+    kept = np.eye(len(A)) - gain @ C
+    # Numbers too far apart make a solution that is none.
+    steady = np.all(np.isfinite(gain)) and np.abs(np.linalg.eigvals(kept @ A)).max() < _FADES
+    if not steady:
+        raise GainError(
+            "kalman: no steady filter for what is measured: noise and load are too far apart, or "
+            "a state that the load does not reach is not seen"
+        )
+    return gain, kept @ P

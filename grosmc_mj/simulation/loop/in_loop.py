@@ -26,9 +26,9 @@ from grosmc_mj.simulation.loop.layout import (
     loop_numbers,
     state_index,
 )
+from grosmc_mj.simulation.loop.loop import LARGEST_SEED, Loop
 from grosmc_mj.simulation.loop.looped_law import looped_law_of
 from grosmc_mj.simulation.loop.numbers import LoopNumbers
-from grosmc_mj.simulation.loop.parts import Loop
 
 
 def in_loop(
@@ -72,6 +72,11 @@ def in_loop(
     require("controller", controller, Controller, "a Controller")
     require("loop", loop, Loop, "a Loop(computing, sensors, estimators, actuators)")
     require("system", system, System, "a System, such as plant.system")
+    require("known", known, (Loop, type(None)), "a Loop or None")
+    require("predict", predict, (bool, np.bool_), "True or False")
+    whole = isinstance(run, (int, np.integer)) and not isinstance(run, bool)
+    if not (whole and 0 <= run < LARGEST_SEED):
+        raise ArgumentError(f"run = {shown(run)} must be a whole number from 0 to below 2^53")
     h, period = real(timestep), real(control_period)
     if not (0 < h <= period < math.inf and math.isclose(round(period / h) * h, period)):
         raise ArgumentError(
@@ -81,7 +86,10 @@ def in_loop(
     if controller.sampling is not None:
         raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
     loop.require_fits(system, h, period)
+    if known is not None:
+        known.require_fits(system, h, period)
     known, stride = loop if known is None else known, round(period / h)
+    needed = Room.needed(loop, h, stride).with_other(Room.needed(known, h, stride))
     sampling = LoopSampling(
         period=period,
         timestep=h,
@@ -90,11 +98,14 @@ def in_loop(
         known=known,
         predicts=predict,
         run=run,
-        room=room or Room.needed(loop, h, stride).with_other(Room.needed(known, h, stride)),
+        room=room or needed,
         system=system,
     )
+    if room is not None and room.with_other(needed) != room:
+        raise ArgumentError(f"room = {shown(room)} is less than the loop needs, {needed}")
     told = controller.sampled(period)
     observers = {each.law for each in loop.estimators} & {"eso", "kalman"}
+    _require_one_age(loop, system, observers | ({"predict"} if predict else set()))
     advance = _design_model(told, observers, predict=predict)
     numbers = loop_numbers(told, sampling)
     made = replace(
@@ -145,6 +156,20 @@ def room_of(controller: Controller, loops: Iterable[Loop]) -> Room:
     for loop in loops:
         found = found.with_other(Room.needed(loop, of.timestep, round(of.period / of.timestep)))
     return found
+
+
+def _require_one_age(loop: Loop, system: System, users: set[str]) -> None:
+    """Refuse states of different ages where one model is to run ahead of all of them."""
+    estimated = {name for each in loop.estimators for name in each.of}
+    delays = {each.of: each.delay for each in loop.sensors}
+    measured = [state.name for state in system.states if state.name not in estimated]
+    ages = {name: delays.get(name, 0.0) for name in measured}
+    if users and len(set(ages.values())) > 1:
+        told = ", ".join(f"{of} {delay:g} s" for of, delay in ages.items())
+        raise ArgumentError(
+            f"{' and '.join(sorted(users))}: what is seen is of different ages, {told}: give all "
+            "sensors the delay of the oldest one"
+        )
 
 
 def _design_model(controller: Controller, observers: set[str], *, predict: bool) -> Advance | None:

@@ -15,6 +15,7 @@ from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import System
 from grosmc_mj.records import extended
+from grosmc_mj.simulation.loop.loop import Loop, steps_in
 from grosmc_mj.simulation.loop.numbers import (
     DIFFERENCE,
     ESO,
@@ -24,7 +25,7 @@ from grosmc_mj.simulation.loop.numbers import (
     LoopMemory,
     LoopNumbers,
 )
-from grosmc_mj.simulation.loop.parts import Actuator, Estimator, Loop, Sensor, steps_in
+from grosmc_mj.simulation.loop.parts import Actuator, Estimator, Sensor
 
 _KINDS = {
     "difference": DIFFERENCE,
@@ -130,6 +131,8 @@ def _estimators(loop: Loop, system: System) -> Array:
                     f"estimator: {part.law} gives a rate: {name!r} is none of "
                     f"{', '.join(rates) or 'them: no state is the rate of another'}"
                 )
+    if sum(part.law == "kalman" for part in loop.estimators) > 1:
+        raise ArgumentError("estimator: two filters by kalman: give one of them all states")
     slow = [sensor.of for sensor in loop.sensors if sensor.period]
     for part in loop.estimators:
         if part.law in ("eso", "kalman") and slow:

@@ -6,13 +6,12 @@ Numbers have the units of what they are of; times are in seconds. A part that is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from grosmc_mj.arguments import real, require, require_each
-from grosmc_mj.errors import ArgumentError, Mistakes, shown, unknown_name
-from grosmc_mj.plants import System
+from grosmc_mj.arguments import real, require
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
 # The number that an estimator is tuned by, with what is appended to the unit of the rate.
@@ -23,9 +22,6 @@ TUNED_BY: dict[str, str] = {
     "eso": "bandwidth",
     "kalman": "load",
 }
-# Beyond this many timesteps a delay is a slip of the unit.
-MOST_STEPS = 100_000
-LARGEST_SEED = 2**53
 
 
 def _require(what: str, value: Any, *, positive: bool = False, signed: bool = False) -> None:
@@ -35,6 +31,12 @@ def _require(what: str, value: Any, *, positive: bool = False, signed: bool = Fa
     if not fine:
         must = "" if signed else " and positive" if positive else " and not negative"
         raise ArgumentError(f"{what} = {shown(value)} must be finite{must}")
+
+
+def _require_name(value: Any) -> None:
+    """Refuse what is no name."""
+    if not (isinstance(value, str) and value):
+        raise ArgumentError(f"of = {shown(value)} must be the name of a state or an input")
 
 
 def _require_limit(what: str, value: Any) -> None:
@@ -93,6 +95,7 @@ class Sensor:
     period: float = 0.0
 
     def __post_init__(self) -> None:
+        _require_name(self.of)
         for name in ("resolution", "noise", "delay", "period"):
             _require(name, getattr(self, name))
         for name in ("bias", "drift"):
@@ -129,7 +132,12 @@ class Estimator:
 
     def __post_init__(self) -> None:
         require("settled", self.settled, bool, "True or False")
-        object.__setattr__(self, "of", (self.of,) if isinstance(self.of, str) else tuple(self.of))
+        names = (self.of,) if isinstance(self.of, str) else self.of
+        if not (isinstance(names, Sequence) and names):
+            raise ArgumentError(f"of = {shown(self.of)} must be names of states, at least one")
+        for name in names:
+            _require_name(name)
+        object.__setattr__(self, "of", tuple(names))
         if self.law not in get_args(EstimatorLaw):
             raise ArgumentError(unknown_name("estimator", self.law, get_args(EstimatorLaw)))
         needed = TUNED_BY.get(self.law)
@@ -174,177 +182,10 @@ class Actuator:
     dead_zone: float = 0.0
 
     def __post_init__(self) -> None:
+        _require_name(self.of)
         for name in ("delay", "resolution", "lag", "dead_zone"):
             _require(name, getattr(self, name))
         for name in ("limit", "rate_limit"):
             _require_limit(name, getattr(self, name))
         if self.order not in (1, 2) or isinstance(self.order, bool):
             raise ArgumentError(f"order = {shown(self.order)} must be 1 or 2")
-
-
-Part = Computing | Sensor | Estimator | Actuator
-
-
-@dataclass(frozen=True)
-class Loop:
-    """All that lies between a law and its plant.
-
-    Attributes:
-        computing: The computer.
-        sensors: At most one of a state; a state without one is known exactly.
-        estimators: At most one of a state.
-        actuators: At most one of an input.
-        seed: Of noise, jitter and missed samples.
-    """
-
-    computing: Computing = field(default_factory=Computing)
-    sensors: tuple[Sensor, ...] = ()
-    estimators: tuple[Estimator, ...] = ()
-    actuators: tuple[Actuator, ...] = ()
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name, kind in (
-            ("sensors", Sensor),
-            ("estimators", Estimator),
-            ("actuators", Actuator),
-        ):
-            require_each(name, getattr(self, name), kind, f"a tuple of {kind.__name__}s")
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        if not isinstance(self.computing, Computing):
-            raise ArgumentError(f"computing = {shown(self.computing)} must be a Computing")
-        whole = isinstance(self.seed, int) and not isinstance(self.seed, bool)
-        if not (whole and 0 <= self.seed < LARGEST_SEED):
-            raise ArgumentError(
-                f"seed = {shown(self.seed)} must be a whole number from 0 to below 2^53"
-            )
-
-    @property
-    def parts(self) -> Iterator[tuple[str, Part]]:
-        """Every part, with what it is in words."""
-        yield "computing", self.computing
-        for kind, parts in (
-            ("sensor", self.sensors),
-            ("estimator", self.estimators),
-            ("actuator", self.actuators),
-        ):
-            for part in parts:
-                yield f"{kind} of {', '.join(_names(part))}", part
-
-    @property
-    def random(self) -> bool:
-        """Whether anything in it is drawn at random."""
-        drawn = self.computing.jitter or self.computing.missed
-        return bool(drawn or any(sensor.noise for sensor in self.sensors))
-
-    def part(self, kind: str, of: str) -> Any:
-        """One of its parts.
-
-        Args:
-            kind: ``computing``, ``sensor``, ``estimator`` or ``actuator``.
-            of: Of which state or input; of ``computing`` anything.
-
-        Raises:
-            ArgumentError: If there is no such part.
-        """
-        if kind == "computing":
-            return self.computing
-        parts: Sequence[Any] = getattr(self, f"{kind}s")
-        for part in parts:
-            if of in _names(part):
-                return part
-        known = [name for part in parts for name in _names(part)]
-        raise ArgumentError(unknown_name(kind, of, known) if known else f"there is no [[{kind}]]")
-
-    def changed(self, kind: str, of: str, **numbers: Any) -> Loop:
-        """The same loop with other numbers of one of its parts.
-
-        Args:
-            kind: As of ``part``.
-            of: As of ``part``.
-            numbers: What is different.
-
-        Raises:
-            ArgumentError: If there is no such part, or a number does not fit.
-        """
-        old = self.part(kind, of)
-        new = replace(old, **numbers)
-        if kind == "computing":
-            return replace(self, computing=new)
-        parts: Sequence[Any] = getattr(self, f"{kind}s")
-        made = tuple(new if part is old else part for part in parts)
-        return replace(self, **{f"{kind}s": made})
-
-    def require_fits(self, system: System, timestep: float, control_period: float) -> None:
-        """Refuse parts of what the system has not, twice of one thing, or off the timestep's grid.
-
-        Args:
-            system: The plant's.
-            timestep: Of the physics [s].
-            control_period: Of the law [s].
-
-        Raises:
-            ArgumentError: All that is wrong.
-        """
-        mistakes = Mistakes()
-        states, inputs = ([each.name for each in group] for group in (system.states, system.inputs))
-        for kind, valid in (("sensor", states), ("estimator", states), ("actuator", inputs)):
-            parts: Sequence[Any] = getattr(self, f"{kind}s")
-            names = [name for part in parts for name in _names(part)]
-            what = "input" if kind == "actuator" else "state"
-            for name in dict.fromkeys(names):
-                if name not in valid:
-                    mistakes.note(f"{kind}: {unknown_name(what, name, valid)}")
-                elif names.count(name) > 1:
-                    mistakes.note(f"two {kind}s of {name!r}: a {what} has one")
-        for said, part in self.parts:
-            for item in fields(part):
-                if item.name in ("delay", "jitter", "period"):
-                    with mistakes.gathered(f"{said}: "):
-                        steps_in(item.name, getattr(part, item.name), timestep)
-        if self.computing.jitter and not self.computing.jitter < control_period * (1 - 1e-9):
-            mistakes.note(
-                f"computing: jitter = {self.computing.jitter:g} s must be shorter than the control "
-                f"period {control_period:g} s"
-            )
-        mistakes.refuse()
-
-    def rounded(self, timestep: float) -> Loop:
-        """The same with all times on the timestep's grid, the nearest."""
-        found = self
-        for kind, parts in (
-            ("computing", (self.computing,)),
-            ("sensor", self.sensors),
-            ("actuator", self.actuators),
-        ):
-            for part in parts:
-                times = [each.name for each in fields(part)]
-                times = [name for name in times if name in ("delay", "jitter", "period")]
-                near = {name: round(getattr(part, name) / timestep) * timestep for name in times}
-                found = found.changed(kind, getattr(part, "of", ""), **near)
-        return found
-
-
-def _names(part: Any) -> tuple[str, ...]:
-    """What a part is of."""
-    return (part.of,) if isinstance(part.of, str) else part.of
-
-
-def steps_in(what: str, seconds: float, timestep: float) -> int:
-    """A time as a number of timesteps.
-
-    Raises:
-        ArgumentError: If it is none.
-    """
-    steps = round(seconds / timestep)
-    if not math.isclose(steps * timestep, seconds, rel_tol=1e-9, abs_tol=1e-15):
-        near = f"{steps * timestep:g} s" if steps else f"{timestep:g} s"
-        raise ArgumentError(
-            f"{what} = {seconds:g} s is no multiple of the timestep {timestep:g} s: take {near}, "
-            "or a shorter timestep"
-        )
-    if steps > MOST_STEPS:
-        raise ArgumentError(
-            f"{what} = {seconds:g} s is {steps} timesteps of {timestep:g} s: at most {MOST_STEPS}"
-        )
-    return steps

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator
 
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.simulation.loop.loop import Loop
+from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
 
 
 def loop_words(loop: Loop, system: System) -> list[str]:

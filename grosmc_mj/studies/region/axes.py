@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.studies.region.loop import Loop, outside, state_names
+from grosmc_mj.studies.region.loop import RegionLoop, outside, state_names
 
 # Where starts end on an axis, by its unit.
 LIMITS: Mapping[str, float] = {"rad": math.pi / 2, "rad/s": 10.0, "m": 1.0, "m/s": 2.0}
@@ -66,7 +66,7 @@ class Axis:
 
 
 def choose_axes(
-    loop: Loop, names: Sequence[str] | None, limits: Mapping[str, float]
+    loop: RegionLoop, names: Sequence[str] | None, limits: Mapping[str, float]
 ) -> tuple[Axis, Axis]:
     """Two axes: the named states, or the first regulated state and its rate.
 
@@ -105,7 +105,7 @@ def _find(name: str, keys: Sequence[str], symbols: Sequence[str], system: str) -
     raise ArgumentError(unknown_name(f"state of {system}", name, keys))
 
 
-def _axis(loop: Loop, state: int, key: str, limits: Mapping[str, float]) -> Axis:
+def _axis(loop: RegionLoop, state: int, key: str, limits: Mapping[str, float]) -> Axis:
     """The axis of one state."""
     signal = loop.system.states[state]
     if signal.unit not in limits:
@@ -127,7 +127,7 @@ def _axis(loop: Loop, state: int, key: str, limits: Mapping[str, float]) -> Axis
     )
 
 
-def starts_on(loop: Loop, axes: tuple[Axis, Axis], first: Array, second: Array) -> Array:
+def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: Array) -> Array:
     """States (nsim, n) at pairs of values on the axes, (nsim,) each; the rest at equilibrium.
 
     Raises:

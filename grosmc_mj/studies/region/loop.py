@@ -23,7 +23,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class RegionLoop:
     """A law on the physics of an experiment, stopped where it leaves the region of the laws.
 
     Attributes:
@@ -35,7 +35,7 @@ class Loop:
     controller: Controller
 
     @classmethod
-    def of(cls, experiment: Experiment, controller: str) -> Loop:
+    def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
         """The loop of a named controller."""
         law = experiment.law("physics", controller)
         return cls(experiment, guarded(law, experiment.nominal.system))

@@ -21,7 +21,7 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import System
 from grosmc_mj.studies.region.axes import Axis, choose_axes, starts_on
-from grosmc_mj.studies.region.loop import Loop
+from grosmc_mj.studies.region.loop import RegionLoop
 from grosmc_mj.studies.region.outcome import Outcome, judge, tolerance_of
 
 Outcomes = NDArray[np.str_]
@@ -137,7 +137,7 @@ class Region:
         ]
         names = question.controllers or perturbed.controllers
         self.controllers: list[str] = list(dict.fromkeys(names))
-        reference = Loop.of(self.experiments[0], self.controllers[0])
+        reference = RegionLoop.of(self.experiments[0], self.controllers[0])
         self.axes: tuple[Axis, Axis] = choose_axes(reference, question.axes, question.limits)
         first, second = np.meshgrid(*(axis.cells(question.points) for axis in self.axes))
         self._line = self.axes[0].cells(_LINE * question.points)
@@ -167,13 +167,13 @@ class Region:
 
     def tolerances(self, controller: str) -> dict[str, tuple[float, str]]:
         """What each error of a law must be within to count as none: state to value and unit."""
-        loop = Loop.of(self.experiments[0], controller)
+        loop = RegionLoop.of(self.experiments[0], controller)
         states = [self.system.states[state] for state in loop.regulated]
         return {state.symbol: (tolerance_of(state.unit), state.unit) for state in states}
 
     def _map(self, experiment: Experiment, name: str, advance: Callable[[str], None]) -> RegionMap:
         """One map."""
-        began, loop, parts = time.perf_counter(), Loop.of(experiment, name), []
+        began, loop, parts = time.perf_counter(), RegionLoop.of(experiment, name), []
         case = experiment.case
         for first in range(0, len(self._starts), BATCH):
             batch = self._starts[first : first + BATCH]
@@ -185,7 +185,7 @@ class Region:
 
 
 def outcomes(
-    loop: Loop, starts: Array, duration: float, looks: Sequence[float] = _LOOKS
+    loop: RegionLoop, starts: Array, duration: float, looks: Sequence[float] = _LOOKS
 ) -> Outcomes:
     """The outcome of each start (nsim, n), as letters.
 

@@ -1,0 +1,114 @@
+"""Laws in a loop as tests ask for them: scripted inputs, and the servo that meets them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.plants import SERVO, AnalyticPlant
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.loop import Actuator, Loop, in_loop
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+
+H = 1e-3
+ANGLE, SPEED = (state.name for state in SERVO.states)
+CURRENT = SERVO.input.name
+
+
+@dataclass(frozen=True, eq=False)
+class Script:
+    """What is asked for at each sample, the time between two [s], and what observers believe in."""
+
+    u: Array
+    period: float
+    plant: Any
+    reference: Any
+
+
+def as_scripted(t: float, x: Any, memory: Any, p: Any) -> float:
+    # One that predicts is asked for what comes after the end.
+    memory.v = p.u[min(round(t / p.period), len(p.u) - 1)]
+    return memory.v
+
+
+def scripted(
+    u: Sequence[float] | Array, period: float = H, *, modelled: bool = False
+) -> Controller:
+    """An open loop that asks for one number after the other, with a design model or without."""
+    u = np.array(u, float)
+    if not modelled:
+        return Controller("scripted", as_scripted, Script(u, period, servo().parameters, 0.0))
+    lqr = nominal().law("corrected", "lqr")
+    script = Script(u, period, lqr.parameters.plant, lqr.parameters.reference)
+    return Controller("scripted", as_scripted, script, design=lqr.design)
+
+
+@cache
+def servo() -> AnalyticPlant:
+    return MujocoPlant.load("servo").analytic()
+
+
+def played(
+    u: Sequence[float] | Array,
+    loop: Loop,
+    *,
+    stride: int = 1,
+    h: float = H,
+    x0: Sequence[float] = (0.0, 0.0),
+    run: int = 0,
+    modelled: bool = False,
+    predict: bool = False,
+    disturbances: Sequence[Disturbance] = (),
+) -> Trajectory:
+    """The servo under a script in a loop, as long as there is something to ask for."""
+    periods: dict[str, Any] = {"control_period": stride * h, "timestep": h}
+    bare = scripted(u, stride * h, modelled=modelled)
+    return simulate(
+        servo(),
+        in_loop(bare, loop, SERVO, predict=predict, run=run, **periods),
+        x0,
+        duration=len(u) * stride * h,
+        disturbances=disturbances,
+        engine="python",
+        **periods,
+    )
+
+
+def seen(run: Trajectory) -> Array:
+    """What a law in a loop saw."""
+    assert run.seen is not None
+    return run.seen
+
+
+def behind(u: Sequence[float] | Array, *, h: float = H, **numbers: Any) -> Array:
+    """What an actuator of these numbers makes of a script, timestep by timestep."""
+    return played(u, Loop(actuators=(Actuator(CURRENT, **numbers),)), h=h).input
+
+
+@cache
+def nominal(**settings: Any) -> Experiment:
+    """The servo's nominal case, run in another way."""
+    return Experiment.load("servo/nominal").with_settings(**settings)
+
+
+def closed(
+    bare: Controller,
+    loop: Loop,
+    x0: Sequence[float],
+    duration: float,
+    *,
+    predict: bool = False,
+    **options: Any,
+) -> Trajectory:
+    """The servo under a law in its loop."""
+    law = in_loop(bare, loop, SERVO, predict=predict)
+    return simulate(servo(), law, x0, duration=duration, **options)
