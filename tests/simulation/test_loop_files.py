@@ -78,7 +78,7 @@ def written(folder: Path, *parts: str) -> Path:
 
 def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
     file = written(tmp_path, 'control_period = "1 ms"\ntimestep = "0.5 ms"\n', PARTS, PLAIN)
-    loop = Experiment.load(file).loop
+    loop = Experiment.load(file).case.loop
     assert loop is not None
     (sensor,) = loop.sensors
     assert sensor.resolution == pytest.approx(np.pi / 1800)
