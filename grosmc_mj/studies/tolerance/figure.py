@@ -31,6 +31,11 @@ _SCALE = TwoSlopeNorm(0.0, math.log2(LEAST), math.log2(MOST))
 # Beyond this the colour is too dark for black letters.
 _DARK = 0.62
 _CELL, _ROW, _NAMES = 1.12, 0.36, 2.6
+_NOTE = (
+    "Amounts up to which all is kept; no: not kept without it; none: only without it; ≥ and ≤: "
+    "kept up to the last that was tried;\n*: kept again beyond; !: physics said something else than the "
+    "equations, and counts."
+)
 
 
 def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Path) -> Path:
@@ -51,7 +56,7 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
         if (laws := _standing(rows, condition.name))
     ]
     heights = [len(laws) + 1.2 for _, laws in panels] or [1.0]
-    size = (_NAMES + _CELL * max(4, len(columns)) + 0.9, _ROW * sum(heights) + 2.0)
+    size = (_NAMES + _CELL * max(4, len(columns)) + 0.9, _ROW * sum(heights) + 2.5)
     with figure_written(path, size) as figure:
         system = studied.experiment.case.system
         figure.suptitle(f"{system}: what of the loop each law stands", fontsize=14)
@@ -69,6 +74,7 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
                     said, (1, 1), (0, 5), "axes fraction", "offset points", ha="right",
                     fontsize=8, color="#555555",
                 )  # fmt: skip
+        figure.supxlabel(_NOTE, fontsize=9, x=0.01, ha="left", color="#444444")
         if image is not None:
             _bar(figure, image, list(axes[:, 0]))
         else:
@@ -108,11 +114,11 @@ def _panel(
         values[i, j] = _value(row)
         dark = abs(float(_SCALE(values[i, j])) - 0.5) > _DARK / 2
         axis.text(
-            j, i, cell_text(row), ha="center", va="center", fontsize=10.5,
+            j, i, cell_text(row), ha="center", va="center", fontsize=11.5,
             color="white" if dark else BLACK,
         )  # fmt: skip
     image = axis.imshow(values, cmap=_COLOURS, norm=_SCALE, aspect="auto")
-    axis.set_yticks(range(len(laws)), laws, fontsize=10.5)
+    axis.set_yticks(range(len(laws)), laws, fontsize=11.5)
     axis.set_xticks(range(len(columns)), [_label(each) for each in columns] if last else [])
     axis.tick_params(length=0)
     for side in axis.spines.values():

@@ -25,9 +25,9 @@ from grosmc_mj.studies.tolerance.search import BEYOND, LEAST, MOST, RESOLUTION
 from grosmc_mj.studies.tolerance.setting import Condition, Setting
 
 LEGEND = (
-    "The largest amount up to which all is kept. bench: what it has; no: not kept without it; "
-    "none: only without it; ≥, ≤: kept up to the last that was tried; *: kept again beyond; !: physics "
-    "and the equations differ, physics counts."
+    "The largest amount up to which all is kept. no: not kept without it; none: only without it; "
+    "≥ and ≤: kept up to the last that was tried; *: kept again beyond; !: physics said something "
+    "else, and counts."
 )
 
 

@@ -167,8 +167,12 @@ def _conditions(experiment: Experiment) -> list[Condition]:
     for name in _LOADED:
         if other := _of_system(experiment, name):
             loads = other.case
-            changes = {each: getattr(loads, each) for each in ("edits", "disturbances", "duration")}
-            found.append(Condition(name, loads.title, experiment.varied(**changes)))
+            loaded = experiment.varied(
+                edits=loads.edits,
+                disturbances=loads.disturbances,
+                duration=max(case.duration, loads.duration),
+            )
+            found.append(Condition(name, loads.title, loaded))
     return found
 
 
