@@ -32,9 +32,9 @@ _SCALE = TwoSlopeNorm(0.0, math.log2(LEAST), math.log2(MOST))
 _DARK = 0.62
 _CELL, _ROW, _NAMES = 1.12, 0.36, 2.6
 _NOTE = (
-    "Amounts up to which all is kept; no: not kept without it; none: only without it; ≥ and ≤: "
-    "kept up to the last that was tried;\n*: kept again beyond; !: physics said something else than the "
-    "equations, and counts."
+    "Amounts up to which all is kept; no: not kept without it; none: only without it; "
+    "≥ and ≤: kept up to the last that was tried;\n*: kept again beyond; !: physics said "
+    "something else than the equations, and counts."
 )
 
 
@@ -159,4 +159,4 @@ def _bar(figure: Figure, image: object, axes: Sequence[Axes]) -> None:
     labels = [f"{2.0**tick:g}" if tick < 0 else f"{2**tick}" for tick in ticks]
     bar.set_ticks(ticks, labels=labels)
     bar.set_label("kept up to so many times the bench's amount")
-    bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
+    bar.outline.set_visible(False)

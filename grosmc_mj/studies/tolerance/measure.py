@@ -89,10 +89,12 @@ class _Question:
         return not self.first.kept and not self.first.impossible
 
     @property
-    def unsure(self) -> bool:
-        """Whether what has been found is that of the first run alone."""
+    def unsure(self) -> list[float]:
+        """What has been found, if that is by the first run alone."""
         found = self.search.largest
-        return found is not None and found not in self.sure and self.imperfection.at(found).random
+        if found is None or found in self.sure or not self.imperfection.at(found).random:
+            return []
+        return [found]
 
     @property
     def impossible(self) -> str:
@@ -202,16 +204,16 @@ def _answer(
         question.told(0.0, result)
     while True:
         wanted = [(each, factor) for each in questions for factor in asks(each)]
-        ask = trials.first
-        if not wanted:
-            wanted = [(each, each.search.largest) for each in questions if each.unsure]
-            ask = trials.all
+        sure = not wanted
+        if sure:
+            wanted = [(each, factor) for each in questions for factor in each.unsure]
         if not wanted:
             return
-        results = ask([each.trial(factor) for each, factor in wanted])
+        made = [each.trial(factor) for each, factor in wanted]
+        results = trials.all(made) if sure else trials.first(made)
         for (question, factor), result in zip(wanted, results, strict=True):
             question.told(factor, result)
-            if ask == trials.all:
+            if sure:
                 question.sure.add(factor)
 
 

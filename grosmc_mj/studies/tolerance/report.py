@@ -153,7 +153,7 @@ def condition_table(
         room -= max(len(line) for line in (*header.split("\n"), *texts)) + 2
         if room < 0:
             break
-        shown.append((*numbers(header), each))
+        shown.append((numbers(header)[0], each))
     cells = [("bench", *(_bench(each) for _, each in shown))]
     cells += [(law, *(_cell(found.get((law, each))) for _, each in shown)) for law in standing]
     made = table(
