@@ -116,12 +116,29 @@ def disagreements(rows: Sequence[Tolerance]) -> tuple[int, int]:
     return len(asked), sum(row.agreed is False for row in asked)
 
 
+def never_kept(rows: Sequence[Tolerance], condition: str) -> list[str]:
+    """The laws that do not keep everything under a condition even without any imperfection."""
+    laws = dict.fromkeys(row.law.name for row in rows if row.condition.name == condition)
+    return [law for law in laws if not stands_ideally(rows, law, condition)]
+
+
+def least(rows: Sequence[Tolerance]) -> list[Tolerance]:
+    """Of each law and imperfection the least over the conditions that the law stands ideally."""
+    found: dict[tuple[str, Imperfection], Tolerance] = {}
+    for row in rows:
+        if not stands_ideally(rows, row.law.name, row.condition.name):
+            continue
+        key = (row.law.name, row.imperfection)
+        found[key] = min(found.get(key, row), row, key=lambda each: (weakness(each), each.largest))
+    return list(found.values())
+
+
 def by_weakness(rows: Sequence[Tolerance]) -> list[Imperfection]:
     """The imperfections, the one of which the least is stood first."""
     found = dict.fromkeys(row.imperfection for row in rows)
 
-    def least(each: Imperfection) -> float:
+    def smallest(each: Imperfection) -> float:
         own = [row for row in rows if row.imperfection is each and row.ideally]
         return min((weakness(row) for row in own), default=0.0)
 
-    return sorted(found, key=least)
+    return sorted(found, key=smallest)

@@ -15,17 +15,16 @@ from grosmc_mj.studies.tolerance.answers import (
     cell_text,
     disagreements,
     reason,
-    stands_ideally,
     unit_and_scale,
     weakness,
 )
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 from grosmc_mj.studies.tolerance.measure import Tolerance
 from grosmc_mj.studies.tolerance.search import BEYOND, LEAST, MOST, RESOLUTION
-from grosmc_mj.studies.tolerance.setting import Condition, Setting
+from grosmc_mj.studies.tolerance.setting import Setting
 
 LEGEND = (
-    "The largest amount up to which all is kept. no: not kept without it; none: only without it; "
+    "The largest amount up to which all is kept, of the first part. no: not kept without it; none: only without it; "
     "≥ and ≤: kept up to the last that was tried; *: kept again beyond; !: physics said something "
     "else, and counts."
 )
@@ -121,30 +120,20 @@ def _amounts(imperfection: Imperfection, factor: float | None) -> dict[str, Any]
     return {"factor": factor, "shown": imperfection.shown(factor), "parts": parts}
 
 
-def condition_table(
-    studied: Setting, rows: Sequence[Tolerance], condition: Condition
-) -> tuple[Table | None, list[str], list[str]]:
-    """The laws that keep everything ideally, the weakest first; the worst imperfection first.
+def tolerance_table(title: str, rows: Sequence[Tolerance]) -> tuple[Table, list[str]]:
+    """One row of each law, the weakest first; the imperfection of which the least is stood first.
 
     Args:
-        studied: The target.
-        rows: What has been found.
-        condition: Of which condition.
+        title: Above it.
+        rows: One of each law and imperfection.
 
     Returns:
-        The table, as wide as an answer, None without such a law; imperfections that it has no room
-        for; laws that do not keep everything even ideally.
+        The table, as wide as an answer, and the imperfections that it has no room for.
     """
-    every = [row for row in rows if row.condition is condition]
-    laws = list(dict.fromkeys(row.law.name for row in every))
-    standing = [law for law in laws if stands_ideally(every, law, condition.name)]
-    others = [law for law in laws if law not in standing]
-    own = [row for row in every if row.law.name in standing]
-    if not own:
-        return None, [], others
-    columns = by_weakness(own)
-    found = {(row.law.name, row.imperfection): row for row in own}
-    standing.sort(key=lambda law: min(weakness(row) for row in own if row.law.name == law))
+    standing = list(dict.fromkeys(row.law.name for row in rows))
+    columns = by_weakness(rows)
+    found = {(row.law.name, row.imperfection): row for row in rows}
+    standing.sort(key=lambda law: min(weakness(row) for row in rows if row.law.name == law))
     room = WIDTH - max(len(law) for law in (*standing, "bench")) - 2
     shown: list[tuple[Column, Imperfection]] = []
     for each in columns:
@@ -157,12 +146,12 @@ def condition_table(
     cells = [("bench", *(_bench(each) for _, each in shown))]
     cells += [(law, *(_cell(found.get((law, each))) for _, each in shown)) for law in standing]
     made = table(
-        f"{condition.name}: {condition.title}",
+        title,
         [*words("law"), *(column for column, _ in shown)],
         cells,
         styles=["dim", *[""] * len(standing)],
     )
-    return made, [each.name for each in columns[len(shown) :]], others
+    return made, [each.name for each in columns[len(shown) :]]
 
 
 def _cell(row: Tolerance | None) -> str:

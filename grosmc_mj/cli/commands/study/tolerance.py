@@ -98,26 +98,31 @@ class ToleranceCommand(Command):
 
 
 def _answer(console: Console, studied: Setting, rows: Sequence[Tolerance], *, full: bool) -> None:
-    """Which law breaks first, who keeps the bench, and a table for each condition."""
+    """Which law breaks first, who keeps the bench, and what each law stands."""
     from grosmc_mj.studies.tolerance import answers
-    from grosmc_mj.studies.tolerance.report import LEGEND, condition_table, every_answer
+    from grosmc_mj.studies.tolerance.report import LEGEND, every_answer, tolerance_table
 
     console.print(answers.verdict(rows), style="bold", markup=False)
     for line in answers.whole_bench(rows):
         console.print(line, markup=False)
     for condition in studied.conditions:
-        table, left, others = condition_table(studied, rows, condition)
-        if table is not None:
-            console.print(table)
-        if others:
-            console.print(
-                f"{condition.name}: not kept even ideally: {', '.join(others)}.", markup=False
-            )
-        if left and not full:
-            console.print(f"--verbose has {', '.join(left)} too.", style="dim", markup=False)
-    console.print(LEGEND, style="dim", markup=False)
+        if others := answers.never_kept(rows, condition.name):
+            said = f"Not kept even ideally, {condition.name}: {'; '.join(others)}."
+            console.print(said, markup=False)
+    found = answers.least(rows)
+    if found:
+        table, left = tolerance_table("The least over the conditions kept ideally", found)
+        console.print(table)
+        if left:
+            names = "; ".join(left)
+            console.print(f"No room for: {names}; --verbose has all.", style="dim", markup=False)
+        console.print(LEGEND, style="dim", markup=False)
     asked, differing = answers.disagreements(rows)
     if asked:
         console.print(f"MuJoCo was asked about {asked} answers: {differing} differ.")
+    for condition in studied.conditions if full else ():
+        if own := answers.least([row for row in rows if row.condition is condition]):
+            title = f"{condition.name}: {condition.title}"
+            screen.wide_console().print(tolerance_table(title, own)[0])
     if full:
         screen.wide_console().print(every_answer(rows))
