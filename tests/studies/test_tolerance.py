@@ -15,7 +15,7 @@ import pytest
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.studies.tolerance import measure
-from grosmc_mj.studies.tolerance.answers import amount_text, cell_text
+from grosmc_mj.studies.tolerance.answers import amount_text, cell_text, least, never_kept
 from grosmc_mj.studies.tolerance.measure import Tolerance, tolerances
 from grosmc_mj.studies.tolerance.search import LEAST, MOST, RESOLUTION, Search, Span
 from grosmc_mj.studies.tolerance.setting import Setting, setting
@@ -215,6 +215,18 @@ def made_up(studied: Setting) -> list[Tolerance]:
         )
         for each in studied.imperfections
     ]  # fmt: skip
+
+
+def test_the_least_is_of_the_conditions_that_a_law_stands_ideally() -> None:
+    studied = setting("arm", ["lqr"])
+    nominal = made_up(studied)
+    case1, case2 = studied.conditions[1:]
+    weaker = [row._replace(condition=case1, largest=1.0, failed=1.1) for row in nominal]
+    never = [row._replace(condition=case2, ideally=False, largest=0.0) for row in nominal]
+    rows = [*nominal, *weaker, *never]
+    assert never_kept(rows, "case2") == ["lqr"]
+    graded = [row for row in least(rows) if row.imperfection.graded]
+    assert {row.condition.name for row in graded} == {"case1"}
 
 
 def test_what_was_found_before_an_interrupt_is_written(

@@ -32,9 +32,9 @@ _SCALE = TwoSlopeNorm(0.0, math.log2(LEAST), math.log2(MOST))
 _DARK = 0.62
 _CELL, _ROW, _NAMES = 1.12, 0.36, 2.6
 _NOTE = (
-    "Amounts of the first part up to which all is kept; no: not kept without it; none: only without it; "
-    "≥ and ≤: kept up to the last that was tried;\n*: kept again beyond; !: physics said "
-    "something else than the equations, and counts."
+    "Amounts up to which all is kept, of the first part; no: not kept without it; none: only "
+    "without it; ≥ and ≤: kept up to\nthe last that was tried; *: kept again beyond; "
+    "!: physics said something else than the equations, and counts."
 )
 
 

@@ -24,9 +24,9 @@ from grosmc_mj.studies.tolerance.search import BEYOND, LEAST, MOST, RESOLUTION
 from grosmc_mj.studies.tolerance.setting import Setting
 
 LEGEND = (
-    "The largest amount up to which all is kept, of the first part. no: not kept without it; none: only without it; "
-    "≥ and ≤: kept up to the last that was tried; *: kept again beyond; !: physics said something "
-    "else, and counts."
+    "The largest amount up to which all is kept, of the first part. no: not kept without it; "
+    "none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again beyond; "
+    "!: physics said something else, and counts."
 )
 
 
