@@ -229,6 +229,12 @@ def test_the_least_is_of_the_conditions_that_a_law_stands_ideally() -> None:
     assert {row.condition.name for row in graded} == {"case1"}
 
 
+def test_less_than_half_a_timestep_is_none_of_it() -> None:
+    delay = made_up(setting("servo", ["lqr"]))[0]
+    texts = [cell_text(delay._replace(largest=factor, again=())) for factor in (0.125, 2.9)]
+    assert texts == ["none", "3"]
+
+
 def test_what_was_found_before_an_interrupt_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

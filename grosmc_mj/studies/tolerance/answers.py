@@ -9,7 +9,7 @@ from grosmc_mj.report.tables import number
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 from grosmc_mj.studies.tolerance.measure import Tolerance
 
-# Amounts that are shown are about so many times the bench's.
+# Amounts that are shown are about so many times the bench's, but for limits.
 _TYPICAL = 100.0
 # By the powers of a thousand below one.
 _PREFIXES = ("", "m", "µ")
@@ -26,7 +26,8 @@ def unit_and_scale(imperfection: Imperfection) -> tuple[str, float]:
     """The unit in which amounts of an imperfection are shown, and the factor to it."""
     if imperfection.whole or not imperfection.graded:
         return "", 1.0
-    value, unit = abs(imperfection.shown(_TYPICAL)), imperfection.unit
+    first, unit = imperfection.amounts[0], imperfection.unit
+    value = abs(first.value) * (1.0 if first.limits else _TYPICAL)
     if not unit:
         return "%", 100.0
     power = 0 if value == 0 else min(2, max(0, math.ceil(-math.log10(value) / 3 - 1e-9)))
@@ -52,12 +53,12 @@ def _plain(row: Tolerance) -> str:
         return "yes" if row.unbroken else "no"
     if not row.ideally:
         return "no"
-    if row.largest == 0:
-        return "none"
+    if row.largest == 0 or row.imperfection.shown(row.largest) == 0:
+        return "none"  # or less than half a timestep of it
     scale = unit_and_scale(row.imperfection)[1]
     shown = number(row.imperfection.shown(row.largest) * scale)
-    at_limit = any(each.quantity in ("limit", "rate_limit") for each in row.imperfection.amounts)
-    sign = "≤" if at_limit and not row.imperfection.whole else "≥"
+    at_limit = row.imperfection.amounts[0].limits and not row.imperfection.whole
+    sign = "≤" if at_limit else "≥"
     return f"{sign} {shown}" if row.failed is None else shown
 
 

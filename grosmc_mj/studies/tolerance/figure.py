@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.report.figure import figure_written
 from grosmc_mj.report.palette import BLACK, BLUE, VERMILION
+from grosmc_mj.report.tables import number
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
     cell_text,
@@ -62,10 +63,10 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
         figure.suptitle(f"{system}: what of the loop each law stands", fontsize=14)
         axes = figure.subplots(max(1, len(panels)), 1, squeeze=False, height_ratios=heights)
         image = None
-        for number, ((condition, laws), axis) in enumerate(zip(panels, axes[:, 0], strict=True)):
+        for panel, ((condition, laws), axis) in enumerate(zip(panels, axes[:, 0], strict=True)):
             own = [row for row in rows if row.condition is condition]
             others = dict.fromkeys(row.law.name for row in own if row.law.name not in laws)
-            image = _panel(axis, own, laws, columns, last=number == len(panels) - 1)
+            image = _panel(axis, own, laws, columns, last=panel == len(panels) - 1)
             title = f"{condition.name}: {condition.title}"
             axis.set_title(title, loc="left", fontsize=11.5, fontweight="bold")
             if others:
@@ -136,7 +137,7 @@ def _value(row: Tolerance) -> float:
         return math.nan
     if not row.imperfection.graded:
         return math.log2(MOST) if row.unbroken else math.log2(LEAST)
-    if not row.ideally or row.largest == 0:
+    if not row.ideally or row.largest == 0 or row.imperfection.shown(row.largest) == 0:
         return math.log2(LEAST)
     return math.log2(MOST) if row.failed is None else math.log2(row.largest)
 
@@ -149,7 +150,7 @@ def _label(imperfection: Imperfection) -> str:
         return name
     if imperfection.whole:
         return "all,\ntimes\nthe bench"
-    return f"{name}\n[{unit}]\nbench {imperfection.shown(1.0) * scale:.3g}"
+    return f"{name}\n[{unit}]\nbench {number(imperfection.shown(1.0) * scale)}"
 
 
 def _bar(figure: Figure, image: object, axes: Sequence[Axes]) -> None:

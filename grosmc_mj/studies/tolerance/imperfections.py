@@ -40,9 +40,14 @@ class Amount(NamedTuple):
     unit: str
     most: float
 
+    @property
+    def limits(self) -> bool:
+        """Whether less of it is worse."""
+        return self.quantity in _LIMITS
+
     def scaled(self, factor: float) -> float:
         """What a factor makes of it, within its bound; 0 for the ideal."""
-        if self.quantity in _LIMITS:
+        if self.limits:
             return self.value / factor if factor > 0 else math.inf
         return self.value * min(factor, self.most)
 
