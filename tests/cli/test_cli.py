@@ -44,6 +44,8 @@ def run(*arguments: str) -> int:
         (("study", "agreement", "arm", "--states", "0"), "must be from 1 to 1000000"),
         (("study", "agreement", "arm", "--edits", "-1"), "must be from 0 to"),
         (("study", "agreement", "arm", "--seed", "-1"), "must be from 0 to"),
+        (("study", "tolerance", "arm", "--seeds", "0"), "must be from 1 to 1000"),
+        (("study", "tolerance", "maglev"), "there is no loop"),
         (("study", "agreement", "leg"), "valid: arm, ball_beam, cart_pendulum"),
         (("bench", "--rounds", "0"), "must be from 1 to 10000"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
@@ -142,7 +144,7 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
         "film": ("FILE.toml", "--controllers", "--camera", "--size", "--from", "-o"),
         "doctor": ("Exit code 1",),
         "list": (),
-        "study": ("agreement", "switching", "region", "cart"),
+        "study": ("agreement", "switching", "region", "cart", "tolerance"),
         "bench": ("--integrator", "--rounds"),
     }.items():
         assert command in summary

@@ -17,6 +17,7 @@ from grosmc_mj.cli.commands.study.agreement import AgreementCommand
 from grosmc_mj.cli.commands.study.cart import CartCommand
 from grosmc_mj.cli.commands.study.region import RegionCommand
 from grosmc_mj.cli.commands.study.switching import SwitchingCommand
+from grosmc_mj.cli.commands.study.tolerance import ToleranceCommand
 from grosmc_mj.cli.commands.validate import ValidateCommand
 from grosmc_mj.cli.commands.view import ViewCommand
 
@@ -27,6 +28,7 @@ STUDIES: Studies = {
     "switching": SwitchingCommand,
     "region": RegionCommand,
     "cart": CartCommand,
+    "tolerance": ToleranceCommand,
 }
 COMMANDS: Mapping[str, type[Command] | Studies] = {
     "new": NewCommand,

@@ -98,13 +98,15 @@ def _kernel(
                 if not abs(x[j]) < largest:
                     end[0], end[1] = i, diverged
                     return
-            row = i if recorded else 0
-            for j in range(m):
-                us[row, j] = u[j]
-            for j in range(n):
-                xs[row, j] = x[j]
-            for j in range(nm):
-                memories[row, j] = memory_row[j]
+            # A memory that holds much of the past is not copied at every step for nothing.
+            if recorded or i == steps - 1:
+                row = i if recorded else 0
+                for j in range(m):
+                    us[row, j] = u[j]
+                for j in range(n):
+                    xs[row, j] = x[j]
+                for j in range(nm):
+                    memories[row, j] = memory_row[j]
         end[0], end[1] = steps, completed
 
     return compile_c(loop, *_SIGNATURE).ctypes

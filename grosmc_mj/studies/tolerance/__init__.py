@@ -1,0 +1,1 @@
+"""How far from ideal may the loop be before a law breaks its promise?"""
