@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.simulation.loop.parts import Part
+from grosmc_mj.simulation.loop.loop import Part
 from grosmc_mj.studies.tolerance.search import MOST
 
 # More of these is less of an imperfection.

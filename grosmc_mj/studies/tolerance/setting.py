@@ -126,8 +126,8 @@ def setting(target: str, chosen: Sequence[str] = ()) -> Setting:
     """
     found = find_experiments(target)
     experiment = next((each for each in found if each.case.name == BENCH), found[0])
-    owner = experiment if experiment.loop else _of_system(experiment, BENCH)
-    if owner is None or owner.loop is None:
+    owner = experiment if experiment.case.loop else _of_system(experiment, BENCH)
+    if owner is None or owner.case.loop is None:
         raise ArgumentError(
             f"{experiment.path}: there is no loop to take the amounts of imperfections from: give "
             "the file a [computing], a [[sensor]] or an [[actuator]]"
@@ -135,14 +135,14 @@ def setting(target: str, chosen: Sequence[str] = ()) -> Setting:
     timestep = min(experiment.settings.timestep, owner.settings.timestep)
     if not experiment.file.requirement:
         raise ArgumentError(f"{experiment.path}: nothing is required: give it a [[requirement]]")
-    bare = replace(experiment, loop=None).with_settings(timestep=timestep)
+    bare = experiment.varied(loop=None).with_settings(timestep=timestep)
     period = bare.settings.control_period
     return Setting(
         experiment=bare,
-        bench=owner.loop,
+        bench=owner.case.loop,
         bench_of=f"{owner.case.system}/{owner.case.name}",
         laws=_chosen(_laws(bare), chosen),
-        imperfections=imperfections(owner.loop, bare.nominal.system, timestep, period),
+        imperfections=imperfections(owner.case.loop, bare.nominal.system, timestep, period),
         conditions=_conditions(bare),
     )
 

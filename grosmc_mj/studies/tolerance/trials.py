@@ -16,7 +16,7 @@ from grosmc_mj.experiments.metrics.running import cost_ratios, metered
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, afters, margins_of
 from grosmc_mj.simulation.loop import Loop, in_loop
-from grosmc_mj.simulation.loop.numbers import Room
+from grosmc_mj.simulation.loop.layout import Room
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.tolerance.setting import Condition, Setting, StudiedLaw
