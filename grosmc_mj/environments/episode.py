@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
+from grosmc_mj.environments.agent_loop import AgentLoop
 from grosmc_mj.environments.reward import Index
 from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError, shown
@@ -21,6 +22,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.engines.steppers import Stepper
+from grosmc_mj.simulation.loop.in_loop import loop_of
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.quiet import warnings_counted_only
 
@@ -58,7 +60,8 @@ class EpisodeSetup:
     Attributes:
         case: The case.
         plant: Its edited model in MuJoCo, or its equations where it has none.
-        law: The controller whose index gives the reward.
+        law: The controller whose index gives the reward, without a loop.
+        looped: The same in the case's loop; None for a case without.
         signals: What is observed.
         index: What is to be minimized.
         problem: Instants and wrenches, as for ``simulate``.
@@ -84,7 +87,9 @@ class EpisodeSetup:
         experiment = experiment.with_settings(control_period=control_period, timestep=timestep)
         settings, where = experiment.settings, experiment.nominal.truest
         self.case, self.plant = experiment.case, experiment.plant(where)
-        self.law = experiment.law(where, _index_law(experiment))
+        law = experiment.law(where, _index_law(experiment))
+        self.looped = law if law.sampling else None
+        self.law = loop_of(law).bare.sampled(settings.control_period) if law.sampling else law
         self.signals, self.index = Signals(self.law), Index(self.law)
         self.problem, _ = prepare(
             self.plant,
@@ -185,6 +190,7 @@ class Episode:
     def __init__(self, setup: EpisodeSetup, stepper: Stepper) -> None:
         self.setup, self.stepper = setup, stepper
         self._wrenches = setup.problem.wrench(0)
+        self._loop = AgentLoop(setup.looped) if setup.looped else None
         self.x = np.array(setup.case.x0)
         self.done, self.reward, self.ended = 0, 0.0, ""
 
@@ -193,6 +199,7 @@ class Episode:
         other = Episode(self.setup, stepper)
         other.x[:], other.done = self.x, self.done
         other.reward, other.ended = self.reward, self.ended
+        other._loop = self._loop.copied() if self._loop else None
         return other
 
     @property
@@ -218,6 +225,8 @@ class Episode:
         refuse_foreign_callback()
         self.stepper.restart(x0)
         self.x[:] = x0
+        if self._loop:
+            self._loop.restart()
         self.done, self.reward, self.ended = 0, 0.0, ""
 
     def hold(self, action: ArrayLike) -> None:
@@ -234,7 +243,10 @@ class Episode:
         """
         setup, problem = self.setup, self.setup.problem
         u = np.clip(setup.checked(action), setup.low, setup.high)
-        self.stepper.hold(u)
+        if self._loop:
+            self._loop.ask(u)
+        else:
+            self.stepper.hold(u)
         left = problem.steps - self.done
         whole = left >= problem.stride
         interval = problem.control_period if whole else left * problem.timestep
@@ -251,6 +263,8 @@ class Episode:
         # A diverging state overflows quietly; the stepper tells.
         with np.errstate(all="ignore"), warnings_counted_only():
             for _ in range(min(steps, problem.steps - self.done)):
+                if self._loop:
+                    stepper.hold(self._loop.given(self.x))
                 if wrenches is not None:
                     stepper.push(wrenches[self.done])
                 if not stepper.step():
@@ -262,8 +276,9 @@ class Episode:
         self.ended = self._say(why) if why else ""
 
     def observation(self) -> OrderedDict[str, Array]:
-        """What is seen of the last valid state."""
-        return self.setup.signals.observe(self.time, self.x)
+        """What is seen of the last valid state; in a loop as sensors and estimators tell it."""
+        x = self._loop.seen(self.x) if self._loop else self.x
+        return self.setup.signals.observe(self.time, x)
 
     def _say(self, why: str) -> str:
         """A reason with its time."""

@@ -1,0 +1,77 @@
+"""The loop as built between an agent and the plant: what it observes, what comes of its actions."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.laws import Law
+from grosmc_mj.control.memory import Memory
+from grosmc_mj.records import extended
+from grosmc_mj.simulation.loop.in_loop import loop_of, relooped
+from grosmc_mj.vectors import algebra, each
+
+
+class AgentLoop:
+    """A case's loop with an agent in place of its law.
+
+    Each episode is another run of the loop, with noise of its own.
+
+    Args:
+        law: A controller in its loop, whose design model observers run.
+    """
+
+    def __init__(self, law: Controller) -> None:
+        sampling, bare = loop_of(law), loop_of(law).bare
+        m = len(sampling.system.inputs)
+        agent = replace(
+            bare, name="agent", law=_as_pending(m), memory=partial(_memory, m), sampling=None
+        )
+        self._made = replace(law, sampling=replace(sampling, bare=agent, predicts=False))
+        self._episodes = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin another episode."""
+        made = relooped(self._made, loop_of(self._made).loop, self._episodes)
+        self._law, self._memory, self._kept_alive = made, *made.begin()
+        self._episodes += 1
+
+    def ask(self, u: Array) -> None:
+        """Take an action as what the agent asks for from its next sample on, (m,)."""
+        self._memory.pending[:] = u  # pyright: ignore[reportAttributeAccessIssue]
+
+    def given(self, x: Array) -> Array:
+        """What the actuators give in the next timestep from a state (n,), (m,)."""
+        return np.atleast_1d(self._law.law(0.0, x, self._memory, self._law.parameters))
+
+    def seen(self, x: Array) -> Array:
+        """What sensors and estimators would tell now of a state (n,), (n,)."""
+        ahead: Any = deepcopy(self._memory)
+        ahead.loop.due = ahead.loop.step
+        self._law.law(0.0, x, ahead, self._law.parameters)
+        return ahead.loop.seen
+
+    def copied(self) -> AgentLoop:
+        """The same so far, to go on by itself."""
+        other = AgentLoop.__new__(AgentLoop)
+        other.__dict__.update(self.__dict__)
+        other._memory = deepcopy(self._memory)
+        return other
+
+
+def _memory(m: int) -> Memory:
+    return extended(Memory(v=np.zeros(m)), pending=np.zeros(m))
+
+
+@cache
+def _as_pending(m: int) -> Law:
+    """The law that asks for what is pending."""
+    given, entries = algebra(m).given, each(m, lambda i, u: u[i])
+    return lambda t, x, memory, p: given(entries(memory.pending))
