@@ -91,4 +91,5 @@ def test_gymnasium_takes_a_case_in_its_loop() -> None:
     for _ in range(5):
         observation, reward, terminated, truncated, _ = made.step(np.array([1.0]))
         assert np.isfinite(reward)
-        assert not (terminated or truncated)
+        assert not terminated
+        assert not truncated

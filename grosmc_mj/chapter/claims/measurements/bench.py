@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import RunResult
 
 
 def bench_deviation(
-    lab: Laboratory, plant: PlantName, *, system: str, case: str, controller: str
+    lab: Laboratory, plant: PlantName, *, system: str, case: str, controller: str, bandwidth: float
 ) -> Measured:
-    """max |x1 - x1*| of a case on the bench, in percent of the initial error."""
-    result = _run(lab, plant, system, case, controller)
+    """max |x1 - x1*| of a case on the bench, in percent of the initial error.
+
+    Its observers have this bandwidth [rad/s].
+    """
+    result = lab.run(on_bench(system, case, bandwidth), plant, controller)
     without = from_optimum(lab.case(system, case, plant, "grosmc").comparison)
     return of(result, from_optimum(result.comparison), f"{without:.3g} % as printed, without it")
 
 
-def on_bench(system: str, case: str) -> Experiment:
-    """What a case changes, in the loop of its system's bench."""
+def on_bench(system: str, case: str, bandwidth: float) -> Experiment:
+    """What a case changes, in the loop of its system's bench, with observers as fast as that."""
     bench, changed = find_experiment(system, "bench"), find_experiment(system, case).case
+    loop = bench.case.loop
+    assert loop is not None
+    faster = tuple(replace(each, bandwidth=bandwidth) for each in loop.estimators)
     return bench.varied(
         name=f"bench, {case}",
         title=f"{changed.title}, on the bench",
@@ -30,8 +37,5 @@ def on_bench(system: str, case: str) -> Experiment:
         duration=changed.duration,
         edits=changed.edits,
         disturbances=changed.disturbances,
+        loop=replace(loop, estimators=faster),
     )
-
-
-def _run(lab: Laboratory, plant: PlantName, system: str, case: str, controller: str) -> RunResult:
-    return lab.run(on_bench(system, case), plant, controller)
