@@ -27,7 +27,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals page clean
+.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -95,6 +95,12 @@ results: $(INSTALLED)  ## Write the table of results from renders/validation.jso
 
 rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 	$(BIN)/python -m grosmc_mj.studies.rivals.report docs/rivals.md
+
+BENCHES := servo cart_pendulum arm two_link_arm
+
+as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
+	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) &&) true
+	$(BIN)/python -m grosmc_mj.studies.tolerance.page docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

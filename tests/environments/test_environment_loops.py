@@ -50,7 +50,7 @@ def test_a_law_as_an_agent_does_what_it_does_in_its_loop() -> None:
 
 
 def test_observations_are_what_sensors_and_estimators_tell() -> None:
-    agent = episode()
+    agent, told = episode(), 0.0
     resolution = 0.314e-3
     for _ in range(20):
         agent.hold([1.0])
