@@ -89,6 +89,9 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	$(BIN)/grosmc-mj film cart_pendulum --controllers grosmc cart-pfl --switching implicit --surface discrete \
 	  --camera wide --duration 7 --size 600x400 --fps 8 --gif -o $(GALLERY)/hold.mp4
 	mv $(GALLERY)/hold.gif renders/gallery/cart_pendulum_hold.gif
+	$(BIN)/grosmc-mj film cart_pendulum/bench --controllers sign implicit 'implicit, predicted' \
+	  --to 3 --size 960x400 --fps 8 --gif -o $(GALLERY)/bench.mp4
+	mv $(GALLERY)/bench.gif renders/gallery/cart_pendulum_bench.gif
 
 results: $(INSTALLED)  ## Write the table of results from renders/validation.json anew
 	$(BIN)/python -m grosmc_mj.chapter.results_table docs/results.md renders/validation.json
@@ -96,7 +99,7 @@ results: $(INSTALLED)  ## Write the table of results from renders/validation.jso
 rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 	$(BIN)/python -m grosmc_mj.studies.rivals.report docs/rivals.md
 
-BENCHES := servo cart_pendulum arm two_link_arm
+BENCHES := servo cart_pendulum arm
 
 as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
 	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) &&) true

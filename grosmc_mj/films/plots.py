@@ -164,6 +164,7 @@ def slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     if most > FEW:
         name = "largest sliding variable |s|"
         signals = [(take, np.abs(s).max(axis=1)) for take, s in signals]
+    name += ", as the law sees it" if _looped(film) else ""
     axes.set_title(f"{name} [{', '.join(units)}]" if units else name)
     lines, seen = [], []
     for take, s in signals:
@@ -183,6 +184,11 @@ def slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     return lines
 
 
+def _looped(film: Film) -> bool:
+    """Whether something lies between laws and plant."""
+    return any(take.run.seen is not None for take in film.takes)
+
+
 def _state(axes: Axes, film: Film, times: tuple[float, float], index: int) -> list[Any]:
     """A state that the laws regulate beside the controlled ones."""
     axes.set_title(_names([film.takes[0].run.system.states[index]]))
@@ -200,7 +206,8 @@ def inputs(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     """The input that the actuator applied; of many, the largest."""
     if (size := loads(film)) is not None:
         return _sized(axes, film, times, size)
-    axes.set_title(_names(film.takes[0].run.system.inputs))
+    title = _names(film.takes[0].run.system.inputs)
+    axes.set_title(f"{title}, as it is given" if _looped(film) else title)
     lines, seen = [], []
     signals = [(take, *each) for take in film.takes for each in _columns(take.run.input)]
     for take, values, index in sorted(signals, key=_restless):

@@ -17,8 +17,8 @@ from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number
 
 BEGIN, END = "<!-- tolerances -->", "<!-- /tolerances -->"
-# Shown in thousandths: amounts of a loop are small.
-_SMALL = {"s": "ms", "rad": "mrad", "m": "mm"}
+# Amounts of a loop are small: these have prefixes, the largest that leaves a number above one.
+_PREFIXED = ("s", "rad", "m")
 
 
 def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
@@ -80,8 +80,9 @@ def _cell(row: Mapping[str, Any]) -> str:
     value, unit = kept["shown"], part["unit"]
     if row["imperfection"] == "all":
         value, unit = kept["factor"], "x"
-    elif unit in _SMALL:
-        value, unit = 1000 * value, _SMALL[unit]
+    elif unit in _PREFIXED:
+        power = 1 if value * 1e3 >= 1 or not value else 2
+        value, unit = value * 1000**power, "mµ"[power - 1] + unit
     elif not unit:
         value, unit = 100 * value, "%"
     limits = "limit" in part["quantity"] and row["imperfection"] != "all"
@@ -92,6 +93,8 @@ def _cell(row: Mapping[str, Any]) -> str:
 if __name__ == "__main__":
     try:
         page, *files = map(Path, sys.argv[1:])
-        replace_marked(page, BEGIN, END, lambda: tolerances_text(json.loads(f.read_text()) for f in files))
+        replace_marked(
+            page, BEGIN, END, lambda: tolerances_text(json.loads(f.read_text()) for f in files)
+        )
     except (GrosmcError, OSError, ValueError, KeyError) as error:
         sys.exit(f"PAGE.md FILE.json ...: {error}")
