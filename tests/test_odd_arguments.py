@@ -158,6 +158,33 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
         "linearize": (gm.simulation.linearize, {"plant": servo(), "x": None, "u": 0.0}),
+        "Computing": (gm.simulation.Computing, {"delay": 1e-3, "jitter": 0.0, "missed": 0.1}),
+        "Sensor": (
+            gm.simulation.Sensor,
+            {"of": "rotor angle", "resolution": 1e-3, "noise": 1e-3, "bias": 0.0, "drift": 0.0}
+            | {"delay": 0.0, "period": 0.0},
+        ),
+        "Estimator": (
+            gm.simulation.Estimator,
+            {"of": "rotor speed", "law": "eso", "bandwidth": 50.0, "time_constant": None}
+            | {"slope": None, "load": None, "settled": True},
+        ),
+        "Actuator": (
+            gm.simulation.Actuator,
+            {"of": "current", "delay": 0.0, "resolution": 0.0, "limit": 1.0, "rate_limit": 10.0}
+            | {"lag": 1e-3, "order": 1, "dead_zone": 0.0},
+        ),
+        "Loop": (
+            gm.simulation.Loop,
+            {"computing": gm.simulation.Computing(), "sensors": (), "estimators": ()}
+            | {"actuators": (), "seed": 0},
+        ),
+        "in_loop": (
+            gm.simulation.in_loop,
+            {"controller": lqr_law(), "loop": gm.simulation.Loop(), "system": SERVO}
+            | {"control_period": 1e-3, "timestep": 1e-3, "predict": False, "run": 0}
+            | {"known": None},
+        ),
         "load_model": (gm.simulation.load_model, {"name": "servo"}),
         "find_switching": (gm.control.find_switching, {"name": "sign"}),
         "setpoints": (lambda degree: gm.control.setpoints(degree), {"degree": 2}),

@@ -31,11 +31,12 @@ def find_experiments(target: str) -> list[Experiment]:
     found = [name for name in files if name.split("/")[0] == target]
     if not found:
         return [_shipped(files[target]) if target in files else Experiment.load(target)]
-    return [_shipped(files[name]) for name in sorted(found, key=_nominal_first)]
+    return [_shipped(files[name]) for name in sorted(found, key=_order)]
 
 
-def _nominal_first(name: str) -> tuple[bool, str]:
-    return not name.endswith("/nominal"), name
+def _order(name: str) -> tuple[bool, bool, str]:
+    """The nominal case first, the bench last."""
+    return not name.endswith("/nominal"), name.endswith("/bench"), name
 
 
 def find_experiment(system: str, case: str) -> Experiment:

@@ -37,7 +37,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
 from grosmc_mj.simulation.loop import Loop, in_loop
-from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
+from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP, stride_of
 from grosmc_mj.simulation.problem import Plant
 
 
@@ -191,6 +191,10 @@ class Experiment:
             GrosmcError: If there is no such law, a number does not fit, or the design fails.
         """
         table, period = self.file.law(name), self.settings.control_period
+        if self.case.loop is not None:
+            # A loop is made for the instants of its runs: what is wrong with these is told first.
+            self.plant(plant)
+            stride_of(period, self.settings.timestep)
         key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
         try:
             if key not in self._designs:

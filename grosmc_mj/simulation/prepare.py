@@ -172,10 +172,12 @@ def _require_designed_for(system: System, controller: Controller) -> None:
         )
 
 
-def _stride(
-    control_period: float | None, h: float, controllers: tuple[Controller, ...]
-) -> tuple[int, float]:
-    """Timesteps in a control period, and the period [s]."""
+def stride_of(control_period: float | None, h: float) -> tuple[int, float]:
+    """Timesteps of h [s] in a control period, and the period [s]; the timestep for None.
+
+    Raises:
+        ArgumentError: If it is no multiple of the timestep, or too long.
+    """
     period = h if control_period is None else real(control_period)
     if not period <= LONGEST:
         raise ArgumentError(
@@ -188,6 +190,14 @@ def _stride(
             f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
             f"{stride * h:g} s, or another timestep"
         )
+    return stride, period
+
+
+def _stride(
+    control_period: float | None, h: float, controllers: tuple[Controller, ...]
+) -> tuple[int, float]:
+    """Timesteps between two calls of the laws, and that time [s]."""
+    stride, period = stride_of(control_period, h)
     for each in controllers:
         if own := each.sampling:
             for what, made_for, given in (

@@ -188,7 +188,7 @@ def test_what_a_command_cannot_be_about_is_one_line(
 
 def test_one_grammar_for_targets(tmp_path: Path) -> None:
     cases = [one.case.name for one in recorded_experiments("arm")]
-    assert cases == ["nominal", "case1", "case2"]
+    assert cases == ["nominal", "case1", "case2", "bench"]
     assert [one.case.name for one in recorded_experiments("arm/case2")] == ["case2"]
     assert shown_experiment("arm").case.name == "case1"
     assert shown_experiment("arm/nominal").case.name == "nominal"

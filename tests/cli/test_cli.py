@@ -25,7 +25,7 @@ def run(*arguments: str) -> int:
     ("arguments", "says"),
     [
         (("validate", "servoo"), "did you mean 'servo'?"),
-        (("validate", "arm/case9"), "valid: nominal, case1, case2"),
+        (("validate", "arm/case9"), "valid: nominal, case1, case2, bench"),
         (("validate", "--engine", "fortran", "servo"), "valid: native, python"),
         (("validate", "--integrator", "heun", "servo"), "valid: Euler, RK4"),
         (("validate", "servo", "--control-period", "0.0015"), "no multiple of the timestep 0.001"),

@@ -123,8 +123,8 @@ def test_a_loop_that_does_not_fit_is_told(loop: Loop, said: str) -> None:
         ({"predict": 3}, "predict = 3 must be True or False"),
         ({"known": 3}, "known = 3 must be a Loop"),
         ({"known": Loop(Computing(delay=0.1 * H))}, "delay = 0.0001 s is no multiple"),
-        ({"control_period": 1.5 * H}, "control_period = 0.0015 s must be a multiple"),
-        ({"timestep": 0.0}, "must be a multiple of the timestep 0 s"),
+        ({"control_period": 1.5 * H}, "control period 0.0015 s is no multiple of the timestep"),
+        ({"timestep": 0.0}, "timestep = 0 s must be finite and positive"),
     ],
 )
 def test_an_option_that_does_not_fit_is_told(options: dict[str, Any], said: str) -> None:

@@ -29,6 +29,7 @@ from grosmc_mj.simulation.loop.layout import (
 from grosmc_mj.simulation.loop.loop import LARGEST_SEED, Loop
 from grosmc_mj.simulation.loop.looped_law import looped_law_of
 from grosmc_mj.simulation.loop.numbers import LoopNumbers
+from grosmc_mj.simulation.prepare import stride_of
 
 
 def in_loop(
@@ -77,18 +78,16 @@ def in_loop(
     whole = isinstance(run, (int, np.integer)) and not isinstance(run, bool)
     if not (whole and 0 <= run < LARGEST_SEED):
         raise ArgumentError(f"run = {shown(run)} must be a whole number from 0 to below 2^53")
-    h, period = real(timestep), real(control_period)
-    if not (0 < h <= period < math.inf and math.isclose(round(period / h) * h, period)):
-        raise ArgumentError(
-            f"control_period = {shown(control_period)} s must be a multiple of the timestep "
-            f"{shown(timestep)} s"
-        )
+    h = real(timestep)
+    if not 0 < h < math.inf:
+        raise ArgumentError(f"timestep = {shown(timestep)} s must be finite and positive")
+    stride, period = stride_of(control_period, h)
     if controller.sampling is not None:
         raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
     loop.require_fits(system, h, period)
     if known is not None:
         known.require_fits(system, h, period)
-    known, stride = loop if known is None else known, round(period / h)
+    known = loop if known is None else known
     needed = Room.needed(loop, h, stride).with_other(Room.needed(known, h, stride))
     sampling = LoopSampling(
         period=period,

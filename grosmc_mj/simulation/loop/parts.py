@@ -133,12 +133,14 @@ class Estimator:
     def __post_init__(self) -> None:
         require("settled", self.settled, bool, "True or False")
         names = (self.of,) if isinstance(self.of, str) else self.of
-        if not (isinstance(names, Sequence) and names):
+        if not (isinstance(names, Sequence) and len(names)):
             raise ArgumentError(f"of = {shown(self.of)} must be names of states, at least one")
         for name in names:
             _require_name(name)
+        if len(set(names)) < len(names):
+            raise ArgumentError(f"of = {shown(self.of)} must name each state once")
         object.__setattr__(self, "of", tuple(names))
-        if self.law not in get_args(EstimatorLaw):
+        if not isinstance(self.law, str) or self.law not in get_args(EstimatorLaw):
             raise ArgumentError(unknown_name("estimator", self.law, get_args(EstimatorLaw)))
         needed = TUNED_BY.get(self.law)
         for name in dict.fromkeys(TUNED_BY.values()):
@@ -187,5 +189,5 @@ class Actuator:
             _require(name, getattr(self, name))
         for name in ("limit", "rate_limit"):
             _require_limit(name, getattr(self, name))
-        if self.order not in (1, 2) or isinstance(self.order, bool):
+        if real(self.order) not in (1, 2):
             raise ArgumentError(f"order = {shown(self.order)} must be 1 or 2")
