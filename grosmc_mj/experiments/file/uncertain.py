@@ -170,7 +170,8 @@ class UncertainTable(Table):
         every = {name for names in QUANTITIES.values() for name in names}
         given = sorted(every & self.model_fields_set)
         if idle := [name for name in given if name not in valid]:
-            raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {', '.join(valid)}")
+            owner = f"{'an' if owners[0][0] in 'ae' else 'a'} {owners[0]}"
+            raise ValueError(f"{owner} has no {', '.join(idle)}; valid: {', '.join(valid)}")
         if len(given) != 1:
             raise ValueError(
                 f"give one of {', '.join(valid)}, not {', '.join(given) or 'none'}: one "

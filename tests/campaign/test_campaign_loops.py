@@ -1,0 +1,155 @@
+"""A loop in a campaign: its numbers drawn, its chance each run's own, its runs repeated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from campaign_cases import PLANT, campaign, kept
+
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.replay import replay
+from grosmc_mj.campaign.runs.shard import evaluate_all
+from grosmc_mj.errors import GrosmcError
+
+LOOP = """
+[computing]
+delay = "1 ms"
+missed = 0.05
+[[sensor]]
+of = "rotor angle"
+resolution = "0.1 mrad"
+noise = "0.1 mrad"
+[[estimator]]
+of = "rotor speed"
+law = "eso"
+bandwidth = "100 rad/s"
+[[actuator]]
+of = "current"
+limit = "4 A"
+lag = "1 ms"
+[[controller]]
+law = "lqr"
+[[controller]]
+name = "told"
+law = "lqr"
+predict = true
+"""
+UNCERTAIN = """
+[[uncertain]]
+computing = true
+delay = ["0 ms", "4 ms"]
+[[uncertain]]
+sensor = "rotor angle"
+noise = ["0 mrad", "0.3 mrad"]
+[[uncertain]]
+estimator = "rotor speed"
+bandwidth = ["50 rad/s", "200 rad/s"]
+[[uncertain]]
+actuator = "current"
+lag = ["0 ms", "3 ms"]
+"""
+
+
+def text(loop: str = LOOP, uncertain: str = UNCERTAIN) -> str:
+    plant = PLANT.format(system="servo", duration=0.05, start="{}")
+    limit = '[[requirement]]\ndeviation_below = "3 mrad"\n'
+    return plant + loop + limit + uncertain
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """Eight servos in two parts."""
+    return kept(campaign(text()), tmp_path_factory.mktemp("loops"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("law", ["lqr", "told"])
+def test_a_run_with_chance_in_it_is_repeated_bit_for_bit(
+    folder: Folder, law: str, engine: Any
+) -> None:
+    for number in ("0", "5"):
+        found = replay(campaign(text()), folder, number, law, engine)
+        assert found.stored
+        assert found.differences == ()
+
+
+@pytest.mark.slow
+def test_each_run_has_chance_of_its_own() -> None:
+    asked = campaign(text())
+    values = np.tile(asked.values(range(1)), (3, 1))
+    (found,) = evaluate_all(asked, ["lqr"], values, ids=[0, 1, 1])
+    first, second, again = found.metrics["deviation"]
+    assert second == again
+    assert first != second
+
+
+@pytest.mark.slow
+def test_neighbours_and_threads_play_no_part() -> None:
+    asked = campaign(text())
+    values = asked.values(range(4))
+    (together,) = evaluate_all(asked, ["told"], values, threads=2, ids=range(4))
+    for i in range(4):
+        (alone,) = evaluate_all(asked, ["told"], values[i : i + 1], threads=1, ids=[i])
+        assert alone.metrics["deviation"][0] == together.metrics["deviation"][i]
+
+
+def test_drawn_times_are_whole_timesteps_and_the_law_knows_the_files() -> None:
+    asked: Campaign = campaign(text())
+    sample = asked.plant_sample([2.4e-3, 1e-4, 80.0, 2e-3], run=7)
+    loop = sample.case.loop
+    assert loop is not None
+    assert loop.computing.delay == pytest.approx(2e-3)
+    assert loop.sensors[0].noise == 1e-4
+    assert loop.estimators[0].bandwidth == 80.0
+    assert loop.actuators[0].lag == 2e-3
+    assert sample.run == 7
+
+
+def test_units_and_names_are_those_of_states_and_inputs() -> None:
+    named = {each.name: each.unit for each in campaign(text()).family.quantities}
+    assert named == {
+        "computing delay": "s",
+        "rotor angle noise": "rad",
+        "rotor speed bandwidth": "rad/s",
+        "current lag": "s",
+    }
+
+
+@pytest.mark.parametrize(
+    ("loop", "uncertain", "said"),
+    [
+        (
+            LOOP,
+            '[[uncertain]]\nsensor = "rotor speed"\nnoise = ["0 rad/s", "1 rad/s"]\n',
+            "unknown sensor 'rotor speed'",
+        ),
+        (
+            LOOP,
+            '[[uncertain]]\nactuator = "current"\nrate_limit = ["1 A/s", "9 A/s"]\n',
+            "the actuator has no rate limit: give it one, or nominal",
+        ),
+        (
+            LOOP,
+            "[[uncertain]]\ncomputing = true\nmissed = [0.5, 1.0]\n",
+            "missed = 1 can occur",
+        ),
+        (
+            LOOP,
+            '[[uncertain]]\nestimator = "rotor speed"\nlag = ["0 ms", "1 ms"]\n',
+            "an estimator has no lag",
+        ),
+        (
+            '[[controller]]\nlaw = "lqr"\n',
+            '[[uncertain]]\nactuator = "current"\nlag = ["0 ms", "1 ms"]\n',
+            "the file has no loop, so no actuator",
+        ),
+    ],
+)
+def test_what_a_loop_has_not_cannot_be_uncertain(loop: str, uncertain: str, said: str) -> None:
+    with pytest.raises(GrosmcError, match=said) as told:
+        campaign(text(loop, uncertain))
+    assert "\n" not in str(told.value)
