@@ -161,8 +161,8 @@ class Laboratory:
         """An experiment with the laboratory's settings and its number."""
         changes = self.settings.changes()
         if experiment.case.loop is not None:
-            # A loop's pace is its own; physics can be finer.
-            finer = self.settings.timestep / Settings().timestep
+            # A loop's pace is its own; physics can be finer, but no coarser than its delays.
+            finer = min(1.0, self.settings.timestep / Settings().timestep)
             changes["timestep"] = experiment.settings.timestep * finer
             changes.pop("control_period", None)
         used = experiment.with_settings(**changes)

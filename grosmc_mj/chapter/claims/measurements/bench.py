@@ -20,8 +20,7 @@ def bench_deviation(
     Its observers have this bandwidth [rad/s].
     """
     result = lab.run(on_bench(system, case, bandwidth), plant, controller)
-    without = from_optimum(lab.case(system, case, plant, "grosmc").comparison)
-    return of(result, from_optimum(result.comparison), f"{without:.3g} % as printed, without it")
+    return of(result, from_optimum(result.comparison))
 
 
 def on_bench(system: str, case: str, bandwidth: float) -> Experiment:
