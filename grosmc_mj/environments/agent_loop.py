@@ -21,8 +21,6 @@ from grosmc_mj.vectors import algebra, each
 class AgentLoop:
     """A case's loop with an agent in place of its law.
 
-    Each episode is another run of the loop, with noise of its own.
-
     Args:
         law: A controller in its loop, whose design model observers run.
     """
@@ -34,14 +32,12 @@ class AgentLoop:
             bare, name="agent", law=_as_pending(m), memory=partial(_memory, m), sampling=None
         )
         self._made = replace(law, sampling=replace(sampling, bare=agent, predicts=False))
-        self._episodes = 0
-        self.restart()
+        self.restart(0)
 
-    def restart(self) -> None:
-        """Begin another episode."""
-        made = relooped(self._made, loop_of(self._made).loop, self._episodes)
+    def restart(self, run: int) -> None:
+        """Begin an episode with the noise of a run."""
+        made = relooped(self._made, loop_of(self._made).loop, run)
         self._law, self._memory, self._kept_alive = made, *made.begin()
-        self._episodes += 1
 
     def ask(self, u: Array) -> None:
         """Take an action as what the agent asks for from its next sample on, (m,)."""

@@ -144,7 +144,8 @@ class CaseTask(control.Task):
 
     def initialize_episode(self, physics: CaseDynamics) -> None:
         """Put the plant at a start."""
-        physics.running.restart(self.setup.start(self.random))
+        start = self.setup.start(self.random)
+        physics.running.restart(start, self.setup.run(self.random))
         self.ended = ""
 
     def before_step(self, action: ArrayLike, physics: CaseDynamics) -> None:

@@ -23,6 +23,7 @@ from grosmc_mj.plants import Plant, find_system
 from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
 from grosmc_mj.simulation.engines.steppers import Stepper
 from grosmc_mj.simulation.loop.in_loop import loop_of
+from grosmc_mj.simulation.loop.loop import LARGEST_SEED
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.quiet import warnings_counted_only
 
@@ -134,6 +135,12 @@ class EpisodeSetup:
             "take a smaller one"
         )
 
+    def run(self, random: Random) -> int:
+        """Number of a run, for what a loop draws; 0 where there is none."""
+        if self.looped is None:
+            return 0
+        return int(random.uniform(np.zeros(1), np.full(1, float(LARGEST_SEED)))[0])
+
     def undefined(self, x: Array) -> str:
         """Why an episode can't go on from a state; empty if it can."""
         system = self.plant.system
@@ -216,8 +223,8 @@ class Episode:
         """Whether the case's duration is reached."""
         return self.done >= self.setup.problem.steps
 
-    def restart(self, x0: Array) -> None:
-        """Begin again from a state, (n,).
+    def restart(self, x0: Array, run: int = 0) -> None:
+        """Begin again from a state, (n,), with the noise of a run.
 
         Raises:
             SetupError: If somebody else's control callback is installed.
@@ -226,7 +233,7 @@ class Episode:
         self.stepper.restart(x0)
         self.x[:] = x0
         if self._loop:
-            self._loop.restart()
+            self._loop.restart(run)
         self.done, self.reward, self.ended = 0, 0.0, ""
 
     def hold(self, action: ArrayLike) -> None:

@@ -110,7 +110,8 @@ class CaseEnv(gymnasium.Env[Named, Array]):
             Observation and info.
         """
         super().reset(seed=seed)
-        self._episode.restart(self.setup.start(self.np_random))
+        start = self.setup.start(self.np_random)
+        self._episode.restart(start, self.setup.run(self.np_random))
         return self._episode.observation(), self._info()
 
     def step(self, action: ArrayLike) -> tuple[Named, float, bool, bool, dict[str, Any]]:

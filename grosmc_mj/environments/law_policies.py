@@ -12,6 +12,7 @@ from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
 from grosmc_mj.simulation.engines.inputs import ask
+from grosmc_mj.simulation.loop.in_loop import loop_of
 
 
 class LawPolicy:
@@ -24,7 +25,8 @@ class LawPolicy:
     """
 
     def __init__(self, controller: Controller, system: System, control_period: float) -> None:
-        self._controller = controller.sampled(control_period)
+        bare = loop_of(controller).bare if controller.sampling else controller
+        self._controller = bare.sampled(control_period)
         self._names = state_names(system)
         self._u = np.zeros(len(system.inputs))
         self.reset()
@@ -74,6 +76,8 @@ def law_policy(
     controller: Controller, system: str | None = None, *, control_period: float = 1e-3
 ) -> LawPolicy:
     """A law as a policy ``policy(observation) -> action``, for dm_control and Gymnasium alike.
+
+    A law in a loop is taken without it: that is the environment's.
 
     It takes ``time_step.observation`` of the one and the observation of the other, and starts
     its memory anew when the observed time is 0.

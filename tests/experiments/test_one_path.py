@@ -153,7 +153,12 @@ def test_files_that_extend_each_other_without_end_are_refused(tmp_path: Path) ->
 
 
 def test_bases_are_no_cases() -> None:
-    assert [each.case.name for each in find_experiments("arm")] == ["nominal", "case1", "case2", "bench"]
+    assert [each.case.name for each in find_experiments("arm")] == [
+        "nominal",
+        "case1",
+        "case2",
+        "bench",
+    ]
     with pytest.raises(ArgumentError, match="unknown case 'arm/base'"):
         find_experiments("arm/base")
 

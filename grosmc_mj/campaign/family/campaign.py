@@ -163,8 +163,15 @@ class Campaign:
 
     def plant_sample(self, values: Sequence[float] | Array, run: int = 0) -> PlantSample:
         """The plant, disturbances, start and loop that these values make, in a run."""
-        row, timestep = np.asarray(values, float).tolist(), self.experiment.settings.timestep
-        return plant_sample_of(self.experiment.case, self.family.quantities, row, timestep, run)
+        row, settings = np.asarray(values, float).tolist(), self.experiment.settings
+        return plant_sample_of(
+            self.experiment.case,
+            self.family.quantities,
+            row,
+            settings.timestep,
+            settings.control_period,
+            run,
+        )
 
 
 def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:

@@ -95,11 +95,13 @@ class Quantity:
     def largest_scale(self) -> float:
         """The factor on distances from the nominal value up to which all values are physical."""
         least, most = self.distribution.support
-        if self.quantity == "missed":
-            return (1 - self.nominal) / (most - self.nominal) * (1 - 1e-9)
-        if self.quantity not in (*_POSITIVE, *_NOT_NEGATIVE) or least >= self.nominal:
+        if self.quantity not in (*_POSITIVE, *_NOT_NEGATIVE):
             return math.inf
-        return self.nominal / (self.nominal - least)
+        below = self.nominal / (self.nominal - least) if least < self.nominal else math.inf
+        if self.quantity != "missed" or most <= self.nominal:
+            return below
+        # A share of samples stays below all of them.
+        return min(below, (1 - self.nominal) / (most - self.nominal) * (1 - 1e-9))
 
 
 @dataclass(frozen=True, eq=False)

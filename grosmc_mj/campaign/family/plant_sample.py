@@ -38,6 +38,7 @@ def plant_sample_of(
     quantities: Sequence[Quantity],
     values: Sequence[float],
     timestep: float,
+    control_period: float,
     run: int = 0,
 ) -> PlantSample:
     """The member with these values of the uncertain numbers, in the order of the quantities.
@@ -63,7 +64,7 @@ def plant_sample_of(
             _edit(edits, quantity, value)
     changed = replace(
         case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances),
-        loop=loop if loop is case.loop or loop is None else loop.rounded(timestep),
+        loop=loop if loop is case.loop or loop is None else loop.rounded(timestep, control_period),
     )  # fmt: skip
     return PlantSample(changed, tuple(scales), run)
 

@@ -249,7 +249,7 @@ def _in_loop(experiment: Experiment) -> list[str]:
     if (loop := experiment.case.loop) is None:
         return []
     return [
-        "in its loop: y and u are true and given, s and J as the law sees and asks",
+        "in its loop: y is true, u is given; s is what the law sees, J of what it asks for",
         *loop_words(loop, experiment.nominal.system),
     ]
 

@@ -137,7 +137,7 @@ def rate_estimating(
                 continue
             y, period = loop.seen[position], int(q.sensors[position, 5])
             own, kind, number = loop.rates[row], q.estimators[row, 0], q.estimators[row, 3]
-            at = measured_at(i, int(q.sensors[position, 4]), period) if period > 0 else i
+            at = measured_at(i, int(q.sensors[position, 4]), period)
             if own[_BEGUN] == 0.0:
                 own[_BEGUN], own[_POSITION], own[_LAST], own[_AT] = 1.0, y, y, at
                 if q.estimators[row, 4] != 0.0:
@@ -166,17 +166,19 @@ def filtering(n: int, m: int, move: Advance) -> Callable[..., None]:
     @jitable
     def step(i: int, t: float, memory: Any, p: Any) -> None:
         loop, q = memory.loop, p.loop
+        # Until a sensor tells something new there is nothing to correct by.
+        fresh = loop.sample == 0.0 or i > q.oldest
         for j in range(n):
             loop.model[j] = loop.observed[j]
             if loop.sample == 0.0 and q.settled != 0.0:
                 loop.model[j] = loop.past[i % loop.past.shape[0], j]
-        if loop.sample > 0.0:
+        if loop.sample > 0.0 and fresh:
             mean(i, int(q.stride), loop, q, loop.mean)
             move(t - q.period, loop.mean, memory, p, q.period)
         for j in range(n):
             loop.observed[j] = loop.model[j]
             for k in range(n):
-                if q.gain[j, k] != 0.0:
+                if fresh and q.gain[j, k] != 0.0:
                     loop.observed[j] += q.gain[j, k] * (loop.seen[k] - loop.model[k])
         for j in range(n):
             if q.filtered[j] != 0.0:

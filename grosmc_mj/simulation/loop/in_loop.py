@@ -87,6 +87,7 @@ def in_loop(
     loop.require_fits(system, h, period)
     if known is not None:
         known.require_fits(system, h, period)
+        _require_one_age(known, system, {"predict"} if predict else set())
     known = loop if known is None else known
     needed = Room.needed(loop, h, stride).with_other(Room.needed(known, h, stride))
     sampling = LoopSampling(
@@ -159,15 +160,24 @@ def room_of(controller: Controller, loops: Iterable[Loop]) -> Room:
 
 def _require_one_age(loop: Loop, system: System, users: set[str]) -> None:
     """Refuse states of different ages where one model is to run ahead of all of them."""
+    # A filter goes by every sensor; other estimates are as old as what they are made of.
+    filtered = any(each.law == "kalman" for each in loop.estimators)
     estimated = {name for each in loop.estimators for name in each.of}
+    estimated -= {each.of for each in loop.sensors} if filtered else set()
     delays = {each.of: each.delay for each in loop.sensors}
     measured = [state.name for state in system.states if state.name not in estimated]
     ages = {name: delays.get(name, 0.0) for name in measured}
+    delays_out = {each.delay for each in loop.actuators}
+    if "predict" in users and len(delays_out) > 1:
+        raise ArgumentError(
+            "predict: the actuators have different delays, and the state is told at one instant: "
+            "give them the same, the longest one's"
+        )
     if users and len(set(ages.values())) > 1:
         told = ", ".join(f"{of} {delay:g} s" for of, delay in ages.items())
         raise ArgumentError(
-            f"{' and '.join(sorted(users))}: what is seen is of different ages, {told}: give all "
-            "sensors the delay of the oldest one"
+            f"{' and '.join(sorted(users))}: what is seen is of different ages, {told}: give "
+            "each of these states a [[sensor]] with the delay of the oldest one"
         )
 
 

@@ -153,8 +153,8 @@ def loop_numbers(controller: Controller, sampling: LoopSampling) -> LoopNumbers:
     if point is not None and controller.design is not None:
         A, B = controller.design.lqr.A, controller.design.lqr.B
     # What it knows of its own loop: nothing, unless it predicts.
-    computer, actuators = _actuator_rows(known, system, h), known.actuators
-    delays = computer[:, 0] + computer[:, 4] * computer[:, 5]
+    told, actuators = _actuator_rows(known, system, h), known.actuators
+    delays = told[:, 0] + told[:, 4] * told[:, 5]
     to_output = round(known.computing.delay / h) + round(float(delays.max(initial=0.0)))
     age = round(max((each.delay for each in known.sensors), default=0.0) / h)
     knows = 1.0 if sampling.predicts else 0.0
@@ -176,13 +176,15 @@ def loop_numbers(controller: Controller, sampling: LoopSampling) -> LoopNumbers:
         estimators=_estimators(loop, system),
         gain=np.zeros((n, n)),
         filtered=given,
+        oldest=float(round(max((each.delay for each in loop.sensors), default=0.0) / h)),
         settled=float(any(each.settled for each in loop.estimators if each.law == "kalman")),
         actuators=_actuator_rows(loop, system, h),
         rest=np.zeros(m) if point is None else np.array(point.u, float),
         dead=dead,
+        age=knows * age,
         ahead=knows * to_output * h,
         learning=0.0 if dead == 0 else 1.0 - math.exp(-LEARNING * sampling.period / (dead * h)),
-        known_limit=computer[:, 2] if knows and actuators else np.full(m, np.inf),
+        known_limit=told[:, 2] if knows and actuators else np.full(m, np.inf),
         A=np.ascontiguousarray(A),
         B=np.ascontiguousarray(B),
         x_e=np.zeros(n) if point is None else np.array(point.x, float),

@@ -157,8 +157,8 @@ class Loop:
             )
         mistakes.refuse()
 
-    def rounded(self, timestep: float) -> Loop:
-        """The same with all times on the timestep's grid, the nearest."""
+    def rounded(self, timestep: float, control_period: float = math.inf) -> Loop:
+        """The same with all times on the timestep's grid, the nearest; jitter within a period."""
         found = self
         for kind, parts in (
             ("computing", (self.computing,)),
@@ -169,6 +169,8 @@ class Loop:
                 times = [each.name for each in fields(part)]
                 times = [name for name in times if name in ("delay", "jitter", "period")]
                 near = {name: round(getattr(part, name) / timestep) * timestep for name in times}
+                if "jitter" in near:
+                    near["jitter"] = min(near["jitter"], control_period - timestep)
                 found = found.changed(kind, getattr(part, "of", ""), **near)
         return found
 

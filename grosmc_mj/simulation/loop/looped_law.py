@@ -59,7 +59,7 @@ def looped_law_of(
             sense(i, loop, q)
             estimate(i, t_k, memory, p)
             observe(i, t_k, memory, p)
-            if k > 0:
+            if k > 0 and i - q.stride >= q.age:
                 learn(i, t_k, memory, p)
             for j in range(n):
                 loop.model[j] = loop.seen[j]
@@ -137,7 +137,9 @@ def foreseeing(n: int, m: int, move: Advance) -> Callable[..., None]:
     @jitable
     def foresee(i: int, t: float, memory: Any, p: Any) -> None:
         loop, q = memory.loop, p.loop
-        a = i - int(q.dead)
+        # Until it is as old as its sensors say, what is seen is the start.
+        dead = int(q.dead) - int(q.age) + min(i, int(q.age))
+        a = i - dead
         while a < i:
             for j in range(m):
                 loop.mean[j] = told(a, j, loop, q)
@@ -151,6 +153,6 @@ def foreseeing(n: int, m: int, move: Advance) -> Callable[..., None]:
             move(at, loop.mean, memory, p, count * q.timestep)
             a += count
         for j in range(n):
-            loop.model[j] += loop.missed[j] * (q.dead * q.timestep)
+            loop.model[j] += loop.missed[j] * (dead * q.timestep)
 
     return foresee

@@ -29,10 +29,12 @@ class LoopNumbers:
         gain: Of the Kalman filter, on the innovation of each state, (n, n).
         filtered: 1 for each state that it gives, (n,).
         settled: 1 if it begins settled.
+        oldest: Age of what it goes by.
         actuators: Delay, resolution, limit, change in a timestep, time constant over the timestep,
             order and dead zone of each input, (m, 7).
         rest: Input before the first output arrives, (m,).
         dead: Dead time that the law knows of.
+        age: Of what it sees, which is part of that; at the start it sees the start itself.
         ahead: From its sample to when its output arrives, as it knows [s].
         learning: Share of what the design model has missed in a period that is believed at once.
         known_limit: Largest |u| that it knows of, (m,).
@@ -54,9 +56,11 @@ class LoopNumbers:
     gain: Array
     filtered: Array
     settled: float
+    oldest: float
     actuators: Array
     rest: Array
     dead: float
+    age: float
     ahead: float
     learning: float
     known_limit: Array
@@ -74,7 +78,7 @@ class LoopMemory:
         sample: Samples taken.
         due: Timestep of the next one.
         seen: What sensors and estimators give, at the last sample, (n,).
-        believed: The state that the law was told, (n,).
+        believed: The state that the law was told, (n,); to compute in before that.
         asked: What it asked for, (m,).
         output: The computer's output, (m,).
         given: What the actuators make of it, (m,).
@@ -84,12 +88,12 @@ class LoopMemory:
             was seen last and the instant of that in timesteps, (k, 6).
         observed: The Kalman filter's state, (n,).
         lags: Of each input: after the rate limit, the first lag and the second, (m, 3).
-        mean: Input over the last period, as estimators know it, (m,).
+        mean: Input under which the design model moves, (m,).
         model: The design model's state, (n,).
         missed: What the design model misses of the state's rate, (n,).
         slope: To compute in, (n,).
         stage: To compute in, (n,).
-        total: To compute in, (n,).
+        total: What the design model's states gain in a period, for the estimators, (n,).
         calm: No wrench, (6 * bodies,).
     """
 
