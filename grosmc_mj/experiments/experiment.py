@@ -211,7 +211,7 @@ class Experiment:
         settings = self.settings
         return _in_loop(
             made, loop, self.nominal.system, control_period=settings.control_period,
-            timestep=settings.timestep, predict=table.predict,
+            timestep=settings.timestep, predict=bool(table.predict),
         )  # fmt: skip
 
     def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:

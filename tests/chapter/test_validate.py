@@ -86,7 +86,7 @@ def test_the_answer_comes_first_and_fits_on_a_screen(everything: tuple[int, Path
     answer, end, _ = text.partition("validation.json\n")
     lines = f"{answer}{end}".rstrip("\n").split("\n")
     assert end
-    assert lines[0].startswith("All 87 runs are as recorded")
+    assert lines[0].startswith("All 127 runs are as recorded")
     assert len(lines) <= 40
     assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
 
@@ -112,7 +112,7 @@ def test_the_document_says_what_is_needed_to_repeat_it(document: dict[str, Any])
     assert "git_revision" in document
     configuration = document["configuration"]
     assert configuration["control_period"] == 1e-3
-    assert len(configuration["cases"]) == 14
+    assert len(configuration["cases"]) == 18
 
 
 def test_every_run_has_every_metric_with_its_unit(document: dict[str, Any]) -> None:
@@ -228,7 +228,7 @@ def test_plan_names_each_run_once() -> None:
         for experiment in select_experiments((), None)
         for what in experiment.laws
     ]
-    assert len(runs) == len(set(runs)) == 87
+    assert len(runs) == len(set(runs)) == 127
 
 
 # The ledger of claims.

@@ -87,7 +87,7 @@ class LawTable(Table):
     switching: str = "sign"
     surface: Literal["printed", "discrete"] = "printed"
     memory: dict[str, Any] = {}
-    predict: bool = False
+    predict: bool | None = None
 
     @property
     def numbers(self) -> dict[str, Any]:
