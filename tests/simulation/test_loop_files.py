@@ -172,5 +172,5 @@ def test_a_batch_keeps_what_each_law_saw() -> None:
     runs = gm.simulate(
         plant, law, [[0.0, 0.0], [0.5, 1.0]], duration=0.05, control_period=H, timestep=H / 2
     )
-    assert seen(runs).shape == (2, 200, 2)
+    assert seen(runs).shape == (2, 100, 2)
     np.testing.assert_array_equal(seen(runs[1]), seen(runs)[1])
