@@ -237,9 +237,12 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     for value in (*found.distribution.support, found.nominal):
         if not found.physical(value):
             must = "be positive" if found.quantity in _POSITIVE else "not be negative"
+            end = "least"
+            if found.quantity == "missed" and value >= 1:
+                must, end = "be below 1", "most"
             raise ArgumentError(
                 f"{table.quantity.replace('_', ' ')} = {value:g} can occur, but must {must}: cut "
-                "the distribution off with least"
+                f"the distribution off with {end}"
             )
     return found
 

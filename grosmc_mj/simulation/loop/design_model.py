@@ -14,7 +14,7 @@ from grosmc_mj.control.controller import Design
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, GainError
+from grosmc_mj.errors import ArgumentError, GainError, one_line
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.engines.runge_kutta import state_derivative
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
@@ -169,7 +169,10 @@ def kalman_gain(
     try:
         P = scipy.linalg.solve_discrete_are(A.T, C.T, load**2 * B @ B.T, noise)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise GainError(f"kalman: no steady filter for what is measured: {error}") from None
+        raise GainError(
+            "kalman: no steady filter: what has a [[sensor]] does not determine the other states; "
+            f"measure another one ({one_line(str(error))})"
+        ) from None
     gain = P @ C.T @ np.linalg.inv(C @ P @ C.T + noise)
     kept = np.eye(len(A)) - gain @ C
     # Numbers too far apart make a solution that is none.

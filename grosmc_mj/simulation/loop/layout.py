@@ -131,6 +131,13 @@ def _estimators(loop: Loop, system: System) -> Array:
                     f"estimator: {part.law} gives a rate: {name!r} is none of "
                     f"{', '.join(rates) or 'them: no state is the rate of another'}"
                 )
+    measured = {sensor.of for sensor in loop.sensors}
+    for part in loop.estimators:
+        twice = [name for name in part.of if name in measured and part.law != "kalman"]
+        if twice:
+            raise ArgumentError(
+                f"estimator: {twice[0]!r} has a sensor too, which would go unheard: leave one out"
+            )
     if sum(part.law == "kalman" for part in loop.estimators) > 1:
         raise ArgumentError("estimator: two filters by kalman: give one of them all states")
     slow = [sensor.of for sensor in loop.sensors if sensor.period]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop.loop import Loop
-from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
+from grosmc_mj.simulation.loop.parts import TUNED_BY, Actuator, Computing, Estimator, Sensor
 
 
 def loop_words(loop: Loop, system: System) -> list[str]:
@@ -37,7 +37,7 @@ def _of_computer(each: Computing) -> Iterator[str]:
     if each.jitter:
         yield f"samples up to {_seconds(each.jitter)} late"
     if each.missed:
-        yield f"{each.missed:.3g} of the outputs missed"
+        yield f"{100 * each.missed:.3g} % of the outputs missed"
 
 
 def _of_sensor(each: Sensor, unit: str) -> Iterator[str]:
@@ -56,7 +56,7 @@ def _of_sensor(each: Sensor, unit: str) -> Iterator[str]:
 
 
 def _of_estimator(each: Estimator) -> Iterator[str]:
-    tuned = "" if each.law == "difference" else f" with {each.number:.4g}"
+    tuned = f" with {TUNED_BY[each.law].replace('_', ' ')} {each.number:.4g}" if each.number else ""
     yield f"estimated by {each.law}{tuned}" + ("" if each.settled else ", from rest")
 
 
