@@ -33,7 +33,7 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Of a law's memory: an address, and what a loop computes in.
+# Of a law's memory: an address, when it began, and what a loop computes in.
 _NOT_SAVED = ("workspace", "first", "loop")
 
 
@@ -172,7 +172,11 @@ class Trajectory:
             "controlled": list(system.controlled),
             "bodies": list(system.bodies),
             "groups": named,
-            "memory": {name: list(self.memory.dtype[name].shape) for name in remembered},
+            "memory": {
+                name: list(self.memory.dtype[name].shape)
+                for name in self.memory.dtype.names or ()
+                if name != "loop"
+            },
             "one_axis": {
                 "sliding": self.sliding is not None and self.sliding.ndim == 1,
                 "weighed": self.weighed.ndim == 1,
