@@ -252,6 +252,11 @@ def required(limits: Sequence[Limit], laws: Container[str]) -> tuple[Limit, ...]
     return tuple(found)
 
 
+def costs_wanted(limits: Iterable[Limit]) -> bool:
+    """Whether one of them is of the index."""
+    return any(limit.metric == "cost_ratio" for limit in limits)
+
+
 def afters(limits: Sequence[Limit]) -> tuple[float, ...]:
     """From when on largest errors are asked for [s]."""
     return tuple(sorted({limit.after for limit in limits if limit.kind == "stays_within"}))

@@ -13,9 +13,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.metrics.definitions import Recording, folded
-from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
-from grosmc_mj.experiments.requirements import afters, margins_of
+from grosmc_mj.experiments.metrics.definitions import Recording
+from grosmc_mj.experiments.metrics.running import METRICS, metered, said_by
+from grosmc_mj.experiments.requirements import afters, costs_wanted, margins_of
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.loop import relooped, room_of
 from grosmc_mj.simulation.simulate import simulate
@@ -129,14 +129,16 @@ def outcomes(
     words = [each.name.lower() for each in status]
     completed = np.array(words) == Status.COMPLETED.name.lower()
     ended = np.where(completed, duration, np.asarray(valid_until, float))
-    found = folded(meters, recording)
+    found = said_by(
+        campaign.laws[controller],
+        meters,
+        recording,
+        np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
+        last,
+        completed,
+        costs=costs_wanted(campaign.requirements),
+    )
     metrics = {name: np.where(completed, found[name], np.nan) for name in METRICS}
-    if costs_wanted(campaign):
-        starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
-        law = campaign.laws[controller]
-        # What a run ended early at may be out of all bounds.
-        ends = np.where(completed[:, None], last, starts)
-        found["cost_ratio"] = cost_ratios(law, meters["costs"], starts, ends, duration)
     own = [each for each in campaign.requirements if controller in each.of]
     margins = margins_of(own, found, completed)
     shares = [np.ones(len(values)), *(margins[each.key] / each.value for each in own)]
@@ -177,12 +179,7 @@ def laws_with_meters(
             campaign.control_period,
             afters(campaign.requirements),
             plant_sample.case.onset,
-            costs=costs_wanted(campaign),
+            costs=costs_wanted(campaign.requirements),
         )
         for loop, plant_sample in zip(loops, plant_samples, strict=True)
     ]
-
-
-def costs_wanted(campaign: Campaign) -> bool:
-    """Whether a requirement is of the index."""
-    return any(each.metric == "cost_ratio" for each in campaign.requirements)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -23,6 +24,8 @@ from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
     Meters,
+    Recording,
+    folded,
     larger,
     note,
     note_costs,
@@ -232,6 +235,37 @@ def _follower(size: int) -> Callable[[float, Any, Any, Any], None]:
                 optimal[i] = after[i]
 
     return follow
+
+
+def said_by(
+    controller: Controller,
+    meters: Any,
+    recording: Recording,
+    starts: Array,
+    last: Array,
+    completed: NDArray[np.bool_],
+    *,
+    costs: bool,
+) -> dict[str, Array]:
+    """What the meters of n runs say, by metric, (n,) each.
+
+    Args:
+        controller: Theirs.
+        meters: ``LawMeters`` of each at its last sample, (n,).
+        recording: What the runs were.
+        starts: States at t = 0, (n, states).
+        last: Their last states, (n, states).
+        completed: Which runs reached their end, (n,).
+        costs: Whether the index is wanted, as the meters were told.
+    """
+    found = folded(meters, recording)
+    if costs:
+        # What a run ended early at may be out of all bounds.
+        ends = np.where(completed[:, None], last, starts)
+        found["cost_ratio"] = cost_ratios(
+            controller, meters["costs"], starts, ends, recording.duration
+        )
+    return found
 
 
 def cost_ratios(

@@ -64,24 +64,32 @@ def _update(row: Any, kind: float, number: float, y: float, T: float, gained: fl
     row[_POSITION], row[_RATE] = y, kept * rate + (1.0 - kept) * slope
 
 
-@cache
-def known_input(m: int) -> Callable[[int, int, Any, Any, Any], None]:
-    """Jitable (i, count, loop, q, u): the mean of the inputs that it knows of, before timestep i.
+@jitable
+def put_out(a: int, j: int, loop: Any, q: Any) -> float:
+    """Input j as it was put out in timestep a, within the limits that the law knows."""
+    asked = q.rest[j] if a < 0 else loop.queue[a % loop.queue.shape[0], j]
+    return min(q.known_limit[j], max(-q.known_limit[j], asked))
 
-    They are of the last ``count`` timesteps, earlier by the dead time that it knows.
+
+@cache
+def moving_by_a_period(m: int, move: Advance) -> Callable[[int, float, Any, Any], None]:
+    """Jitable (i, t, memory, p): move ``loop.model`` from the last sample to that of timestep i.
+
+    Under the mean of the m inputs of that time, earlier by the dead time that the law knows.
     """
 
     @jitable
-    def mean(i: int, count: int, loop: Any, q: Any, u: Any) -> None:
-        room = loop.queue.shape[0]
+    def moved(i: int, t: float, memory: Any, p: Any) -> None:
+        loop, q = memory.loop, p.loop
+        count, end = int(q.stride), i - int(q.dead)
         for j in range(m):
             total = 0.0
-            for a in range(i - count - int(q.dead), i - int(q.dead)):
-                asked = q.rest[j] if a < 0 else loop.queue[a % room, j]
-                total += min(q.known_limit[j], max(-q.known_limit[j], asked))
-            u[j] = total / count
+            for a in range(end - count, end):
+                total += put_out(a, j, loop, q)
+            loop.mean[j] = total / count
+        move(t - q.period, loop.mean, memory, p, q.period)
 
-    return mean
+    return moved
 
 
 @cache
@@ -99,10 +107,8 @@ def rate_estimating(
         Two jitable (i, t, memory, p). The first looks at the state of the last sample; the second
         puts estimates in place of what is not measured.
     """
-    mean = known_input(m)
-
     if advance is not None:
-        move = advance
+        moved = moving_by_a_period(m, advance)
 
         @jitable
         def gains(i: int, t: float, memory: Any, p: Any) -> None:
@@ -115,10 +121,9 @@ def rate_estimating(
                 if of >= 0 and q.estimators[row, 0] == ESO:
                     loop.model[place] = loop.rates[row, _POSITION]
                     loop.model[of] = loop.rates[row, _RATE]
-            mean(i, int(q.stride), loop, q, loop.mean)
             for j in range(n):
                 loop.believed[j] = loop.model[j]
-            move(t - q.period, loop.mean, memory, p, q.period)
+            moved(i, t, memory, p)
             for j in range(n):
                 loop.total[j] = loop.model[j] - loop.believed[j]
 
@@ -161,7 +166,7 @@ def filtering(n: int, m: int, move: Advance) -> Callable[..., None]:
         m: Number of inputs.
         move: The design model.
     """
-    mean = known_input(m)
+    moved = moving_by_a_period(m, move)
 
     @jitable
     def step(i: int, t: float, memory: Any, p: Any) -> None:
@@ -173,8 +178,7 @@ def filtering(n: int, m: int, move: Advance) -> Callable[..., None]:
             if loop.sample == 0.0 and q.settled != 0.0:
                 loop.model[j] = loop.past[i % loop.past.shape[0], j]
         if loop.sample > 0.0 and fresh:
-            mean(i, int(q.stride), loop, q, loop.mean)
-            move(t - q.period, loop.mean, memory, p, q.period)
+            moved(i, t, memory, p)
         for j in range(n):
             loop.observed[j] = loop.model[j]
             for k in range(n):

@@ -17,6 +17,8 @@ MOST_STEPS = 100_000
 LARGEST_SEED = 2**53
 
 Part = Computing | Sensor | Estimator | Actuator
+# Numbers of parts that are times, on the timestep's grid.
+TIMES = ("delay", "jitter", "period")
 _KINDS = ("computing", "sensor", "estimator", "actuator")
 
 
@@ -141,7 +143,7 @@ class Loop:
                     mistakes.note(f"two {kind}s of {name!r}: {article} {what} has one")
         for said, part in self.parts:
             for item in fields(part):
-                if item.name in ("delay", "jitter", "period"):
+                if item.name in TIMES:
                     with mistakes.gathered(f"{said}: "):
                         steps_in(item.name, getattr(part, item.name), timestep)
         for actuator in self.actuators:
@@ -166,8 +168,7 @@ class Loop:
             ("actuator", self.actuators),
         ):
             for part in parts:
-                times = [each.name for each in fields(part)]
-                times = [name for name in times if name in ("delay", "jitter", "period")]
+                times = [each.name for each in fields(part) if each.name in TIMES]
                 near = {name: round(getattr(part, name) / timestep) * timestep for name in times}
                 if "jitter" in near:
                     near["jitter"] = min(near["jitter"], control_period - timestep)

@@ -12,7 +12,12 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.loop.actuating import actuating
 from grosmc_mj.simulation.loop.counter import uniform
 from grosmc_mj.simulation.loop.design_model import Advance
-from grosmc_mj.simulation.loop.estimating import filtering, known_input, rate_estimating
+from grosmc_mj.simulation.loop.estimating import (
+    filtering,
+    moving_by_a_period,
+    put_out,
+    rate_estimating,
+)
 from grosmc_mj.simulation.loop.sensing import sensing
 from grosmc_mj.vectors import algebra, each
 
@@ -99,15 +104,14 @@ def load_learning(n: int, m: int, move: Advance) -> tuple[Callable[..., None], C
     The first, before a sample, moves what was seen at the last one by a period; the second lets
     ``loop.missed`` follow what is seen instead, through a lag.
     """
-    mean = known_input(m)
+    moved = moving_by_a_period(m, move)
 
     @jitable
     def recall(i: int, t: float, memory: Any, p: Any) -> None:
-        loop, q = memory.loop, p.loop
+        loop = memory.loop
         for j in range(n):
             loop.model[j] = loop.seen[j]
-        mean(i, int(q.stride), loop, q, loop.mean)
-        move(t - q.period, loop.mean, memory, p, q.period)
+        moved(i, t, memory, p)
         for j in range(n):
             loop.believed[j] = loop.model[j]
 
@@ -129,12 +133,6 @@ def foreseeing(n: int, m: int, move: Advance) -> Callable[..., None]:
     """
 
     @jitable
-    def told(a: int, j: int, loop: Any, q: Any) -> float:
-        """Input j as it was put out in timestep a, within the limits that the law knows."""
-        asked = q.rest[j] if a < 0 else loop.queue[a % loop.queue.shape[0], j]
-        return min(q.known_limit[j], max(-q.known_limit[j], asked))
-
-    @jitable
     def foresee(i: int, t: float, memory: Any, p: Any) -> None:
         loop, q = memory.loop, p.loop
         # Until it is as old as its sensors say, what is seen is the start.
@@ -142,11 +140,11 @@ def foreseeing(n: int, m: int, move: Advance) -> Callable[..., None]:
         a = i - dead
         while a < i:
             for j in range(m):
-                loop.mean[j] = told(a, j, loop, q)
+                loop.mean[j] = put_out(a, j, loop, q)
             count, same = 1, True
             while same and a + count < i and count < q.stride:
                 for j in range(m):
-                    same = same and told(a + count, j, loop, q) == loop.mean[j]
+                    same = same and put_out(a + count, j, loop, q) == loop.mean[j]
                 if same:
                     count += 1
             at = t + q.ahead + (a - i) * q.timestep

@@ -14,7 +14,7 @@ from grosmc_mj.arguments import real, require
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
-# The number that an estimator is tuned by, with what is appended to the unit of the rate.
+# The number that an estimator is tuned by.
 TUNED_BY: dict[str, str] = {
     "filtered": "time_constant",
     "levant": "slope",

@@ -10,13 +10,11 @@ from typing import Any, NamedTuple
 from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.simulation.loop.loop import Part
+from grosmc_mj.simulation.loop.loop import TIMES, Part
 from grosmc_mj.studies.tolerance.search import MOST
 
 # More of these is less of an imperfection.
 _LIMITS = ("limit", "rate_limit")
-# Whole multiples of the timestep; a lag is none.
-_TIMES = ("delay", "jitter", "period")
 # Times are below this [s], and so many samples come through at least.
 _LONGEST, _MISSED = 1.0, 0.99
 
@@ -106,7 +104,7 @@ class Imperfection:
             return factor
         first = self.amounts[0]
         value = first.scaled(factor)
-        if first.quantity in _TIMES:
+        if first.quantity in TIMES:
             return round(value / self.timestep) * self.timestep
         return value
 

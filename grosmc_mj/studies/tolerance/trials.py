@@ -11,10 +11,10 @@ import numpy as np
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.experiments.metrics.definitions import Recording, folded
-from grosmc_mj.experiments.metrics.running import cost_ratios, metered
+from grosmc_mj.experiments.metrics.definitions import Recording
+from grosmc_mj.experiments.metrics.running import metered, said_by
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, afters, margins_of
+from grosmc_mj.experiments.requirements import Limit, afters, costs_wanted, margins_of
 from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.loop.layout import Room
 from grosmc_mj.simulation.simulate import simulate
@@ -155,7 +155,7 @@ class Trials:
             settings.control_period,
             afters(asked),
             experiment.case.onset,
-            costs=any(each.metric == "cost_ratio" for each in asked),
+            costs=costs_wanted(asked),
         )
 
     def _run(self, runs: Sequence[_PlannedRun]) -> None:
@@ -182,19 +182,16 @@ class Trials:
             asked = self.asked[condition]
             meters, ends = ended.memory[own, -1]["meters"], ended.state[own, -1]
             law = next(run.controller for run in runs if run.trial.condition is condition)
-            found = folded(
-                meters,
-                Recording.sampled(
-                    law.asked_every(settings.control_period),
-                    first.duration,
-                    np.full(len(ends), condition.experiment.case.onset),
-                    afters(asked),
-                ),
+            recording = Recording.sampled(
+                law.asked_every(settings.control_period),
+                first.duration,
+                np.full(len(ends), condition.experiment.case.onset),
+                afters(asked),
             )
-            if "costs" in (meters.dtype.names or ()):
-                found["cost_ratio"] = cost_ratios(
-                    law, meters["costs"], starts[own], ends, first.duration
-                )
+            found = said_by(
+                law, meters, recording, starts[own], ends, completed[own],
+                costs=costs_wanted(asked),
+            )  # fmt: skip
             margins = margins_of(asked, found, completed[own])
             shares = {each.key: margins[each.key] / each.value for each in asked}
             for i, index in enumerate(np.flatnonzero(own).tolist()):
