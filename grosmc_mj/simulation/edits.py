@@ -1,4 +1,4 @@
-"""Uncertainty as edits of a model: a body's mass and length, a load on it, a joint's friction."""
+"""What a plant has that its nominal model lacks, as edits: masses, lengths, frictions, parts."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import numpy as np
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, shown, unknown_name
+from grosmc_mj.simulation.machine.building import build
+from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.models import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
@@ -82,12 +84,14 @@ class JointEdit:
         damping: [N m s/rad] or [N s/m].
         friction: Dry friction, MuJoCo's ``frictionloss`` [N m] or [N].
         armature: Inertia of what drives it [kg m^2] or [kg].
+        tilt: How far its axis leans up out of its place, towards the z-axis of its body [rad].
     """
 
     joint: str
     damping: float | None = None
     friction: float | None = None
     armature: float | None = None
+    tilt: float | None = None
 
     def __post_init__(self) -> None:
         require("joint", self.joint, str, "the name of a joint", ModelError)
@@ -95,14 +99,20 @@ class JointEdit:
             value = getattr(self, name)
             if value is not None:
                 _require(f"edit of joint {self.joint!r}", name, value)
+        if self.tilt is not None and not abs(real(self.tilt)) < math.pi / 2:
+            raise ModelError(
+                f"edit of joint {self.joint!r}: tilt = {shown(self.tilt)} must be less than a "
+                "quarter of a turn"
+            )
 
     def __str__(self) -> str:
-        given = {name: getattr(self, name) for name in ("damping", "friction", "armature")}
+        names = ("damping", "friction", "armature", "tilt")
+        given = {name: getattr(self, name) for name in names}
         words = [f"{name} {value:.3g}" for name, value in given.items() if value is not None]
         return f"{self.joint}: {', '.join(words) or 'as it is'}"
 
 
-Edit = BodyEdit | AddedMass | JointEdit
+Edit = BodyEdit | AddedMass | JointEdit | MachinePart
 
 
 def shrunk(edit: Edit, part: float) -> Edit:
@@ -131,7 +141,8 @@ def apply_edits(
 ) -> mujoco.MjSpec:
     """A fresh copy of ``spec`` with the edits applied; ``spec`` itself is not touched.
 
-    Scales come first; a load sits where its position says in the scaled body.
+    Scales come first; a load sits where its position says in the scaled body. Parts of a machine
+    come last, so that a transmission lies between a motor and what was edited.
 
     Args:
         spec: The nominal model.
@@ -165,6 +176,7 @@ def apply_edits(
         _add_load(edited.body(edit.body), compile_spec(edited), edit)
     for edit in joints:
         _edit_joint(edited, edit)
+    build(edited, [edit for edit in edits if isinstance(edit, MachinePart)])
     return edited
 
 
@@ -293,3 +305,6 @@ def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
         joint.frictionloss = edit.friction
     if edit.armature is not None:
         joint.armature = edit.armature
+    if edit.tilt is not None:
+        axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+        joint.axis = math.cos(edit.tilt) * axis + math.sin(edit.tilt) * np.array([0.0, 0.0, 1.0])

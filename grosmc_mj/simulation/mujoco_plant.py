@@ -21,6 +21,9 @@ from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 from grosmc_mj.simulation.edits import BodyEdit, Edit, apply_edits
 from grosmc_mj.simulation.engines.mjdata import scratch
+from grosmc_mj.simulation.machine.parts import MachinePart
+from grosmc_mj.simulation.machine.stability import refuse_unstable
+from grosmc_mj.simulation.machine.unseen import UnseenState, starts, unseen_states
 from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
@@ -99,7 +102,7 @@ class MujocoPlant(Plant):
         require("spec", self.spec, mujoco.MjSpec, "an MjSpec", ModelError)
         require("edits", self.edits, tuple, "a tuple of edits", ModelError)
         for edit in self.edits:
-            wanted = "a BodyEdit, an AddedMass or a JointEdit"
+            wanted = "a BodyEdit, an AddedMass, a JointEdit or a part of a machine"
             require("edit", edit, get_args(Edit), wanted, ModelError)
         if self.timestep is not None and not 1e-9 <= real(self.timestep) < 1:
             raise ArgumentError(
@@ -136,6 +139,28 @@ class MujocoPlant(Plant):
         return "physics"
 
     @cached_property
+    def parts(self) -> tuple[MachinePart, ...]:
+        """What makes it a machine as built."""
+        return tuple(edit for edit in self.edits if isinstance(edit, MachinePart))
+
+    @cached_property
+    def rigid(self) -> MujocoPlant:
+        """The same without the parts of a machine: what equations can say of it."""
+        if not self.parts:
+            return self
+        return self.edited(*(edit for edit in self.edits if not isinstance(edit, MachinePart)))
+
+    @cached_property
+    def unseen(self) -> tuple[UnseenState, ...]:
+        """Its states that no law sees."""
+        gears = {a.name: float(a.gear[0] * a.gainprm[0]) for a in self.spec.actuators}
+        return unseen_states(self.any_model, self.system, self.parts, gears)
+
+    def starts(self, x0: Array) -> tuple[Array, Array]:
+        """qpos (nsim, nq) and qvel (nsim, nv) of simulations that start in x0, (nsim, n)."""
+        return starts(self.any_model, self.system, x0)
+
+    @cached_property
     def parameters(self) -> Any:
         """The numbers of its analytic twin; None where it has none."""
         return self.analytic().parameters if self.system.read_parameters else None
@@ -167,9 +192,18 @@ class MujocoPlant(Plant):
     def derivative(
         self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
     ) -> Array:
-        """x' by MuJoCo's forward dynamics, (n,)."""
+        """x' by MuJoCo's forward dynamics, (n,).
+
+        Raises:
+            ModelError: If it has states of its own, so that x does not tell.
+        """
         x, u, w = self.checked(x, u, wrench)
         model, n = self.model_with_userdata(0), self.system.degrees_of_freedom
+        if self.unseen:
+            raise ModelError(
+                f"{self.system.name} has states that x does not tell "
+                f"({', '.join(each.name for each in self.unseen)}): ask its .rigid plant"
+            )
         data = scratch(model)
         data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
         bodies = [model.body(name).id for name in self.system.bodies]
@@ -192,7 +226,7 @@ class MujocoPlant(Plant):
 
         state, inputs = self.operating_point(x, u)
         self.require_unchanged([self])
-        return differences(self, state, inputs)
+        return differences(self.rigid, state, inputs)
 
     @property
     def step_length(self) -> float:
@@ -246,16 +280,23 @@ class MujocoPlant(Plant):
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         joints = tuple(model.joint(i).name for i in range(model.njnt))
         inputs = tuple(model.actuator(i).name for i in range(model.nu))
-        if joints != self.system.joints or inputs != self.system.actuators:
+        n = len(self.system.joints) if self.parts else len(joints)
+        if joints[:n] != self.system.joints or inputs != self.system.actuators:
             raise ModelError(
                 f"{self.system.name}: the model has joints {joints} and actuators {inputs}, must "
                 f"have {self.system.joints} and {self.system.actuators}"
+                + (", before those of the machine's parts" if self.parts else "")
             )
+        if self.parts:
+            refuse_unstable(model, self.system.name, self.parts)
         return model
 
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
-        """The analytic twin, with the numbers of the compiled model as it is edited."""
-        return AnalyticPlant.from_model(self.system, self.model_with_userdata(0), variant)
+        """The analytic twin, with the numbers of the compiled model as it is edited.
+
+        What equations lack, the parts of a machine, is left out.
+        """
+        return AnalyticPlant.from_model(self.system, self.rigid.model_with_userdata(0), variant)
 
     def undrawn(self) -> MujocoPlant:
         """The same plant without geoms, materials, textures, meshes, cameras and lights.

@@ -26,13 +26,15 @@ def mjdata_dtype(*names: str) -> np.dtype[Any]:
     )
     data = mujoco.MjData(model)
     wanted = {getattr(data, name).ctypes.data: name for name in names}
-    offsets, offset = {}, 0
-    # Every array's pointer is a field of the struct, so the search ends inside it.
-    while wanted:
+    last, offsets, offset, word = data.cfrc_ext.ctypes.data, {}, 0, 0
+    # Every array's pointer is a field of the struct, so the search for the last ends inside it.
+    while word != last:
         word = ctypes.c_uint64.from_address(data._address + offset).value
         if word in wanted:
-            offsets[wanted.pop(word)] = offset
+            # An empty array, and the buffer of all, share the address of the array after them.
+            offsets[wanted[word]] = offset
         offset += 8
+    offsets = dict(sorted(offsets.items(), key=lambda item: item[1]))
     formats = [np.int64] * len(offsets)
     return np.dtype({"names": list(offsets), "formats": formats, "offsets": list(offsets.values())})
 

@@ -60,12 +60,20 @@ class NativeBatch:
         if len(compiled) > 1:
             self._batch.set_models(models)
         self._bodies = {name: models[0].body(name).id for name in problem.system.bodies}
-        n = problem.system.degrees_of_freedom
-        self._batch.bind("qpos")[:] = problem.x0[:, :n]
-        self._batch.bind("qvel")[:] = problem.x0[:, n:]
+        self._n, self._nq = problem.system.degrees_of_freedom, models[0].nq
+        self._batch.bind("qpos")[:], self._batch.bind("qvel")[:] = self._starts()
         self._userdata = self._batch.bind("userdata")
         initial = self._initial_userdata(models)
         self._userdata[:, : initial.shape[1]] = initial
+
+    def _starts(self) -> tuple[Array, Array]:
+        """qpos and qvel of every simulation, (nsim, nq) and (nsim, nv)."""
+        problem, n = self._problem, self._n
+        if self._nq == n:
+            return problem.x0[:, :n], problem.x0[:, n:]
+        rows = zip(problem.plants, problem.x0[:, None], strict=True)
+        qpos, qvel = zip(*(plant.starts(x0) for plant, x0 in rows), strict=True)
+        return np.concatenate(qpos), np.concatenate(qvel)
 
     def _initial_userdata(self, models: list[mujoco.MjModel]) -> Array:
         """Headers, fresh memories, numbers and pushes of all simulations, flat, (nsim, size)."""
@@ -181,14 +189,19 @@ class NativeBatch:
         assert record.physics is not None
         memory = slice(self._memory, self._memory + record.memory.shape[-1])
         record.physics[:, rows] = physics
-        record.x[:, rows] = physics[..., 1 : 1 + record.x.shape[-1]]
+        n, nq = self._n, self._nq
+        if nq == n:
+            record.x[:, rows] = physics[..., 1 : 1 + 2 * n]
+        else:
+            record.x[:, rows, :n] = physics[..., 1 : 1 + n]
+            record.x[:, rows, n:] = physics[..., 1 + nq : 1 + nq + n]
         record.u[:, rows] = ctrl
         record.memory[:, rows] = userdata[..., memory]
 
     def _physics(self) -> Array:
         """mjSTATE_FULLPHYSICS of every simulation now, (nsim, size)."""
-        time, qpos, qvel = (self._batch.bind(name) for name in ("time", "qpos", "qvel"))
-        return np.concatenate([time[:, None], qpos, qvel], axis=1)
+        time, *parts = (self._batch.bind(name) for name in ("time", "qpos", "qvel", "act"))
+        return np.concatenate([time[:, None], *parts], axis=1)
 
     def _wrenches(self, first: int, steps: int) -> Array | None:
         """xfrc_applied of every simulation in a chunk, (nsim, steps, 6 * nbody), if tabled."""

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # A state beyond this has diverged; MuJoCo's own bound.
 LARGEST = mujoco.mjMAXVAL
@@ -87,7 +88,7 @@ class PhysicsStepper(Stepper):
     """Moves an mjData by MuJoCo.
 
     Args:
-        system: Names of the bodies that wrenches act on.
+        plant: What the model is of.
         model: The compiled model.
         data: What is moved; it may belong to somebody else.
 
@@ -96,7 +97,9 @@ class PhysicsStepper(Stepper):
         data: What is moved.
     """
 
-    def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(self, plant: MujocoPlant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        system = plant.system
+        self._plant = plant
         self.model, self.data, self.x = model, data, np.zeros(len(system.states))
         self._bodies = [model.body(name).id for name in system.bodies]
         self._n = system.degrees_of_freedom
@@ -105,7 +108,8 @@ class PhysicsStepper(Stepper):
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:], self.data.qvel[:] = x0[: self._n], x0[self._n :]
+        qpos, qvel = self._plant.starts(np.array(x0, float)[None])
+        self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
         self.x[:] = x0
 
     def hold(self, u: Array) -> None:
@@ -120,7 +124,7 @@ class PhysicsStepper(Stepper):
         """One step of MuJoCo."""
         data, n = self.data, self._n
         mujoco.mj_step(self.model, data)
-        self.x[:n], self.x[n:] = data.qpos, data.qvel
+        self.x[:n], self.x[n:] = data.qpos[:n], data.qvel[:n]
         return not np.any(data.warning.number)
 
     def physics(self) -> Array:
@@ -137,7 +141,7 @@ def stepper_of(plant: Plant, timestep: float) -> Stepper:
         plant: Analytic or in MuJoCo.
         timestep: Of an analytic plant [s]; a model in MuJoCo has its own.
     """
-    if plant.kind != "physics":
+    if not isinstance(plant, MujocoPlant):
         return EquationStepper(plant, timestep)
     model = plant.model_with_userdata(0)
-    return PhysicsStepper(plant.system, model, mujoco.MjData(model))
+    return PhysicsStepper(plant, model, mujoco.MjData(model))

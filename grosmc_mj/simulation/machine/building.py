@@ -1,0 +1,215 @@
+"""Parts of a machine written into a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.simulation.machine.bounces import IMPEDANCE, solref
+from grosmc_mj.simulation.machine.motors import write_motor
+from grosmc_mj.simulation.machine.parts import (
+    LuGre,
+    MachinePart,
+    Motor,
+    SlidingLoad,
+    Stop,
+    SwingingLoad,
+    Transmission,
+    Wall,
+)
+
+# MuJoCo wants mass and inertia on every body that moves: what is too little to matter.
+_TOKEN = 1e-12
+# How parts that are not in the model are drawn.
+_COLOUR = (0.85, 0.33, 0.1, 1.0)
+_DENSITY = 2500.0
+# The back-EMF of a motor that is there for its friction only is nothing.
+_NO_MOTOR = (1e-12, 0.0)
+
+
+def motor_joint(joint: str) -> str:
+    """Name of the coordinate of a motor behind a transmission."""
+    return f"{joint} motor"
+
+
+def build(spec: mujoco.MjSpec, parts: Sequence[MachinePart]) -> None:
+    """Write the parts into a model, in an order that does not depend on theirs.
+
+    Raises:
+        ModelError: If something is unknown, has two parts of a kind, or cannot have one.
+    """
+    names = {
+        "joint": [joint.name for joint in spec.joints],
+        "body": [body.name for body in spec.bodies[1:]],
+        "input": [actuator.name for actuator in spec.actuators],
+    }
+    seen: set[tuple[type, str]] = set()
+    for part in parts:
+        if part.of not in names[part.owner]:
+            raise ModelError(f"{part.kind}: {unknown_name(part.owner, part.of, names[part.owner])}")
+        several = isinstance(part, (SwingingLoad, SlidingLoad, Wall))
+        if (type(part), part.of) in seen and not several:
+            raise ModelError(f"{part.of!r} has two of a {part.kind}: leave one out")
+        seen.add((type(part), part.of))
+    for part in parts:
+        if isinstance(part, Stop):
+            _stop(spec, part)
+        elif isinstance(part, SwingingLoad):
+            _swinging(spec, part)
+        elif isinstance(part, SlidingLoad):
+            _sliding(spec, part)
+        elif isinstance(part, Wall):
+            _wall(spec, part)
+    # Motors drive what transmissions leave to them, and come before actuators that law has none of.
+    for kind in (Transmission, Motor, LuGre):
+        for part in parts:
+            if isinstance(part, kind):
+                _driven(spec, part)
+
+
+def _driven(spec: mujoco.MjSpec, part: MachinePart) -> None:
+    """A part between an input and its joint."""
+    if isinstance(part, Transmission):
+        _transmission(spec, part)
+    elif isinstance(part, Motor):
+        write_motor(spec, part)
+    elif isinstance(part, LuGre):
+        _lugre(spec, part)
+
+
+def _transmission(spec: mujoco.MjSpec, part: Transmission) -> None:
+    """A coordinate of the motor's own, tied to the joint by a tendon."""
+    joint = spec.joint(part.joint)
+    driving = [a for a in spec.actuators if a.target == part.joint and _acts_on_joint(a)]
+    if not driving:
+        raise ModelError(f"transmission: no input drives joint {part.joint!r}: it needs a motor")
+    name = motor_joint(part.joint)
+    # In the world: a motor's speed about its own axis alone counts.
+    rotor = spec.worldbody.add_body(
+        name=name, explicitinertial=True, mass=_TOKEN, inertia=[_TOKEN] * 3, gravcomp=1.0
+    )
+    rotor.add_joint(
+        name=name,
+        type=joint.type,
+        axis=[0.0, 1.0, 0.0],
+        armature=part.inertia,
+        frictionloss=part.friction,
+        ref=joint.ref,
+    )
+    tendon = spec.add_tendon(name=f"{part.joint} transmission")
+    tendon.wrap_joint(part.joint, -1.0)
+    tendon.wrap_joint(name, 1.0)
+    half = part.backlash / 2
+    size = np.size(tendon.damping)
+    tendon.damping = part.damping * np.eye(size)[0]
+    tendon.springlength = [-half, half]
+    if math.isfinite(part.stiffness):
+        tendon.stiffness = part.stiffness * np.eye(np.size(tendon.stiffness))[0]
+    else:
+        tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        tendon.range = [-half, half]
+        tendon.solref_limit, tendon.solimp_limit = solref(0.0, 0.02), IMPEDANCE
+    for actuator in driving:
+        actuator.target = name
+
+
+def _acts_on_joint(actuator: mujoco.MjsActuator) -> bool:
+    return actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+
+
+def _lugre(spec: mujoco.MjSpec, part: LuGre) -> None:
+    """A motor without an input or a back-EMF, for the friction that MuJoCo's motors have."""
+    friction = spec.add_actuator(
+        name=f"{part.joint} friction", target=part.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+    )
+    static = part.static or part.coulomb
+    friction.set_to_dcmotor(
+        motorconst=_NO_MOTOR,
+        resistance=1.0,
+        lugre=[part.stiffness, part.damping, part.coulomb, static, part.stribeck],
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+    )
+
+
+def _stop(spec: mujoco.MjSpec, part: Stop) -> None:
+    """A range of the joint."""
+    joint = spec.joint(part.joint)
+    joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+    joint.range, joint.margin = [part.low, part.high], 0.0
+    joint.solref_limit = solref(part.restitution, part.duration)
+    joint.solimp_limit = IMPEDANCE
+
+
+def _load(spec: mujoco.MjSpec, part: SwingingLoad | SlidingLoad, kind: str) -> mujoco.MjsBody:
+    """A body on a body, whose mass is not yet there."""
+    parent = spec.body(part.body)
+    taken = {body.name for body in spec.bodies}
+    names = (f"{part.body} {kind}{i}" for i in ("", *range(2, len(taken) + 3)))
+    return parent.add_body(
+        name=next(name for name in names if name not in taken),
+        pos=part.at, explicitinertial=True, mass=part.mass, inertia=[_TOKEN] * 3,
+    )  # fmt: skip
+
+
+def _swinging(spec: mujoco.MjSpec, part: SwingingLoad) -> None:
+    load = _load(spec, part, "swing")
+    load.ipos = [0.0, 0.0, -part.length]
+    load.add_joint(
+        name=load.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, -1.0, 0.0],
+        damping=_linear(part.damping, load),
+    )  # fmt: skip
+    radius = _radius(part.mass)
+    _drawn(load, mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], pos=load.ipos)
+    _drawn(
+        load, mujoco.mjtGeom.mjGEOM_CAPSULE, [radius / 4, 0, 0], fromto=[0, 0, 0, *load.ipos]
+    )
+
+
+def _sliding(spec: mujoco.MjSpec, part: SlidingLoad) -> None:
+    load = _load(spec, part, "slide")
+    load.add_joint(
+        name=load.name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0],
+        stiffness=_linear(part.stiffness, load), damping=_linear(part.damping, load),
+    )  # fmt: skip
+    _drawn(load, mujoco.mjtGeom.mjGEOM_SPHERE, [_radius(part.mass), 0, 0])
+
+
+def _linear(coefficient: float, body: mujoco.MjsBody) -> list[float]:
+    """A polynomial in the speed or the deflection, the linear coefficient first."""
+    return [coefficient, 0.0, 0.0]
+
+
+def _radius(mass: float) -> float:
+    return float((3 * mass / (4 * math.pi * _DENSITY)) ** (1 / 3))
+
+
+def _drawn(body: mujoco.MjsBody, kind: mujoco.mjtGeom, size: list[float], **place: object) -> None:
+    """A geom that is seen and neither weighs nor touches."""
+    body.add_geom(type=kind, size=size, rgba=_COLOUR, contype=0, conaffinity=0, mass=0, **place)
+
+
+def _wall(spec: mujoco.MjSpec, part: Wall) -> None:
+    """A plane and a ball that touch each other and nothing else."""
+    without = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if spec.option.disableflags & without:
+        spec.option.disableflags &= ~without
+        for geom in spec.geoms:
+            geom.contype = geom.conaffinity = 0
+    number = sum(geom.name.startswith("wall ") for geom in spec.geoms) + 1
+    plane = spec.worldbody.add_geom(
+        name=f"wall {number}", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.3, 0.3, 0.1],
+        pos=part.point, rgba=(0.23, 0.27, 0.32, 0.5), contype=0, conaffinity=0,
+    )  # fmt: skip
+    turn = np.zeros(4)
+    mujoco.mju_quatZ2Vec(turn, np.array(part.normal, float) / np.linalg.norm(part.normal))
+    plane.quat = turn
+    ball = spec.body(part.body).add_geom(
+        name=f"bumper {number}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[part.radius, 0, 0],
+        pos=part.at, rgba=_COLOUR, contype=0, conaffinity=0, mass=0,
+    )  # fmt: skip
+    pair = spec.add_pair(geomname1=plane.name, geomname2=ball.name, condim=1)
+    pair.solref, pair.solimp = solref(part.restitution, part.duration), IMPEDANCE

@@ -1,0 +1,89 @@
+"""DC motors in MuJoCo's own ``dcmotor``, whose control is what the law asks for.
+
+MuJoCo's motor has K, R and a voltage V: i' = (V/R - K w/R - i)/t_e and a torque K i. With the unit
+of voltage so that V = c u, and that of current so that its torque is the same, K becomes K/c and R
+becomes R/c^2, and u is what the law asks for: a motor at rest gives it. A current loop of gain k,
+V = k (i* - i), is a winding of R + k.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+
+from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.simulation.machine.parts import Motor
+
+
+def volts_for(motor: Motor, gear: float) -> float:
+    """c: what the amplifier is told for one unit of the input [V], gain of a current loop included.
+
+    Args:
+        motor: The motor.
+        gear: Torque at the joint for one unit of the model's ideal input.
+    """
+    return motor.efficiency * abs(gear) * motor.loop_resistance / (motor.ratio * motor.constant)
+
+
+def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
+    """Put a motor in the place of an ideal input.
+
+    Raises:
+        ModelError: If the input is no ideal motor on a joint, or MuJoCo refuses the numbers.
+    """
+    actuator = spec.actuator(motor.input)
+    ideal = (
+        actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+        and actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE
+        and actuator.gaintype == mujoco.mjtGain.mjGAIN_FIXED
+        and actuator.biastype == mujoco.mjtBias.mjBIAS_NONE
+    )
+    gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
+    if not ideal or gear == 0:
+        raise ModelError(f"motor: input {motor.input!r} is no ideal motor on a joint")
+    c = volts_for(motor, gear)
+    low, high = _limits(actuator, motor, c)
+    share = motor.resistance / motor.loop_resistance
+    heated = motor.thermal_resistance > 0
+    try:
+        actuator.set_to_dcmotor(
+            motorconst=[motor.constant / c, 0.0],
+            resistance=motor.loop_resistance / c**2,
+            saturation=[motor.constant * motor.current, 0.0, 0.0]
+            if math.isfinite(motor.current)
+            else [0.0, 0.0, 0.0],
+            inductance=[motor.inductance / c**2, 0.0],
+            cogging=[motor.cogging, motor.cogging_periods, 0.0],
+            # Copper's resistance grows by 0.39 % a kelvin; heat is that of the winding alone.
+            thermal=[
+                motor.thermal_resistance * share, motor.heat_capacity / share, 0.0,
+                0.0039 * share, 0.0, 0.0,
+            ] if heated else [0.0] * 6,
+        )  # fmt: skip
+    except ValueError as error:
+        raise ModelError(f"motor of {motor.input!r}: {one_line(str(error))}") from None
+    actuator.gear = [motor.ratio * math.copysign(1.0, gear), *[0.0] * 5]
+    if math.isfinite(high):
+        actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        actuator.ctrlrange = [low, high]
+    joint = spec.joint(actuator.target)
+    joint.armature += motor.inertia * motor.ratio**2 * (not _is_motor_joint(spec, joint.name))
+
+
+def _is_motor_joint(spec: mujoco.MjSpec, name: str) -> bool:
+    """Whether a joint is a motor's own, which a transmission gave its inertia."""
+    return any(tendon.name == f"{name.removesuffix(' motor')} transmission" for tendon in spec.tendons)
+
+
+def _limits(
+    actuator: mujoco.MjsActuator, motor: Motor, c: float
+) -> tuple[float, float]:
+    """Least and largest input: the model's own, and what the voltage allows."""
+    low, high = -math.inf, math.inf
+    if actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_TRUE or (
+        actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_AUTO and any(actuator.ctrlrange)
+    ):
+        low, high = (float(each) for each in actuator.ctrlrange)
+    most = abs(motor.voltage / c)
+    return max(low, -most), min(high, most)

@@ -1,0 +1,369 @@
+"""The parts of a machine as built, as values.
+
+Numbers of a joint are at the joint, in N m and rad for a hinge and N and m for a slide, whatever
+the gear ratio: a motor's inertia there is its own times the square of the ratio.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.errors import ModelError, shown
+
+_Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What all parts have: one thing that they are of, and numbers with bounds."""
+
+    kind: ClassVar[str]
+    owner: ClassVar[str]
+    # Numbers that must be more than zero, and those that may be infinite.
+    positive: ClassVar[frozenset[str]] = frozenset()
+    infinite: ClassVar[frozenset[str]] = frozenset()
+    signed: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        require(self.owner, self.of, str, f"the name of {_a(self.owner)}", ModelError)
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name == self.owner or isinstance(item.default, tuple):
+                continue
+            self._require(item.name, value)
+        self._check()
+
+    @property
+    def of(self) -> str:
+        """Name of the joint, body or input that it is of."""
+        return getattr(self, self.owner)
+
+    def _require(self, name: str, value: Any) -> None:
+        number = real(value)
+        if name in self.signed:
+            fine, wanted = math.isfinite(number), "finite"
+        elif name in self.positive:
+            fine, wanted = number > 0, "positive"
+        else:
+            fine, wanted = number >= 0, "not negative"
+        if math.isinf(number) and name not in self.infinite:
+            fine, wanted = False, f"finite and {wanted}"
+        if not fine:
+            self._refuse(f"{name} = {shown(value)} must be {wanted}")
+
+    def _refuse(self, said: str) -> None:
+        raise ModelError(f"{self.kind} of {shown(self.of)}: {said}")
+
+    def _require_place(self, name: str) -> None:
+        place = reals(getattr(self, name))
+        if place.shape != (3,) or not np.all(np.isfinite(place)):
+            self._refuse(f"{name} = {shown(getattr(self, name))} must be three finite numbers")
+
+    def _check(self) -> None:
+        """Refuse numbers that do not go together."""
+
+
+def _a(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
+@dataclass(frozen=True)
+class Transmission(_Part):
+    """A gear, belt or shaft that gives way between a motor and its joint.
+
+    The motor has a coordinate of its own, seen at the joint, with its kinetic energy about its own
+    axis only: M. W. Spong, "Modeling and control of elastic joint robots", J. Dyn. Sys., Meas.,
+    Control 109, 1987. As the stiffness grows and the backlash shrinks, the joint becomes a rigid
+    one with the motor's inertia as its armature.
+
+    Attributes:
+        joint: Name of the joint, which an input drives.
+        inertia: Of the motor, at the joint [kg m^2 or kg]; it is added to the joint's own.
+        stiffness: [N m/rad or N/m]; infinite for teeth that do not give way, with a backlash.
+        damping: [N m s/rad or N s/m]; it acts within the backlash too.
+        backlash: The whole play [rad or m].
+        friction: Dry friction of the motor, at the joint [N m or N].
+    """
+
+    joint: str
+    inertia: float
+    stiffness: float = math.inf
+    damping: float = 0.0
+    backlash: float = 0.0
+    friction: float = 0.0
+
+    kind, owner = "transmission", "joint"
+    positive = frozenset({"inertia", "stiffness"})
+    infinite = frozenset({"stiffness"})
+
+    def _check(self) -> None:
+        if math.isinf(self.stiffness) and not self.backlash:
+            self._refuse("it is rigid: give a stiffness, a backlash or both")
+
+    def __str__(self) -> str:
+        said = []
+        if math.isfinite(self.stiffness):
+            said.append(f"gives way by 1/{self.stiffness:.4g}")
+        if self.backlash:
+            said.append(f"play of {self.backlash:.4g}")
+        return f"{self.joint}: transmission with {', '.join(said)}, motor of {self.inertia:.3g}"
+
+
+@dataclass(frozen=True)
+class LuGre(_Part):
+    """Friction of a joint by bristles, as MuJoCo's motors have it.
+
+    C. Canudas de Wit, H. Olsson, K. J. Astrom and P. Lischinsky, "A new model for control of
+    systems with friction", IEEE Trans. Automatic Control 40, 1995: z' = v - s0 |v| z / g(v),
+    F = s0 z + s1 z', g = F_c + (F_s - F_c) exp(-(v/v_s)^2). Viscous friction is the joint's damping.
+
+    Attributes:
+        joint: Name of the joint.
+        coulomb: F_c [N m or N].
+        static: F_s, from which it slides [N m or N]; F_c for 0.
+        stiffness: s0 of the bristles [N m/rad or N/m].
+        damping: s1 of the bristles [N m s/rad or N s/m].
+        stribeck: v_s [rad/s or m/s].
+    """
+
+    joint: str
+    coulomb: float
+    static: float = 0.0
+    stiffness: float = 1e3
+    damping: float = 0.0
+    stribeck: float = 0.01
+
+    kind, owner = "lugre", "joint"
+    positive = frozenset({"coulomb", "stiffness", "stribeck"})
+
+    def _check(self) -> None:
+        if 0 < self.static < self.coulomb:
+            self._refuse(
+                f"static = {self.static:g} must be at least coulomb = {self.coulomb:g}, or 0 for it"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.joint}: LuGre friction of {max(self.coulomb, self.static):.3g}"
+
+
+@dataclass(frozen=True)
+class Stop(_Part):
+    """Two ends of a joint's way, which throw it back.
+
+    Attributes:
+        joint: Name of the joint.
+        low: [rad or m].
+        high: [rad or m].
+        restitution: Speed after a bounce over that before it, from 0 to below 1.
+        duration: Of a bounce [s]: the shorter, the harder.
+    """
+
+    joint: str
+    low: float
+    high: float
+    restitution: float = 0.0
+    duration: float = 0.02
+
+    kind, owner = "stop", "joint"
+    positive = frozenset({"duration"})
+    signed = frozenset({"low", "high"})
+
+    def _check(self) -> None:
+        if not self.low < self.high:
+            self._refuse(f"low = {self.low:g} must be below high = {self.high:g}")
+        _require_restitution(self)
+
+    def __str__(self) -> str:
+        return f"{self.joint}: stops at {self.low:.4g} and {self.high:.4g}"
+
+
+@dataclass(frozen=True)
+class Motor(_Part):
+    """A DC motor with its gear and amplifier where the model has an ideal input.
+
+    MuJoCo's own ``dcmotor``. What the law asks for is converted with the nominal numbers, so that a
+    motor at rest gives it but for the efficiency; back-EMF, lag and limits are what comes between.
+    A voltage amplifier is ``voltage``; one that follows a current has a ``bandwidth``.
+
+    Attributes:
+        input: Name of the input that it stands for.
+        constant: Torque constant, equal to that of the back-EMF [N m/A].
+        resistance: [ohm].
+        inductance: [H].
+        ratio: Turns of the motor for one of its joint, or rad/m of a slide.
+        efficiency: Share of the torque that arrives; no law knows it.
+        voltage: Largest [V], of a voltage amplifier; infinite for none.
+        current: Largest [A]; infinite for none.
+        bandwidth: Of the current loop, proportional with the gain that its bandwidth and the
+            inductance ask for [rad/s]; 0 for a voltage amplifier.
+        inertia: Of the rotor, at the motor [kg m^2]; at the joint it is an armature of ratio^2
+            times that. That of a ``Transmission`` stands there instead.
+        cogging: Amplitude of the torque, at the motor [N m].
+        cogging_periods: In a turn of the motor.
+        thermal_resistance: Winding to surroundings [K/W]; 0 for a motor that stays cold.
+        heat_capacity: Of the winding [J/K].
+    """
+
+    input: str
+    constant: float
+    resistance: float
+    inductance: float = 0.0
+    ratio: float = 1.0
+    efficiency: float = 1.0
+    voltage: float = math.inf
+    current: float = math.inf
+    bandwidth: float = 0.0
+    inertia: float = 0.0
+    cogging: float = 0.0
+    cogging_periods: float = 12.0
+    thermal_resistance: float = 0.0
+    heat_capacity: float = 0.0
+
+    kind, owner = "motor", "input"
+    positive = frozenset(
+        {"constant", "resistance", "ratio", "efficiency", "voltage", "current", "cogging_periods"}
+    )
+    infinite = frozenset({"voltage", "current"})
+
+    def _check(self) -> None:
+        if self.efficiency > 1:
+            self._refuse(f"efficiency = {self.efficiency:g} must be at most 1")
+        if bool(self.thermal_resistance) != bool(self.heat_capacity):
+            self._refuse("heating needs both thermal_resistance and heat_capacity")
+        if not self.bandwidth:
+            return
+        if math.isfinite(self.voltage):
+            self._refuse(
+                "a current loop's own limit of voltage is not in MuJoCo's motor: give a voltage "
+                "amplifier its voltage, or a current loop its bandwidth and current"
+            )
+        slowest = self.resistance / self.inductance if self.inductance else math.inf
+        if self.bandwidth < slowest:
+            self._refuse(
+                f"bandwidth = {self.bandwidth:g} rad/s must be at least that of the winding alone, "
+                f"resistance over inductance, {slowest:g} rad/s"
+            )
+
+    @property
+    def loop_resistance(self) -> float:
+        """What the winding looks like from the joint: with a current loop, its gain and more [ohm]."""
+        return self.bandwidth * self.inductance if self.bandwidth else self.resistance
+
+    def __str__(self) -> str:
+        kind = f"current loop of {self.bandwidth:.4g} rad/s" if self.bandwidth else "voltage"
+        limits = []
+        if math.isfinite(self.voltage):
+            limits.append(f"{self.voltage:.3g} V")
+        if math.isfinite(self.current):
+            limits.append(f"{self.current:.3g} A")
+        within = f", within {' and '.join(limits)}" if limits else ""
+        return f"{self.input}: DC motor by {kind}{within}"
+
+
+@dataclass(frozen=True)
+class SwingingLoad(_Part):
+    """A point mass that hangs on a body by a massless rod and begins at rest below it.
+
+    Attributes:
+        body: Name of the body.
+        mass: [kg].
+        length: Of the rod [m].
+        damping: Of its hinge, whose axis is the y-axis of the body [N m s/rad].
+        at: Where it hangs, in the body's own frame [m], (3,).
+    """
+
+    body: str
+    mass: float
+    length: float
+    damping: float = 0.0
+    at: _Place = (0.0, 0.0, 0.0)
+
+    kind, owner = "swinging load", "body"
+    positive = frozenset({"mass", "length"})
+
+    def _check(self) -> None:
+        self._require_place("at")
+
+    def __str__(self) -> str:
+        return f"{self.body}: {self.mass:.3g} kg swing on {self.length:.3g} m"
+
+
+@dataclass(frozen=True)
+class SlidingLoad(_Part):
+    """A point mass that slides on a body along its x-axis, held by a spring.
+
+    Attributes:
+        body: Name of the body.
+        mass: [kg].
+        stiffness: [N/m].
+        damping: [N s/m].
+        at: Where it rests, in the body's own frame [m], (3,).
+    """
+
+    body: str
+    mass: float
+    stiffness: float
+    damping: float = 0.0
+    at: _Place = (0.0, 0.0, 0.0)
+
+    kind, owner = "sliding load", "body"
+    positive = frozenset({"mass", "stiffness"})
+
+    def _check(self) -> None:
+        self._require_place("at")
+
+    def __str__(self) -> str:
+        return f"{self.body}: {self.mass:.3g} kg slide on {self.stiffness:.3g} N/m"
+
+
+@dataclass(frozen=True)
+class Wall(_Part):
+    """A plane that a ball on a body can touch, without friction: a table, the end of a room.
+
+    Attributes:
+        body: Name of the body.
+        radius: Of the ball [m].
+        at: Its centre, in the body's own frame [m], (3,).
+        point: Of the plane, in the world [m], (3,).
+        normal: Where the plane faces, (3,), of any length.
+        restitution: Speed after a bounce over that before it, from 0 to below 1.
+        duration: Of a bounce [s].
+    """
+
+    body: str
+    radius: float
+    at: _Place = (0.0, 0.0, 0.0)
+    point: _Place = (0.0, 0.0, 0.0)
+    normal: _Place = (0.0, 0.0, 1.0)
+    restitution: float = 0.0
+    duration: float = 0.02
+
+    kind, owner = "wall", "body"
+    positive = frozenset({"radius", "duration"})
+
+    def _check(self) -> None:
+        for name in ("at", "point", "normal"):
+            self._require_place(name)
+        if not np.any(reals(self.normal)):
+            self._refuse("normal = [0, 0, 0] must point somewhere")
+        _require_restitution(self)
+
+    def __str__(self) -> str:
+        x, y, z = self.point
+        return f"{self.body}: a wall at ({x:.3g}, {y:.3g}, {z:.3g})"
+
+
+def _require_restitution(part: Stop | Wall) -> None:
+    """Refuse a bounce that gains, or that loses nothing."""
+    if not part.restitution < 1:
+        raise ModelError(
+            f"{part.kind} of {part.of!r}: restitution = {part.restitution:g} must be below 1"
+        )
+
+
+MachinePart = Transmission | LuGre | Stop | Motor | SwingingLoad | SlidingLoad | Wall

@@ -1,0 +1,139 @@
+"""What of a machine no law sees: coordinates of motors and loads, currents, bristles, heat.
+
+mjSTATE_FULLPHYSICS is [time, qpos, qvel, act, ...]; the system's own joints come first in qpos and
+qvel, and what parts of a machine add comes after them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.plants import System
+from grosmc_mj.simulation.engines.mjdata import scratch
+from grosmc_mj.simulation.machine.building import motor_joint
+from grosmc_mj.simulation.machine.motors import volts_for
+from grosmc_mj.simulation.machine.parts import MachinePart, Motor
+
+
+@dataclass(frozen=True)
+class UnseenState:
+    """One number of a machine that laws do not see.
+
+    Attributes:
+        name: Such as ``shaft motor``.
+        unit: Of it.
+        column: Where it stands in mjSTATE_FULLPHYSICS.
+        scale: Factor from there to the unit.
+        minus: The column that is taken off, for a motor's twist against its joint.
+    """
+
+    name: str
+    unit: str
+    column: int
+    scale: float = 1.0
+    minus: int | None = None
+
+    def of(self, physics: Array) -> Array:
+        """Its values in rows of mjSTATE_FULLPHYSICS, (..., size) to (...)."""
+        value = physics[..., self.column]
+        return self.scale * (value if self.minus is None else value - physics[..., self.minus])
+
+
+def starts(model: mujoco.MjModel, system: System, x0: Array) -> tuple[Array, Array]:
+    """qpos and qvel of simulations that start in states of the system.
+
+    Motors begin with their joints, without twist; what swings hangs at rest, what slides rests.
+
+    Args:
+        model: Compiled.
+        system: Whose states they are.
+        x0: (nsim, n).
+
+    Returns:
+        (nsim, nq) and (nsim, nv).
+    """
+    n = system.degrees_of_freedom
+    qpos = np.tile(model.qpos0, (len(x0), 1))
+    qvel = np.zeros((len(x0), model.nv))
+    qpos[:, :n], qvel[:, :n] = x0[:, :n], x0[:, n:]
+    for extra in range(n, model.njnt):
+        name = model.joint(extra).name
+        for index, joint in enumerate(system.joints):
+            if name == motor_joint(joint):
+                qpos[:, extra], qvel[:, extra] = x0[:, index], x0[:, n + index]
+        if model.body(model.jnt_bodyid[extra]).name.rstrip("0123456789").endswith(" swing"):
+            qpos[:, extra] = [_hanging(model, extra, row) for row in qpos]
+    return qpos, qvel
+
+
+def _hanging(model: mujoco.MjModel, joint: int, qpos: Array) -> float:
+    """The angle at which what hangs on a hinge is straight below it."""
+    data, body = scratch(model), int(model.jnt_bodyid[joint])
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    axis, arm = data.xaxis[joint], data.xipos[body] - data.xanchor[joint]
+    down = model.opt.gravity - (model.opt.gravity @ axis) * axis
+    return float(qpos[joint] + np.arctan2(axis @ np.cross(arm, down), arm @ down))
+
+
+def unseen_states(
+    model: mujoco.MjModel, system: System, parts: Sequence[MachinePart], gears: dict[str, float]
+) -> tuple[UnseenState, ...]:
+    """All of them, in the order of mjSTATE_FULLPHYSICS.
+
+    Args:
+        model: Compiled.
+        system: Whose states laws do see.
+        parts: Of the machine.
+        gears: Torque of the model's ideal inputs for one unit, by their names.
+    """
+    n, found = system.degrees_of_freedom, []
+    for extra in range(n, model.njnt):
+        name = model.joint(extra).name
+        of = [i for i, joint in enumerate(system.joints) if name == motor_joint(joint)]
+        slides = model.jnt_type[extra] == mujoco.mjtJoint.mjJNT_SLIDE
+        unit = "m" if slides else "rad"
+        if of:
+            twist = f"{system.joints[of[0]]} twist"
+            found.append(UnseenState(twist, unit, 1 + extra, minus=1 + of[0]))
+        else:
+            found.append(UnseenState(name, unit, 1 + extra))
+    first = 1 + model.nq + model.nv
+    motors = {part.input: part for part in parts if isinstance(part, Motor)}
+    for i in range(len(model.actuator_actnum)):
+        address, count = int(model.actuator_actadr[i]), int(model.actuator_actnum[i])
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)
+        for slot in range(count):
+            found.append(
+                _activation(model, i, name, slot, count, first + address + slot, motors, gears)
+            )
+    return tuple(found)
+
+
+def _activation(
+    model: mujoco.MjModel, index: int, name: str, slot: int, count: int, column: int,
+    motors: dict[str, Motor], gears: dict[str, float],
+) -> UnseenState:  # fmt: skip
+    """An activation of an actuator: of a motor its temperature, bristle or current, in this order."""
+    kinds = _kinds(model, index)
+    if len(kinds) != count:
+        kinds = [f"activation {i + 1}" for i in range(count)]
+    kind, motor = kinds[slot], motors.get(name)
+    if kind == "current" and motor is not None:
+        return UnseenState(f"{name} winding", "A", column, 1 / volts_for(motor, gears[name]))
+    unit = {"bristle": "rad", "temperature": "K"}.get(kind, "1")
+    return UnseenState(f"{name} {kind}", unit, column)
+
+
+def _kinds(model: mujoco.MjModel, index: int) -> list[str]:
+    """What the activations of one of MuJoCo's motors are."""
+    if model.actuator_dyntype[index] != mujoco.mjtDyn.mjDYN_DCMOTOR:
+        return []
+    numbers = model.actuator_dynprm[index]
+    present = (("temperature", numbers[2]), ("bristle", numbers[5]), ("current", numbers[0]))
+    return [kind for kind, number in present if number > 0]
