@@ -65,7 +65,7 @@ class CasePhysics(Physics):
 
     def _stepper(self, setup: EpisodeSetup) -> PhysicsStepper:
         """What moves its data."""
-        return PhysicsStepper(setup.plant, self.model.ptr, self.data.ptr)
+        return PhysicsStepper(setup.plant.system, self.model.ptr, self.data.ptr)
 
 
 # dm_control's base methods return nothing, so that only Any may override them.

@@ -10,12 +10,13 @@ from typing import Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.file.loop_tables import loop_of_file
+from grosmc_mj.experiments.file.machine_tables import machine_of_file
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
-from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
 from grosmc_mj.simulation.loop import Loop
 
 
@@ -84,6 +85,9 @@ def case_of(
     loop = None
     with mistakes.gathered():
         loop = loop_of_file(file.computing, file.sensor, file.estimator, file.actuator, system)
+    parts = ()
+    with mistakes.gathered():
+        parts = machine_of_file(file, system)
     mistakes.refuse()
     return Case(
         system=system.name,
@@ -92,7 +96,7 @@ def case_of(
         source=file.source,
         x0=x0,
         duration=file.run.duration,
-        edits=_case_edits(file),
+        edits=(*edits_of(file, known=False), *parts),
         disturbances=tuple(disturbances),
         loop=loop,
         design=file.task.name,
@@ -128,15 +132,18 @@ def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int,
     return found
 
 
-def _case_edits(file: CaseFile) -> tuple[Edit, ...]:
-    """The edits of the model that a case file makes."""
-    return tuple(_edit(table) for table in file.edit if table.parameter is None)
+def edits_of(file: CaseFile, *, known: bool) -> tuple[Edit, ...]:
+    """The edits of the model that a case file makes and its laws know, or those they do not."""
+    own = (table for table in file.edit if table.parameter is None)
+    return tuple(_edit(table) for table in own if table.known is known)
 
 
 def _edit(table: EditTable) -> Edit:
     """One edit of the model."""
     if table.joint is not None:
-        return JointEdit(table.joint, table.damping, table.friction, table.armature)
+        return JointEdit(table.joint, table.damping, table.friction, table.armature, table.tilt)
+    if table.input is not None:
+        return InputEdit(table.input, table.gear or 0.0)
     assert table.body is not None
     if table.added_mass is not None:
         return AddedMass(table.body, table.added_mass, (table.at[0], table.at[1], table.at[2]))

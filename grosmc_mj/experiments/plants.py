@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, shown, unknown_name
-from grosmc_mj.experiments.case import states_of
+from grosmc_mj.experiments.case import edits_of, states_of
+from grosmc_mj.experiments.file.machine_tables import MACHINE_PARTS
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.plants import (
@@ -134,7 +135,9 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
                 f"edit: {nominal.system.name} has a model in MuJoCo: edit a body instead of "
                 f"{parameters[0]!r}"
             )
-        return nominal
+        return _with_known(nominal, edits_of(file, known=True))
+    if any(getattr(file, kind) for kind in MACHINE_PARTS):
+        raise ArgumentError(f"{nominal.system.name} has no model in MuJoCo, so no machine as built")
     if len(parameters) < len(file.edit):
         raise ArgumentError(
             f"edit: {nominal.system.name} has no model in MuJoCo: edit a parameter instead"
@@ -145,6 +148,18 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
             raise ArgumentError(f"edit: {unknown_name('parameter', name, valid)}")
     scales = {table.parameter or "": table.scale or 0.0 for table in file.edit}
     return replace(nominal, scales=scales)
+
+
+@lru_cache(maxsize=64)
+def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
+    """The nominal plant with the edits that laws know."""
+    if not edits:
+        return nominal
+    assert isinstance(nominal.plant, MujocoPlant)
+    plant = nominal.plant.believed(*edits)
+    if nominal.robot is None:
+        return replace(nominal, plant=plant)
+    return replace(nominal, plant=plant, robot=Robot(plant, nominal.robot.converted))
 
 
 @cache

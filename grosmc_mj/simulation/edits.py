@@ -112,7 +112,30 @@ class JointEdit:
         return f"{self.joint}: {', '.join(words) or 'as it is'}"
 
 
-Edit = BodyEdit | AddedMass | JointEdit | MachinePart
+@dataclass(frozen=True)
+class InputEdit:
+    """Give an input of the model another gear.
+
+    Attributes:
+        input: Name of the actuator.
+        gear: Torque or force at its joint for one unit of it, of either sign.
+    """
+
+    input: str
+    gear: float
+
+    def __post_init__(self) -> None:
+        require("input", self.input, str, "the name of an input", ModelError)
+        if not (math.isfinite(real(self.gear)) and self.gear):
+            raise ModelError(
+                f"edit of input {self.input!r}: gear = {shown(self.gear)} must be finite, not zero"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.input}: gear {self.gear:.4g}"
+
+
+Edit = BodyEdit | AddedMass | JointEdit | InputEdit | MachinePart
 
 
 def shrunk(edit: Edit, part: float) -> Edit:
@@ -160,12 +183,14 @@ def apply_edits(
     scaled = [edit for edit in edits if isinstance(edit, BodyEdit)]
     loads = [edit for edit in edits if isinstance(edit, AddedMass)]
     joints = [edit for edit in edits if isinstance(edit, JointEdit)]
+    inputs = [edit for edit in edits if isinstance(edit, InputEdit)]
     bodies = [like.body(i).name for i in range(1, like.nbody)]
     for edit in (*scaled, *loads):
         if edit.body not in bodies:
             raise ModelError(unknown_name("body", edit.body, bodies))
     _refuse_twice("body", [edit.body for edit in scaled], "give one edit with both scales")
     _refuse_twice("joint", [edit.joint for edit in joints], "give one edit with all its numbers")
+    _refuse_twice("input", [edit.input for edit in inputs], "give one edit")
     if scaled or loads:
         _keep_inertias(edited, like)
     for edit in scaled:
@@ -176,6 +201,11 @@ def apply_edits(
         _add_load(edited.body(edit.body), compile_spec(edited), edit)
     for edit in joints:
         _edit_joint(edited, edit)
+    for edit in inputs:
+        names = [actuator.name for actuator in edited.actuators]
+        if edit.input not in names:
+            raise ModelError(unknown_name("input", edit.input, names))
+        edited.actuator(edit.input).gear = [edit.gear, *edited.actuator(edit.input).gear[1:]]
     build(edited, [edit for edit in edits if isinstance(edit, MachinePart)])
     return edited
 

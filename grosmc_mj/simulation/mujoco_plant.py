@@ -23,7 +23,7 @@ from grosmc_mj.simulation.edits import BodyEdit, Edit, apply_edits
 from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.machine.stability import refuse_unstable
-from grosmc_mj.simulation.machine.unseen import UnseenState, starts, unseen_states
+from grosmc_mj.simulation.machine.unseen import UnseenState, unseen_states
 from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
 
@@ -102,7 +102,7 @@ class MujocoPlant(Plant):
         require("spec", self.spec, mujoco.MjSpec, "an MjSpec", ModelError)
         require("edits", self.edits, tuple, "a tuple of edits", ModelError)
         for edit in self.edits:
-            wanted = "a BodyEdit, an AddedMass, a JointEdit or a part of a machine"
+            wanted = "an edit of a body, joint or input, a load or a part of a machine"
             require("edit", edit, get_args(Edit), wanted, ModelError)
         if self.timestep is not None and not 1e-9 <= real(self.timestep) < 1:
             raise ArgumentError(
@@ -117,6 +117,15 @@ class MujocoPlant(Plant):
     def edited(self, *edits: Edit) -> MujocoPlant:
         """The nominal model with these edits; earlier edits are replaced, never compounded."""
         return replace(self, edits=edits)
+
+    def believed(self, *edits: Edit) -> MujocoPlant:
+        """A nominal model that has these edits itself, so that laws designed for it know them.
+
+        Raises:
+            ModelError: If an edit is not valid.
+        """
+        nominal = apply_edits(self.spec, edits, _nominal_model(self.spec))
+        return replace(self, spec=nominal)
 
     def changed(
         self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
@@ -155,10 +164,6 @@ class MujocoPlant(Plant):
         """Its states that no law sees."""
         gears = {a.name: float(a.gear[0] * a.gainprm[0]) for a in self.spec.actuators}
         return unseen_states(self.any_model, self.system, self.parts, gears)
-
-    def starts(self, x0: Array) -> tuple[Array, Array]:
-        """qpos (nsim, nq) and qvel (nsim, nv) of simulations that start in x0, (nsim, n)."""
-        return starts(self.any_model, self.system, x0)
 
     @cached_property
     def parameters(self) -> Any:

@@ -18,6 +18,7 @@ from grosmc_mj.campaign.family.sampling import all_corners
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
+from grosmc_mj.experiments.file.machine_tables import MACHINE_PARTS, MACHINE_UNITS, machine_unit
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import number_in
@@ -36,12 +37,17 @@ RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
 # What a physical plant has above zero, and what it has not below zero.
 _POSITIVE = (
     "mass_scale", "length_scale", "scale", "time_constant", "slope", "bandwidth", "load", "limit",
-    "rate_limit",
+    "rate_limit", "inertia", "stiffness", "coulomb", "stribeck", "duration", "constant",
+    "resistance", "ratio", "efficiency", "voltage", "current", "cogging_periods", "mass", "length",
+    "radius",
 )  # fmt: skip
 _NOT_NEGATIVE = (
     "added_mass", "damping", "friction", "armature", "delay", "jitter", "missed", "resolution",
-    "noise", "period", "lag", "dead_zone",
+    "noise", "period", "lag", "dead_zone", "backlash", "static", "restitution", "inductance",
+    "cogging", "thermal_resistance", "heat_capacity",
 )  # fmt: skip
+# What is a share of one, and whether it may be all of it.
+_SHARES = {"missed": False, "restitution": False, "efficiency": True}
 # Where a model keeps what a joint edit changes.
 _OF_JOINT = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}
 
@@ -52,7 +58,8 @@ class Quantity:
 
     Attributes:
         name: What it is called.
-        owner: ``body``, ``joint``, ``disturbance``, ``start``, ``parameter`` or a part of the loop.
+        owner: ``body``, ``joint``, ``disturbance``, ``start``, ``parameter``, or a part of the loop
+            or of the machine.
         of: Name of that.
         quantity: Which of its numbers.
         at: Of an added mass: where on the body [m].
@@ -75,14 +82,14 @@ class Quantity:
     @property
     def of_plant(self) -> bool:
         """Whether it changes the plant, and not what acts on it or where it starts."""
-        return self.owner in {"body", "joint", "parameter"}
+        return self.owner in {"body", "joint", "parameter", *MACHINE_UNITS}
 
     def physical(self, value: float) -> bool:
         """Whether a plant can have this value."""
+        if self.quantity in _SHARES and value >= 1 and not (_SHARES[self.quantity] and value == 1):
+            return False
         if self.quantity in _POSITIVE:
             return value > 0
-        if self.quantity == "missed" and value >= 1:
-            return False
         return value >= 0 or self.quantity not in _NOT_NEGATIVE
 
     def ends(self, scale: float) -> tuple[float, float]:
@@ -98,7 +105,7 @@ class Quantity:
         if self.quantity not in (*_POSITIVE, *_NOT_NEGATIVE):
             return math.inf
         below = self.nominal / (self.nominal - least) if least < self.nominal else math.inf
-        if self.quantity != "missed" or most <= self.nominal:
+        if self.quantity not in _SHARES or most <= self.nominal:
             return below
         # A share of samples stays below all of them.
         return min(below, (1 - self.nominal) / (most - self.nominal) * (1 - 1e-9))
@@ -186,7 +193,8 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
         with mistakes.gathered(f"uncertain {index + 1} ({table.called}): "):
             quantities.append(_quantity(table, case, plant))
     mistakes.refuse()
-    ofs = [f"{each.owner} " * (each.owner in LOOP_UNITS) + each.of for each in quantities]
+    parts = {*LOOP_UNITS, *MACHINE_UNITS}
+    ofs = [f"{each.owner} " * (each.owner in parts) + each.of for each in quantities]
     numbers = [f"{of} {each.quantity}" for of, each in zip(ofs, quantities, strict=True)]
     _refuse_twice(numbers, "uncertain")
     names = [each.name for each in quantities]
@@ -217,6 +225,8 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
         unit = plant.system.states[index].unit
     if table.owner in LOOP_UNITS:
         unit = loop_unit(table.owner, table.of, table.quantity, plant.system)
+    if table.owner in MACHINE_UNITS:
+        unit = machine_unit(table.owner, table.of, table.quantity, plant.system)
     read = partial(number_in, unit=unit)
     found = Quantity(
         name=table.called,
@@ -238,8 +248,8 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
         if not found.physical(value):
             must = "be positive" if found.quantity in _POSITIVE else "not be negative"
             end = "least"
-            if found.quantity == "missed" and value >= 1:
-                must, end = "be below 1", "most"
+            if found.quantity in _SHARES and value >= 1:
+                must, end = f"be {'at most' if _SHARES[found.quantity] else 'below'} 1", "most"
             raise ArgumentError(
                 f"{table.quantity.replace('_', ' ')} = {value:g} can occur, but must {must}: cut "
                 f"the distribution off with {end}"
@@ -313,6 +323,21 @@ def _of_loop(table: UncertainTable, case: Case, plant: Any) -> float:
     return float(value)
 
 
+def _of_machine(table: UncertainTable, case: Case, plant: Any) -> float:
+    kind = MACHINE_PARTS[table.owner]
+    own = [each for each in case.edits if isinstance(each, kind) and each.of == table.of]
+    if len(own) != 1:
+        raise ArgumentError(
+            f"the file has {len(own) or 'no'} [[{table.owner}]] of {table.of!r}: it must have one"
+        )
+    value = float(getattr(own[0], table.quantity))
+    if math.isinf(value) and table.nominal is None:
+        raise ArgumentError(
+            f"the {table.owner} has no {table.quantity.replace('_', ' ')}: give it one, or nominal"
+        )
+    return value
+
+
 _NOMINAL = {
     "body": _of_body,
     "joint": _of_joint,
@@ -320,6 +345,7 @@ _NOMINAL = {
     "start": _of_start,
     "parameter": _of_parameter,
     **dict.fromkeys(LOOP_UNITS, _of_loop),
+    **dict.fromkeys(MACHINE_UNITS, _of_machine),
 }
 
 

@@ -9,9 +9,11 @@ from typing import Any
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
+from grosmc_mj.experiments.file.machine_tables import MACHINE_PARTS
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.simulation.machine import MachinePart
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def retimed(profile: Profile, quantity: str, value: float) -> Profile:
 
 
 def _edit(edits: list[Edit], quantity: Quantity, value: float) -> None:
-    """Bring one number of a body or joint into the edits."""
+    """Bring one number of a body, joint or part of the machine into the edits."""
     change = {quantity.quantity: value}
     if quantity.quantity == "added_mass":
         if value > 0:
@@ -104,4 +106,6 @@ def _edited(edit: Edit) -> tuple[str, str] | None:
     """Whose numbers an edit has, where further ones can be brought into it."""
     if isinstance(edit, BodyEdit):
         return "body", edit.body
+    if isinstance(edit, MachinePart):
+        return next(kind for kind, made in MACHINE_PARTS.items() if type(edit) is made), edit.of
     return ("joint", edit.joint) if isinstance(edit, JointEdit) else None

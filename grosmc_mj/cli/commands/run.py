@@ -224,6 +224,7 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
         console.print(_requirements(all_of_them))
     console.print(runs_table(done.results))
     screen.say_lines(console, _in_loop(done.experiment), "dim", all=full)
+    screen.say_lines(console, _on_its_machine(done.experiment), "dim", all=full)
     robot = done.experiment.nominal.robot
     changed = [*_at_rest(done.experiment), *(robot.converted if robot is not None else ())]
     screen.say_lines(console, list(changed), "dim", all=full)
@@ -252,6 +253,14 @@ def _in_loop(experiment: Experiment) -> list[str]:
         "in its loop: y is true, u is given; s is what the law sees, J of what it asks for",
         *loop_words(loop, experiment.nominal.system),
     ]
+
+
+def _on_its_machine(experiment: Experiment) -> list[str]:
+    """What the machine has that neither laws nor equations know."""
+    from grosmc_mj.simulation.machine import MachinePart
+
+    parts = [str(edit) for edit in experiment.case.edits if isinstance(edit, MachinePart)]
+    return ["on its machine, in physics alone; no law knows of:", *parts] if parts else []
 
 
 def _kept(failed: int, judged: int, not_judged: int) -> str:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.experiments.file.table import Table
-from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.file.table import Table, numbers_of
 from grosmc_mj.plants import Signal, System
 from grosmc_mj.simulation.loop.loop import Loop
 from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
@@ -184,17 +183,6 @@ def loop_of_file(
     return found
 
 
-def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, Any]:
+def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, float]:
     """The numbers that a table gives, in the units of the system."""
-    found, mistakes = {}, Mistakes()
-    for name in LOOP_UNITS[kind]:
-        if (value := getattr(table, name)) is None:
-            continue
-        with mistakes.gathered():
-            unit = loop_unit(kind, of, name, system)
-            try:
-                found[name] = number_in(value, unit)
-            except ValueError as error:
-                raise ArgumentError(f"{name}: {error}") from None
-    mistakes.refuse()
-    return found
+    return numbers_of(table, LOOP_UNITS[kind], lambda name: loop_unit(kind, of, name, system))

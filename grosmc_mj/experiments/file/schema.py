@@ -14,6 +14,15 @@ from grosmc_mj.experiments.file.loop_tables import (
     EstimatorTable,
     SensorTable,
 )
+from grosmc_mj.experiments.file.machine_tables import (
+    LuGreTable,
+    MotorTable,
+    SlidingLoadTable,
+    StopTable,
+    SwingingLoadTable,
+    TransmissionTable,
+    WallTable,
+)
 from grosmc_mj.experiments.file.table import (
     Kilograms,
     Metres,
@@ -117,15 +126,17 @@ class RunTable(Table):
 # What an edit may change, by what it is an edit of.
 _CHANGES = {
     "body": ("mass_scale", "length_scale", "added_mass", "at"),
-    "joint": ("damping", "friction", "armature"),
+    "joint": ("damping", "friction", "armature", "tilt"),
+    "input": ("gear",),
     "parameter": ("scale",),
 }
 
 
 class EditTable(Table):
-    """``[[edit]]``: what the true plant has that the laws do not know; one thing each.
+    """``[[edit]]``: what the true plant has and the laws do not know; one thing each.
 
     Attributes:
+        known: Whether the laws know it: then it is an edit of the plant that they believe in.
         body: A body of the model.
         mass_scale: Factor on its mass and inertia.
         length_scale: Factor on all its lengths.
@@ -135,10 +146,14 @@ class EditTable(Table):
         damping: Of the joint [N m s/rad or N s/m].
         friction: Dry friction of the joint [N m or N].
         armature: Of the joint [kg m^2 or kg].
+        tilt: How far its axis leans up out of its place.
+        input: An input of the model.
+        gear: Torque or force at its joint for one unit of it.
         parameter: A parameter of an analytic plant of one's own.
         scale: Factor on it.
     """
 
+    known: bool = False
     body: str | None = None
     mass_scale: float = 1.0
     length_scale: float = 1.0
@@ -148,6 +163,9 @@ class EditTable(Table):
     damping: float | None = None
     friction: float | None = None
     armature: float | None = None
+    tilt: Radians | None = None
+    input: str | None = None
+    gear: float | None = None
     parameter: str | None = None
     scale: float | None = None
 
@@ -156,7 +174,7 @@ class EditTable(Table):
         owners = [name for name in _CHANGES if getattr(self, name) is not None]
         if len(owners) != 1:
             raise ValueError(f"name one of {', '.join(_CHANGES)}, not {owners or 'none'}")
-        given = self.model_fields_set - {owners[0]}
+        given = self.model_fields_set - {owners[0], "known"}
         if idle := sorted(given - set(_CHANGES[owners[0]])):
             valid = ", ".join(_CHANGES[owners[0]])
             raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {valid}")
@@ -166,6 +184,8 @@ class EditTable(Table):
             raise ValueError("added_mass and a scale are two edits: write two [[edit]]")
         if "at" in given and "added_mass" not in given:
             raise ValueError("at is where an added_mass is: give it one")
+        if self.known and self.parameter is not None:
+            raise ValueError("known is for a model: give equations of your own the numbers at once")
         return self
 
 
@@ -254,6 +274,13 @@ class CaseFile(Table):
         sensor: What the states are measured by; exactly without one.
         estimator: What gives the states that are not measured.
         actuator: What makes the inputs; exactly without one.
+        transmission: What gives way between a motor and its joint.
+        lugre: Friction of joints by bristles.
+        stop: Ends of joints' ways.
+        motor: DC motors that stand for the inputs.
+        swinging_load: What hangs on bodies.
+        sliding_load: What slides on bodies.
+        wall: What bodies can touch.
         task: What the laws are designed for.
         laws: Laws with their numbers, by name.
         controller: Those that are run.
@@ -274,6 +301,13 @@ class CaseFile(Table):
     sensor: list[SensorTable] = []
     estimator: list[EstimatorTable] = []
     actuator: list[ActuatorTable] = []
+    transmission: list[TransmissionTable] = []
+    lugre: list[LuGreTable] = []
+    stop: list[StopTable] = []
+    motor: list[MotorTable] = []
+    swinging_load: list[SwingingLoadTable] = []
+    sliding_load: list[SlidingLoadTable] = []
+    wall: list[WallTable] = []
     task: TaskTable = TaskTable()
     laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]

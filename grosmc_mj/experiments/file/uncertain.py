@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from grosmc_mj.errors import shown, unknown_name
 from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
+from grosmc_mj.experiments.file.machine_tables import MACHINE_UNITS
 from grosmc_mj.experiments.file.table import Metres, Table, Three
 
 # What may be uncertain, by what it belongs to, with the unit of its values; states and the parts of
@@ -19,6 +20,7 @@ QUANTITIES: dict[str, dict[str, str]] = {
     "start": {"value": ""},
     "parameter": {"scale": ""},
     **{owner: dict.fromkeys(numbers, "") for owner, numbers in LOOP_UNITS.items()},
+    **{owner: dict.fromkeys(numbers, "") for owner, numbers in MACHINE_UNITS.items()},
 }
 _KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
 
@@ -71,93 +73,60 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
 Spread = Annotated[Any, BeforeValidator(_spread)]
 
 
-class UncertainTable(Table):
-    """``[[uncertain]]``: one number of plant, disturbance, start or loop that is not known.
+_QuantitiesTable = create_model(
+    "_QuantitiesTable",
+    __base__=Table,
+    **{name: (Spread, None) for names in QUANTITIES.values() for name in names},  # pyright: ignore[reportArgumentType, reportCallIssue]
+)
 
-    Each is a range ``[least, most]``, uniform in between, or a table with a ``distribution``.
+
+class UncertainTable(_QuantitiesTable):
+    """``[[uncertain]]``: a number of plant, disturbance, start, loop or machine not known.
+
+    Its numbers are those of ``QUANTITIES``, for what it is of. Each is a range ``[least, most]``,
+    uniform in between, or a table with a ``distribution``. Times of a loop are rounded to whole
+    timesteps.
 
     Attributes:
         body: A body of the model.
-        mass_scale: Factor on its mass and inertia.
-        length_scale: Factor on all its lengths.
-        added_mass: A point mass on it [kg].
-        at: Where on the body, in its own frame [m], (3,).
+        at: Of an added mass: where on the body, in its own frame [m], (3,).
         joint: A joint of the model.
-        damping: Of the joint [N m s/rad or N s/m].
-        friction: Dry friction of the joint [N m or N].
-        armature: Of the joint [kg m^2 or kg].
         disturbance: A disturbance of the file, by its label.
-        amplitude: Factor on its wrench.
-        frequency: Of a sine.
-        phase: Of a sine.
-        onset: Of a sine or pulse; a pulse keeps its length.
         start: A state, by its name.
-        value: Of that state at t = 0.
         parameter: A parameter of an analytic plant of one's own.
-        scale: Factor on it.
         computing: ``true`` for the computer, whose delay, jitter or missed samples are uncertain.
         sensor: The state of a [[sensor]] of the file.
         estimator: The state of an [[estimator]].
         actuator: The input of an [[actuator]].
-        delay: Of computer, sensor or actuator; rounded to whole timesteps, as all times of a loop.
-        jitter: Of the computer.
-        missed: Of the computer.
-        resolution: Of a sensor or actuator.
-        noise: Of a sensor.
-        bias: Of a sensor.
-        drift: Of a sensor.
-        period: Of a sensor.
-        time_constant: Of an estimator.
-        slope: Of an estimator.
-        bandwidth: Of an estimator.
-        load: Of an estimator.
-        limit: Of an actuator.
-        rate_limit: Of an actuator.
-        lag: Of an actuator.
-        dead_zone: Of an actuator.
+        transmission: The joint of a [[transmission]].
+        lugre: The joint of a [[lugre]].
+        stop: The joint of a [[stop]].
+        motor: The input of a [[motor]].
+        swinging_load: The body of a [[swinging_load]].
+        sliding_load: The body of a [[sliding_load]].
+        wall: The body of a [[wall]].
         name: What it is called; what it is of and the quantity by default.
         nominal: The value that is no uncertainty, from which the radius is measured: by default
             what the file has without this table, and no disturbance.
     """
 
     body: str | None = None
-    mass_scale: Spread = None
-    length_scale: Spread = None
-    added_mass: Spread = None
     at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
     joint: str | None = None
-    damping: Spread = None
-    friction: Spread = None
-    armature: Spread = None
     disturbance: str | None = None
-    amplitude: Spread = None
-    frequency: Spread = None
-    phase: Spread = None
-    onset: Spread = None
     start: str | None = None
-    value: Spread = None
     parameter: str | None = None
-    scale: Spread = None
     computing: Literal[True] | None = None
     sensor: str | None = None
     estimator: str | None = None
     actuator: str | None = None
-    delay: Spread = None
-    jitter: Spread = None
-    missed: Spread = None
-    resolution: Spread = None
-    noise: Spread = None
-    bias: Spread = None
-    drift: Spread = None
-    period: Spread = None
-    time_constant: Spread = None
-    slope: Spread = None
-    bandwidth: Spread = None
-    load: Spread = None
-    limit: Spread = None
-    rate_limit: Spread = None
-    lag: Spread = None
-    dead_zone: Spread = None
+    transmission: str | None = None
+    lugre: str | None = None
+    stop: str | None = None
+    motor: str | None = None
+    swinging_load: str | None = None
+    sliding_load: str | None = None
+    wall: str | None = None
     name: str = ""
     nominal: Any = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -22,6 +23,7 @@ from grosmc_mj.simulation.engines.control_callback import (
 )
 from grosmc_mj.simulation.engines.native_pushes import PUSH, most_pushes, packed
 from grosmc_mj.simulation.law_errors import compiling
+from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.problem import Problem, Record, refuse_failed
 from grosmc_mj.simulation.trajectory import Status
 
@@ -61,18 +63,18 @@ class NativeBatch:
             self._batch.set_models(models)
         self._bodies = {name: models[0].body(name).id for name in problem.system.bodies}
         self._n, self._nq = problem.system.degrees_of_freedom, models[0].nq
-        self._batch.bind("qpos")[:], self._batch.bind("qvel")[:] = self._starts()
+        self._batch.bind("qpos")[:], self._batch.bind("qvel")[:] = self._starts(models)
         self._userdata = self._batch.bind("userdata")
         initial = self._initial_userdata(models)
         self._userdata[:, : initial.shape[1]] = initial
 
-    def _starts(self) -> tuple[Array, Array]:
+    def _starts(self, models: Sequence[mujoco.MjModel]) -> tuple[Array, Array]:
         """qpos and qvel of every simulation, (nsim, nq) and (nsim, nv)."""
         problem, n = self._problem, self._n
         if self._nq == n:
             return problem.x0[:, :n], problem.x0[:, n:]
-        rows = zip(problem.plants, problem.x0[:, None], strict=True)
-        qpos, qvel = zip(*(plant.starts(x0) for plant, x0 in rows), strict=True)
+        rows = zip(models, problem.x0[:, None], strict=True)
+        qpos, qvel = zip(*(starts(each, problem.system, x0) for each, x0 in rows), strict=True)
         return np.concatenate(qpos), np.concatenate(qvel)
 
     def _initial_userdata(self, models: list[mujoco.MjModel]) -> Array:

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.plants import Plant
+from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.machine.unseen import starts
 
 # A state beyond this has diverged; MuJoCo's own bound.
 LARGEST = mujoco.mjMAXVAL
@@ -88,7 +88,7 @@ class PhysicsStepper(Stepper):
     """Moves an mjData by MuJoCo.
 
     Args:
-        plant: What the model is of.
+        system: Names of the joints, and of the bodies that wrenches act on.
         model: The compiled model.
         data: What is moved; it may belong to somebody else.
 
@@ -97,9 +97,8 @@ class PhysicsStepper(Stepper):
         data: What is moved.
     """
 
-    def __init__(self, plant: MujocoPlant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        system = plant.system
-        self._plant = plant
+    def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._system = system
         self.model, self.data, self.x = model, data, np.zeros(len(system.states))
         self._bodies = [model.body(name).id for name in system.bodies]
         self._n = system.degrees_of_freedom
@@ -108,7 +107,7 @@ class PhysicsStepper(Stepper):
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
-        qpos, qvel = self._plant.starts(np.array(x0, float)[None])
+        qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
         self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
         self.x[:] = x0
 
@@ -141,7 +140,7 @@ def stepper_of(plant: Plant, timestep: float) -> Stepper:
         plant: Analytic or in MuJoCo.
         timestep: Of an analytic plant [s]; a model in MuJoCo has its own.
     """
-    if not isinstance(plant, MujocoPlant):
+    if plant.kind != "physics":
         return EquationStepper(plant, timestep)
     model = plant.model_with_userdata(0)
-    return PhysicsStepper(plant, model, mujoco.MjData(model))
+    return PhysicsStepper(plant.system, model, mujoco.MjData(model))

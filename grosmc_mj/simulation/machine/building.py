@@ -164,9 +164,7 @@ def _swinging(spec: mujoco.MjSpec, part: SwingingLoad) -> None:
     )  # fmt: skip
     radius = _radius(part.mass)
     _drawn(load, mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], pos=load.ipos)
-    _drawn(
-        load, mujoco.mjtGeom.mjGEOM_CAPSULE, [radius / 4, 0, 0], fromto=[0, 0, 0, *load.ipos]
-    )
+    _drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, [radius / 4, 0, 0], fromto=[0, 0, 0, *load.ipos])
 
 
 def _sliding(spec: mujoco.MjSpec, part: SlidingLoad) -> None:

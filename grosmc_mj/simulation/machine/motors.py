@@ -73,12 +73,11 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
 
 def _is_motor_joint(spec: mujoco.MjSpec, name: str) -> bool:
     """Whether a joint is a motor's own, which a transmission gave its inertia."""
-    return any(tendon.name == f"{name.removesuffix(' motor')} transmission" for tendon in spec.tendons)
+    own = f"{name.removesuffix(' motor')} transmission"
+    return any(tendon.name == own for tendon in spec.tendons)
 
 
-def _limits(
-    actuator: mujoco.MjsActuator, motor: Motor, c: float
-) -> tuple[float, float]:
+def _limits(actuator: mujoco.MjsActuator, motor: Motor, c: float) -> tuple[float, float]:
     """Least and largest input: the model's own, and what the voltage allows."""
     low, high = -math.inf, math.inf
     if actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_TRUE or (

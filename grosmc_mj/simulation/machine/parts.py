@@ -120,7 +120,7 @@ class LuGre(_Part):
 
     C. Canudas de Wit, H. Olsson, K. J. Astrom and P. Lischinsky, "A new model for control of
     systems with friction", IEEE Trans. Automatic Control 40, 1995: z' = v - s0 |v| z / g(v),
-    F = s0 z + s1 z', g = F_c + (F_s - F_c) exp(-(v/v_s)^2). Viscous friction is the joint's damping.
+    F = s0 z + s1 z', g = F_c + (F_s - F_c) exp(-(v/v_s)^2). What is viscous is the joint's damping.
 
     Attributes:
         joint: Name of the joint.
@@ -251,7 +251,7 @@ class Motor(_Part):
 
     @property
     def loop_resistance(self) -> float:
-        """What the winding looks like from the joint: with a current loop, its gain and more [ohm]."""
+        """Of the winding and, with a current loop, its gain [ohm]."""
         return self.bandwidth * self.inductance if self.bandwidth else self.resistance
 
     def __str__(self) -> str:

@@ -1,7 +1,7 @@
 """What timestep the springs and dampers of a machine need.
 
-Each is looked at alone, as an oscillator q'' + d q' + w^2 q = 0 against the rest of the machine: what
-is stiff in a machine is so by far.
+Each is looked at alone, as an oscillator q'' + d q' + w^2 q = 0 against the rest of the machine:
+what is stiff in a machine is so by far.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from grosmc_mj.simulation.machine.bounces import spring_and_damper
 from grosmc_mj.simulation.machine.parts import (
     LuGre,
     MachinePart,
+    Motor,
     SlidingLoad,
     Stop,
     Transmission,
@@ -55,6 +56,12 @@ def refuse_unstable(model: mujoco.MjModel, name: str, parts: Sequence[MachinePar
         if _growth(each, h, integrator) <= 1 + 1e-9:
             continue
         longest = _SAFE * _longest(each, h, integrator)
+        if isinstance(each.part, Motor):
+            raise ModelError(
+                f"{name}: motor of {each.part.of!r}: its current follows in {1 / each.damping:.2g} "
+                f"s, which RK4 with a timestep of {h:g} s makes unstable: take at most "
+                f"{longest:.2g} s, another integrator, or leave its inductance out"
+            )
         raise ModelError(
             f"{name}: {each.part.kind} of {each.part.of!r} moves at {math.sqrt(each.square):.4g} "
             f"rad/s, which a timestep of {h:g} s makes unstable: take at most {longest:.2g} s, or "
@@ -83,6 +90,12 @@ def _oscillators(model: mujoco.MjModel, parts: Sequence[MachinePart]) -> Iterato
             yield _Oscillator(part, part.stiffness * weight, part.damping * weight)
         elif isinstance(part, (Stop, Wall)):
             yield _Oscillator(part, *spring_and_damper(part.restitution, part.duration))
+        elif isinstance(part, Motor):
+            # MuJoCo's implicit integrators move a current exactly; RK4 as any other state.
+            index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, part.input)
+            constant = float(model.actuator_dynprm[index, 0])
+            if constant > 0 and model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+                yield _Oscillator(part, 0.0, 1 / constant)
         elif isinstance(part, SlidingLoad):
             yield _Oscillator(part, part.stiffness / part.mass, part.damping / part.mass)
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.machine.building import motor_joint
 from grosmc_mj.simulation.machine.motors import volts_for
 from grosmc_mj.simulation.machine.parts import MachinePart, Motor
@@ -73,7 +72,7 @@ def starts(model: mujoco.MjModel, system: System, x0: Array) -> tuple[Array, Arr
 
 def _hanging(model: mujoco.MjModel, joint: int, qpos: Array) -> float:
     """The angle at which what hangs on a hinge is straight below it."""
-    data, body = scratch(model), int(model.jnt_bodyid[joint])
+    data, body = mujoco.MjData(model), int(model.jnt_bodyid[joint])
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     axis, arm = data.xaxis[joint], data.xipos[body] - data.xanchor[joint]
@@ -108,10 +107,10 @@ def unseen_states(
     for i in range(len(model.actuator_actnum)):
         address, count = int(model.actuator_actadr[i]), int(model.actuator_actnum[i])
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)
-        for slot in range(count):
-            found.append(
-                _activation(model, i, name, slot, count, first + address + slot, motors, gears)
-            )
+        found += [
+            _activation(model, i, name, slot, count, first + address + slot, motors, gears)
+            for slot in range(count)
+        ]
     return tuple(found)
 
 
@@ -119,7 +118,7 @@ def _activation(
     model: mujoco.MjModel, index: int, name: str, slot: int, count: int, column: int,
     motors: dict[str, Motor], gears: dict[str, float],
 ) -> UnseenState:  # fmt: skip
-    """An activation of an actuator: of a motor its temperature, bristle or current, in this order."""
+    """An activation of an actuator: of a motor a temperature, bristle or current, in this order."""
     kinds = _kinds(model, index)
     if len(kinds) != count:
         kinds = [f"activation {i + 1}" for i in range(count)]
