@@ -12,6 +12,7 @@ import numpy as np
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, shown, unknown_name
+from grosmc_mj.simulation.inertias import write_inertia
 from grosmc_mj.simulation.machine.building import build
 from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.models import compile_spec
@@ -231,14 +232,6 @@ def _keep_inertias(spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         write_inertia(body, nominal.body_mass[index], nominal, index)
     compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     compiler.settotalmass = -1
-
-
-def write_inertia(body: mujoco.MjsBody, mass: float, like: mujoco.MjModel, index: int) -> None:
-    """Give a body the inertia of a compiled one, explicit from now on, with another mass."""
-    body.explicitinertial = True
-    body.mass = mass
-    body.inertia, body.ipos = like.body_inertia[index], like.body_ipos[index]
-    body.iquat, body.fullinertia = like.body_iquat[index], np.full(6, np.nan)
 
 
 def _scale_inertia(body: mujoco.MjsBody, nominal: mujoco.MjModel, edit: BodyEdit) -> None:

@@ -72,6 +72,7 @@ MACHINE_PARTS: dict[str, type[MachinePart]] = {
 class TransmissionTable(Table):
     """``[[transmission]]``: see ``Transmission``; without stiffness its teeth do not give way."""
 
+    added: bool = True
     joint: str
     inertia: Any
     stiffness: Any = None
@@ -196,6 +197,8 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
                     for name in ("at", "point", "normal")
                     if name in table.model_fields_set
                 }
+                if isinstance(table, TransmissionTable):
+                    numbers["added"] = table.added
                 found.append(made(of, **numbers, **places))
     mistakes.refuse()
     return tuple(found)

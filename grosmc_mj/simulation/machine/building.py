@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.simulation.inertias import write_inertia
 from grosmc_mj.simulation.machine.bounces import IMPEDANCE, solref
 from grosmc_mj.simulation.machine.motors import write_motor
 from grosmc_mj.simulation.machine.parts import (
@@ -22,6 +23,8 @@ from grosmc_mj.simulation.machine.parts import (
     Wall,
 )
 
+# How far from an axis a centre is on it [m].
+_ON_AXIS = 1e-9
 # MuJoCo wants mass and inertia on every body that moves: what is too little to matter.
 _TOKEN = 1e-12
 # How parts that are not in the model are drawn.
@@ -87,6 +90,8 @@ def _transmission(spec: mujoco.MjSpec, part: Transmission) -> None:
     driving = [a for a in spec.actuators if a.target == part.joint and _acts_on_joint(a)]
     if not driving:
         raise ModelError(f"transmission: no input drives joint {part.joint!r}: it needs a motor")
+    if not part.added:
+        _take_off(spec, joint, part)
     name = motor_joint(part.joint)
     # In the world: a motor's speed about its own axis alone counts.
     rotor = spec.worldbody.add_body(
@@ -115,6 +120,33 @@ def _transmission(spec: mujoco.MjSpec, part: Transmission) -> None:
         tendon.solref_limit, tendon.solimp_limit = solref(0.0, 0.02), IMPEDANCE
     for actuator in driving:
         actuator.target = name
+
+
+def _take_off(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, part: Transmission) -> None:
+    """Take the motor's inertia off what the model has at the joint."""
+    if joint.armature >= part.inertia:
+        joint.armature -= part.inertia
+        return
+    model = spec.copy().compile()
+    at = model.joint(part.joint).id
+    index = int(model.jnt_bodyid[at])
+    axis, body = model.jnt_axis[at], spec.body(model.body(index).name)
+    turns = model.jnt_type[at] == mujoco.mjtJoint.mjJNT_HINGE
+    turn, offset = np.zeros(9), model.body_ipos[index] - model.jnt_pos[at]
+    mujoco.mju_quat2Mat(turn, model.body_iquat[index])
+    principal = turn.reshape(3, 3).T @ axis
+    own = float(model.body_mass[index])
+    if turns:
+        own = float(principal**2 @ model.body_inertia[index])
+    if part.inertia >= own or (turns and np.linalg.norm(np.cross(offset, axis)) > _ON_AXIS):
+        raise ModelError(
+            f"transmission of {part.joint!r}: its inertia of {part.inertia:g} is no part of what "
+            f"the model has there, an armature of {joint.armature:g} or, of a body with its centre "
+            f"on the axis, {own:g}: give less, or let it be added"
+        )
+    kept = 1 - part.inertia / own
+    write_inertia(body, kept * float(model.body_mass[index]), model, index)
+    body.inertia = kept * model.body_inertia[index]
 
 
 def _acts_on_joint(actuator: mujoco.MjsActuator) -> bool:

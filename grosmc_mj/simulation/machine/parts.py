@@ -35,6 +35,9 @@ class _Part:
             value = getattr(self, item.name)
             if item.name == self.owner or isinstance(item.default, tuple):
                 continue
+            if isinstance(item.default, bool):
+                require(item.name, value, bool, "True or False", ModelError)
+                continue
             self._require(item.name, value)
         self._check()
 
@@ -83,11 +86,13 @@ class Transmission(_Part):
 
     Attributes:
         joint: Name of the joint, which an input drives.
-        inertia: Of the motor, at the joint [kg m^2 or kg]; it is added to the joint's own.
+        inertia: Of the motor, at the joint [kg m^2 or kg].
         stiffness: [N m/rad or N/m]; infinite for teeth that do not give way, with a backlash.
         damping: [N m s/rad or N s/m]; it acts within the backlash too.
         backlash: The whole play [rad or m].
         friction: Dry friction of the motor, at the joint [N m or N].
+        added: Whether the inertia comes on top of what the model has; else it is a part of that,
+            of the joint's armature or of a body whose centre the joint moves along or turns about.
     """
 
     joint: str
@@ -96,6 +101,7 @@ class Transmission(_Part):
     damping: float = 0.0
     backlash: float = 0.0
     friction: float = 0.0
+    added: bool = True
 
     kind, owner = "transmission", "joint"
     positive = frozenset({"inertia", "stiffness"})
