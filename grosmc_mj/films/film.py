@@ -186,8 +186,10 @@ class Film:
             ArgumentError: Saying which.
         """
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
         run = take.run
+        joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
+        # Those of a machine's parts come after the system's own.
+        joints = joints[: len(run.system.joints)]
         assert run.physics is not None
         if run.physics.shape[1] != size or joints != run.system.joints:
             raise ArgumentError(

@@ -15,6 +15,7 @@ from grosmc_mj.cli.commands.new import NewCommand
 from grosmc_mj.cli.commands.run import RunCommand
 from grosmc_mj.cli.commands.study.agreement import AgreementCommand
 from grosmc_mj.cli.commands.study.cart import CartCommand
+from grosmc_mj.cli.commands.study.ladder import LadderCommand
 from grosmc_mj.cli.commands.study.region import RegionCommand
 from grosmc_mj.cli.commands.study.switching import SwitchingCommand
 from grosmc_mj.cli.commands.study.tolerance import ToleranceCommand
@@ -29,6 +30,7 @@ STUDIES: Studies = {
     "region": RegionCommand,
     "cart": CartCommand,
     "tolerance": ToleranceCommand,
+    "ladder": LadderCommand,
 }
 COMMANDS: Mapping[str, type[Command] | Studies] = {
     "new": NewCommand,

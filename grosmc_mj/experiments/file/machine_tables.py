@@ -105,6 +105,7 @@ class StopTable(Table):
 class MotorTable(Table):
     """``[[motor]]``: see ``Motor``; without voltage, current or bandwidth these have no end."""
 
+    added: bool = True
     input: str
     constant: Any
     resistance: Any
@@ -197,7 +198,7 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
                     for name in ("at", "point", "normal")
                     if name in table.model_fields_set
                 }
-                if isinstance(table, TransmissionTable):
+                if isinstance(table, (TransmissionTable, MotorTable)):
                     numbers["added"] = table.added
                 found.append(made(of, **numbers, **places))
     mistakes.refuse()

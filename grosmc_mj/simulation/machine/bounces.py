@@ -12,6 +12,9 @@ _DEAD = 5.0
 # MuJoCo's largest impedance: what is constrained moves as the spring and damper say.
 IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
+# Restitution and duration [s] of teeth that do not give way.
+TEETH = (0.1, 4e-3)
+
 
 def restitution_of(ratio: float) -> float:
     """Speed after a bounce over that before it, for a damping ratio of the contact.

@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.inertias import write_inertia
-from grosmc_mj.simulation.machine.bounces import IMPEDANCE, solref
+from grosmc_mj.simulation.machine.bounces import IMPEDANCE, TEETH, solref
 from grosmc_mj.simulation.machine.motors import write_motor
 from grosmc_mj.simulation.machine.parts import (
     LuGre,
@@ -117,7 +117,7 @@ def _transmission(spec: mujoco.MjSpec, part: Transmission) -> None:
     else:
         tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         tendon.range = [-half, half]
-        tendon.solref_limit, tendon.solimp_limit = solref(0.0, 0.02), IMPEDANCE
+        tendon.solref_limit, tendon.solimp_limit = solref(*TEETH), IMPEDANCE
     for actuator in driving:
         actuator.target = name
 

@@ -3,7 +3,8 @@
 MuJoCo's motor has K, R and a voltage V: i' = (V/R - K w/R - i)/t_e and a torque K i. With the unit
 of voltage so that V = c u, and that of current so that its torque is the same, K becomes K/c and R
 becomes R/c^2, and u is what the law asks for: a motor at rest gives it. A current loop of gain k,
-V = k (i* - i), is a winding of R + k.
+V = k (i* - i), is a winding of R + k. With an efficiency the torque constant is a share of that of
+the back-EMF, and MuJoCo's K the root of their product.
 """
 
 from __future__ import annotations
@@ -11,19 +12,21 @@ from __future__ import annotations
 import math
 
 import mujoco
+import numpy as np
 
 from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.simulation.machine.parts import Motor
 
 
-def volts_for(motor: Motor, gear: float) -> float:
-    """c: what the amplifier is told for one unit of the input [V], gain of a current loop included.
+def _scale(motor: Motor, gear: float) -> float:
+    """c: MuJoCo's voltage for one unit of the input, whose torque at the joint is the gear."""
+    constant = math.sqrt(motor.efficiency) * motor.constant
+    return abs(gear) * motor.loop_resistance / (motor.ratio * constant)
 
-    Args:
-        motor: The motor.
-        gear: Torque at the joint for one unit of the model's ideal input.
-    """
-    return motor.efficiency * abs(gear) * motor.loop_resistance / (motor.ratio * motor.constant)
+
+def amperes(motor: Motor, gear: float) -> float:
+    """Current for one unit of MuJoCo's [A]."""
+    return 1 / (math.sqrt(motor.efficiency) * _scale(motor, gear))
 
 
 def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
@@ -42,15 +45,16 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
     if not ideal or gear == 0:
         raise ModelError(f"motor: input {motor.input!r} is no ideal motor on a joint")
-    c = volts_for(motor, gear)
-    low, high = _limits(actuator, motor, c)
+    c, constant = _scale(motor, gear), math.sqrt(motor.efficiency) * motor.constant
+    # What the winding sees is more by what the efficiency takes.
+    low, high = _limits(actuator, motor, c / math.sqrt(motor.efficiency))
     share = motor.resistance / motor.loop_resistance
     heated = motor.thermal_resistance > 0
     try:
         actuator.set_to_dcmotor(
-            motorconst=[motor.constant / c, 0.0],
+            motorconst=[constant / c, 0.0],
             resistance=motor.loop_resistance / c**2,
-            saturation=[motor.constant * motor.current, 0.0, 0.0]
+            saturation=[motor.efficiency * motor.constant * motor.current, 0.0, 0.0]
             if math.isfinite(motor.current)
             else [0.0, 0.0, 0.0],
             inductance=[motor.inductance / c**2, 0.0],
@@ -67,8 +71,29 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     if math.isfinite(high):
         actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
         actuator.ctrlrange = [low, high]
-    joint = spec.joint(actuator.target)
-    joint.armature += motor.inertia * motor.ratio**2 * (not _is_motor_joint(spec, joint.name))
+    _at_joint(spec, actuator.target, motor)
+
+
+def _at_joint(spec: mujoco.MjSpec, name: str, motor: Motor) -> None:
+    """Give a joint its motor's inertia, or take off what the model has of motor and back-EMF."""
+    own = name
+    if behind := _is_motor_joint(spec, name):
+        own = name.removesuffix(" motor")
+    inertia = 0.0 if behind else motor.inertia * motor.ratio**2
+    joint = spec.joint(own)
+    if motor.added:
+        joint.armature += inertia
+        return
+    damping = np.array(joint.damping)
+    if motor.emf_damping > damping[0] * (1 + 1e-9) or inertia > joint.armature * (1 + 1e-9):
+        raise ModelError(
+            f"motor of {motor.input!r}: its back-EMF brakes with {motor.emf_damping:.4g} and its "
+            f"inertia is {inertia:.4g} at joint {own!r}, which is no part of the model's damping "
+            f"of {damping[0]:.4g} and armature of {joint.armature:.4g}: let them be added"
+        )
+    damping[0] = max(0.0, damping[0] - motor.emf_damping)
+    joint.damping = damping
+    joint.armature = max(0.0, joint.armature - inertia)
 
 
 def _is_motor_joint(spec: mujoco.MjSpec, name: str) -> bool:

@@ -192,8 +192,8 @@ class Stop(_Part):
 class Motor(_Part):
     """A DC motor with its gear and amplifier where the model has an ideal input.
 
-    MuJoCo's own ``dcmotor``. What the law asks for is converted with the nominal numbers, so that a
-    motor at rest gives it but for the efficiency; back-EMF, lag and limits are what comes between.
+    MuJoCo's own ``dcmotor``. What the law asks for is converted so that a motor at rest gives it;
+    back-EMF, lag and limits are what comes between.
     A voltage amplifier is ``voltage``; one that follows a current has a ``bandwidth``.
 
     Attributes:
@@ -202,7 +202,8 @@ class Motor(_Part):
         resistance: [ohm].
         inductance: [H].
         ratio: Turns of the motor for one of its joint, or rad/m of a slide.
-        efficiency: Share of the torque that arrives; no law knows it.
+        efficiency: Share of the torque that arrives at the joint, of both the current and the
+            back-EMF; the amplifier makes up for it.
         voltage: Largest [V], of a voltage amplifier; infinite for none.
         current: Largest [A]; infinite for none.
         bandwidth: Of the current loop, proportional with the gain that its bandwidth and the
@@ -213,6 +214,8 @@ class Motor(_Part):
         cogging_periods: In a turn of the motor.
         thermal_resistance: Winding to surroundings [K/W]; 0 for a motor that stays cold.
         heat_capacity: Of the winding [J/K].
+        added: Whether back-EMF and inertia come on top of what the model has; else they are a part
+            of the joint's damping and armature.
     """
 
     input: str
@@ -229,6 +232,7 @@ class Motor(_Part):
     cogging_periods: float = 12.0
     thermal_resistance: float = 0.0
     heat_capacity: float = 0.0
+    added: bool = True
 
     kind, owner = "motor", "input"
     positive = frozenset(
@@ -259,6 +263,11 @@ class Motor(_Part):
     def loop_resistance(self) -> float:
         """Of the winding and, with a current loop, its gain [ohm]."""
         return self.bandwidth * self.inductance if self.bandwidth else self.resistance
+
+    @property
+    def emf_damping(self) -> float:
+        """What the back-EMF brakes with at the joint [N m s/rad or N s/m]."""
+        return self.efficiency * (self.ratio * self.constant) ** 2 / self.loop_resistance
 
     def __str__(self) -> str:
         kind = f"current loop of {self.bandwidth:.4g} rad/s" if self.bandwidth else "voltage"

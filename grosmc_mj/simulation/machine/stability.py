@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.simulation.machine.bounces import spring_and_damper
+from grosmc_mj.simulation.machine.bounces import TEETH, spring_and_damper
 from grosmc_mj.simulation.machine.parts import (
     LuGre,
     MachinePart,
@@ -85,6 +85,8 @@ def _oscillators(model: mujoco.MjModel, parts: Sequence[MachinePart]) -> Iterato
         if isinstance(part, Transmission) and math.isfinite(part.stiffness):
             weight = float(model.tendon_invweight0[model.tendon(f"{part.joint} transmission").id])
             yield _Oscillator(part, part.stiffness * weight, part.damping * weight)
+        elif isinstance(part, Transmission):
+            yield _Oscillator(part, *spring_and_damper(*TEETH))
         elif isinstance(part, LuGre):
             weight = float(model.dof_invweight0[model.joint(part.joint).dofadr[0]])
             yield _Oscillator(part, part.stiffness * weight, part.damping * weight)

@@ -15,7 +15,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.machine.building import motor_joint
-from grosmc_mj.simulation.machine.motors import volts_for
+from grosmc_mj.simulation.machine.motors import amperes
 from grosmc_mj.simulation.machine.parts import MachinePart, Motor
 
 
@@ -124,7 +124,7 @@ def _activation(
         kinds = [f"activation {i + 1}" for i in range(count)]
     kind, motor = kinds[slot], motors.get(name)
     if kind == "current" and motor is not None:
-        return UnseenState(f"{name} winding", "A", column, 1 / volts_for(motor, gears[name]))
+        return UnseenState(f"{name} winding", "A", column, amperes(motor, gears[name]))
     unit = {"bristle": "rad", "temperature": "K"}.get(kind, "1")
     return UnseenState(f"{name} {kind}", unit, column)
 

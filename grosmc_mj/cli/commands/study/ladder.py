@@ -1,0 +1,111 @@
+"""grosmc-mj study ladder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import FlagCreatePairsOff, Positional, arg
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.targets import TARGET, result_name
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from grosmc_mj.studies.ladder.measure import Ladder, Standing
+
+
+@dataclass(frozen=True)
+class LadderCommand(Command):
+    """Find where each law breaks on the way from its equations to the machine as built.
+
+    Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
+    delay; actuator; motor; friction; backlash; flexibility; loads; stops. One is added on top of
+    the others, and then each alone. On every rung all that the target requires is judged, and how
+    the error swings and the input chatters in the end is measured.
+
+    Writes ladder_NAME.json, .png and .svg to --out; after Ctrl-C what there is of them.
+
+    Attributes:
+        target: A system, which means its machine, a case, or a case file.
+        laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default.
+        loaded: Climb under the system's other cases, too.
+        out: Folder for ladder_NAME.json and the figure.
+    """
+
+    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    laws: Annotated[
+        tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
+    ] = ()
+    loaded: Annotated[bool, FlagCreatePairsOff] = False
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+    def execute(self) -> int:
+        """Climb, write, print, draw."""
+        from grosmc_mj.studies.ladder.measure import ladder, standing
+
+        began = time.perf_counter()
+        studied = ladder(self.target, self.laws, loaded=self.loaded)
+        ways = [
+            (rung, together, condition)
+            for condition in studied.conditions
+            for together, rungs in ((True, studied.climbing), (False, studied.alone))
+            for rung in rungs
+        ]
+        rows: list[Standing] = []
+        try:
+            with screen.progress(len(studied.laws) * len(ways), "rungs") as advance:
+                for law in studied.laws:
+                    for rung, together, condition in ways:
+                        advance(law.name, 0)
+                        rows.append(standing(studied, law, rung, condition, together=together))
+                        advance(law.name, 1)
+        except KeyboardInterrupt:
+            if rows:
+                screen.say_files(screen.console(), *self._write(studied, rows, complete=False))
+            raise
+        files = self._write(studied, rows, complete=True)
+        console = screen.console()
+        _answer(console, studied, rows, full=self.verbose)
+        console.print(f"In {time.perf_counter() - began:.1f} s", style="dim")
+        screen.say_files(console, *files)
+        return screen.DONE
+
+    def _write(
+        self, studied: Ladder, rows: Sequence[Standing], *, complete: bool
+    ) -> tuple[Path, ...]:
+        """Write document and figure; returns where they are."""
+        from grosmc_mj.report.document import write_json
+        from grosmc_mj.studies.ladder.figure import write_ladder_figure
+        from grosmc_mj.studies.ladder.report import ladder_document
+
+        base = self.out / f"ladder_{result_name(studied.machine.path)}"
+        target = base.with_suffix(".json")
+        write_json(target, ladder_document(studied, rows, complete=complete))
+        return target, write_ladder_figure(studied, rows, base.with_suffix(".png"))
+
+
+def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full: bool) -> None:
+    """Up to where laws climb, where each breaks, and on request every share."""
+    from grosmc_mj.studies.ladder.answers import verdict
+    from grosmc_mj.studies.ladder.report import LEGEND, breaks_table, ladder_table
+
+    for condition in studied.conditions:
+        own = [row for row in rows if row.condition is condition]
+        console.print(verdict(own, condition.name), style="bold", markup=False)
+        console.print(breaks_table(condition.title, own, condition.name))
+        if not full:
+            continue
+        wide = screen.wide_console()
+        for title, together, rungs in (
+            ("Each rung on top of the others", True, studied.climbing),
+            ("Each alone on the sampled plant", False, studied.alone),
+        ):
+            wide.print(ladder_table(title, [r for r in own if r.together is together], rungs))
+    if full:
+        console.print(LEGEND, style="dim", markup=False)

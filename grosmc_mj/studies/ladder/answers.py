@@ -1,0 +1,70 @@
+"""What the standings of a target say together, in words and numbers that people read."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+from grosmc_mj.report.tables import number
+from grosmc_mj.studies.ladder.measure import Standing
+
+
+def of_law(rows: Sequence[Standing], law: str, condition: str) -> list[Standing]:
+    """A law's way up, rung by rung."""
+    return [
+        row
+        for row in rows
+        if row.together and row.law.name == law and row.condition.name == condition
+    ]
+
+
+def highest(rows: Sequence[Standing]) -> Standing | None:
+    """The last rung up to which all is kept from the first on; None if the first fails."""
+    found = None
+    for row in rows:
+        if not row.kept:
+            break
+        found = row
+    return found
+
+
+def first_failed(rows: Sequence[Standing]) -> Standing | None:
+    """The first rung on which something is not kept; None if all is kept on all."""
+    return next((row for row in rows if not row.kept), None)
+
+
+def share_text(row: Standing) -> str:
+    """How much of the tightest limit is used: 0.31, 8.2x; why there is no number."""
+    if row.impossible:
+        return "-"
+    if row.worst == "the run ended":
+        return "ended"
+    if math.isinf(row.used):
+        return "never"
+    return f"{number(row.used)}x" if row.used > 1 else number(row.used)
+
+
+def reason(row: Standing) -> str:
+    """What breaks on a rung, in words."""
+    if row.impossible:
+        return row.impossible
+    if row.worst == "the run ended":
+        return row.worst
+    what = row.worst.replace("_", " ")
+    return f"{what}: never" if math.isinf(row.used) else f"{what}: {number(row.used)} times"
+
+
+def verdict(rows: Sequence[Standing], condition: str) -> str:
+    """Up to where laws climb, and what breaks most of them."""
+    laws = list(dict.fromkeys(row.law.name for row in rows))
+    ways = {law: of_law(rows, law, condition) for law in laws}
+    standing = [law for law, way in ways.items() if way and first_failed(way) is None]
+    breaks = Counter(
+        row.rung.name for way in ways.values() if (row := first_failed(way)) is not None
+    )
+    said = f"{len(standing)} of {len(laws)} laws keep everything on the whole machine"
+    if not breaks:
+        return f"{said}."
+    most = ", ".join(f"{name} breaks {count}" for name, count in breaks.most_common(3))
+    return f"{said}; {most}."

@@ -1,0 +1,148 @@
+"""Ladders as a document and as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from rich.table import Table
+
+from grosmc_mj.report.document import origin
+from grosmc_mj.report.tables import names, number, numbers, table, text, words
+from grosmc_mj.studies.ladder.answers import first_failed, of_law, reason, share_text
+from grosmc_mj.studies.ladder.measure import Ladder, Standing
+from grosmc_mj.studies.ladder.rungs import Rung
+
+LEGEND = (
+    "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
+    "never: it does not settle; -: there is no such law."
+)
+
+
+def ladder_document(studied: Ladder, rows: Sequence[Standing], *, complete: bool) -> dict[str, Any]:
+    """The content of ladder_NAME.json.
+
+    Args:
+        studied: The target.
+        rows: What has been found.
+        complete: Whether that is all; it is not after an interrupt.
+    """
+    settings, case = studied.experiment.settings, studied.machine.case
+    return {
+        **origin(case.loop.seed if case.loop else None),
+        "configuration": {
+            "target": f"{case.system}/{case.name}",
+            "title": case.title,
+            "control_period": {"value": settings.control_period, "unit": "s"},
+            "timestep": {"value": settings.timestep, "unit": "s"},
+            "integrator": settings.integrator,
+            "file": studied.machine.document(),
+        },
+        "complete": complete,
+        "input_unit": studied.experiment.nominal.system.input.unit,
+        "conditions": [{"name": c.name, "title": c.title} for c in studied.conditions],
+        "laws": [
+            {"name": law.name, "predicts": law.predict, "sampled": law.settings}
+            for law in studied.laws
+        ],
+        "climbing": [_rung(each) for each in studied.climbing],
+        "alone": [_rung(each) for each in studied.alone],
+        "standings": [_row(row) for row in rows],
+    }
+
+
+def _rung(rung: Rung) -> dict[str, Any]:
+    return {
+        "name": rung.name,
+        "plant": rung.plant,
+        "sampled": rung.sampled,
+        "loop": asdict(rung.loop) if rung.looped else None,
+        "parts": [{"kind": part.kind, **asdict(part)} for part in rung.parts],
+    }
+
+
+def _row(row: Standing) -> dict[str, Any]:
+    """One standing; what is not there is null."""
+    swing = row.oscillation
+    return {
+        "law": row.law.name,
+        "rung": row.rung.name,
+        "together": row.together,
+        "condition": row.condition.name,
+        "kept": row.kept,
+        "share_of_the_tightest_limit": _finite(row.used),
+        "tightest": row.worst or None,
+        "shares": {key: _finite(share) for key, share in row.shares.items()},
+        "amplitude": None if swing is None else swing.amplitude,
+        "frequency": None if swing is None else swing.frequency,
+        "chatter": row.chatter,
+        "impossible": row.impossible or None,
+    }
+
+
+def _finite(share: float) -> float | None:
+    """A share, or null for what has no end."""
+    return share if math.isfinite(share) else None
+
+
+def ladder_table(title: str, rows: Sequence[Standing], rungs: Sequence[Rung]) -> Table:
+    """One row of each law, a column for each rung.
+
+    Args:
+        title: Above it.
+        rows: Of one condition, all together or all alone.
+        rungs: The columns.
+    """
+    laws = list(dict.fromkeys(row.law.name for row in rows))
+    found = {(row.law.name, row.rung.name): row for row in rows}
+    cells = [(law, *(_cell(found.get((law, rung.name))) for rung in rungs)) for law in laws]
+    return table(title, [*names("law"), *numbers(*(rung.name for rung in rungs))], cells)
+
+
+def _cell(row: Standing | None) -> str:
+    """The text of a cell; nothing of what was interrupted."""
+    return "" if row is None else share_text(row)
+
+
+def breaks_table(title: str, rows: Sequence[Standing], condition: str) -> Table:
+    """Where each law breaks first, why, and how it swings there."""
+    laws = list(dict.fromkeys(row.law.name for row in rows))
+    ways = {law: of_law(rows, law, condition) for law in laws}
+    order = {law: _place(way) for law, way in ways.items()}
+    cells = []
+    for law in sorted(laws, key=lambda law: -order[law]):
+        row = first_failed(ways[law])
+        last = row or ways[law][-1]
+        swing = last.oscillation
+        cells.append(
+            (
+                law,
+                row.rung.name if row else "stands",
+                reason(row) if row else "",
+                "" if swing is None else number(swing.amplitude),
+                "" if swing is None or swing.frequency is None else number(swing.frequency),
+                "" if last.chatter is None else number(last.chatter),
+            )
+        )
+    unit, input_unit = _units(rows)
+    columns = [
+        *names("law"),
+        *words("breaks at"),
+        *text("why"),
+        *numbers(f"swings by [{unit}]", "at [Hz]", f"chatter [{input_unit}]"),
+    ]
+    return table(title, columns, cells)
+
+
+def _place(way: Sequence[Standing]) -> int:
+    """How many rungs a law stands from the first on."""
+    row = first_failed(way)
+    return len(way) if row is None else list(way).index(row)
+
+
+def _units(rows: Sequence[Standing]) -> tuple[str, str]:
+    """Of errors and of inputs."""
+    error = rows[0].law.controller.designed.error
+    return error.units[0], rows[0].condition.experiment.nominal.system.input.unit
