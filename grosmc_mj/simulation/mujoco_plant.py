@@ -202,19 +202,23 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If it has states of its own, so that x does not tell.
         """
+        self._refuse_unseen()
         x, u, w = self.checked(x, u, wrench)
         model, n = self.model_with_userdata(0), self.system.degrees_of_freedom
-        if self.unseen:
-            raise ModelError(
-                f"{self.system.name} has states that x does not tell "
-                f"({', '.join(each.name for each in self.unseen)}): ask its .rigid plant"
-            )
         data = scratch(model)
         data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
         bodies = [model.body(name).id for name in self.system.bodies]
         data.xfrc_applied[bodies] = w.reshape(-1, 6)
         mujoco.mj_forward(model, data)
         return np.concatenate([x[n:], data.qacc])
+
+    def _refuse_unseen(self) -> None:
+        """Refuse to say x' of a state that does not tell all."""
+        if self.unseen:
+            raise ModelError(
+                f"{self.system.name} has states that x does not tell "
+                f"({', '.join(each.name for each in self.unseen)}): ask its .rigid plant"
+            )
 
     def scaled(self, body: str, mass: float, length: float) -> MujocoPlant:
         """The nominal model with the mass and all lengths of a body scaled.
@@ -225,13 +229,18 @@ class MujocoPlant(Plant):
         return self.edited(BodyEdit(body or self.system.uncertain_body, mass, length))
 
     def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
-        """A and B by MuJoCo's own finite differences, see ``linearize``."""
+        """A and B by MuJoCo's own finite differences, see ``linearize``.
+
+        Raises:
+            ModelError: If it has states of its own.
+        """
+        self._refuse_unseen()
         # It imports the engine that compiles the laws, which loads slowly.
         from grosmc_mj.simulation.linearization import differences
 
         state, inputs = self.operating_point(x, u)
         self.require_unchanged([self])
-        return differences(self.rigid, state, inputs)
+        return differences(self, state, inputs)
 
     @property
     def step_length(self) -> float:

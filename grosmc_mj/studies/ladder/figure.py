@@ -16,15 +16,15 @@ from grosmc_mj.studies.ladder.answers import share_text
 from grosmc_mj.studies.ladder.measure import Condition, Ladder, Standing
 from grosmc_mj.studies.ladder.rungs import Rung
 
-# What is kept is blue, what breaks red: white uses just the whole limit.
+# What is kept is blue; what is not is the redder the further it is beyond, up to a hundred times.
 _COLOURS = LinearSegmentedColormap.from_list("ladder", [BLUE, "#ffffff", VERMILION])
-_LEAST, _MOST = 1e-2, 1e2
-_SCALE = TwoSlopeNorm(0.0, math.log10(_LEAST), math.log10(_MOST))
+_KEPT, _MOST = -0.3, 2.0
+_SCALE = TwoSlopeNorm(0.0, -1.0, _MOST)
 _DARK = 0.6
 _CELL, _ROW, _NAMES = 0.98, 0.36, 2.6
 _NOTE = (
-    "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
-    "never: it does not settle; -: there is no such law."
+    "How much of the tightest limit is used. Blue: all is kept; the redder, the further beyond. "
+    "ended: the run ended early; never: it does not settle; -: there is no such law."
 )
 
 
@@ -54,22 +54,17 @@ def write_ladder_figure(studied: Ladder, rows: Sequence[Standing], path: Path) -
         case = studied.machine.case
         figure.suptitle(f"{case.system}/{case.name}: where each law breaks", fontsize=14)
         axes = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
-        image = None
         for (title, condition, together, rungs), axis in zip(panels, axes, strict=True):
             own = [r for r in rows if r.condition is condition and r.together is together]
-            image = _panel(axis, own, laws, rungs, widest)
+            _panel(axis, own, laws, rungs, widest)
             axis.set_title(title, loc="left", fontsize=11.5, fontweight="bold")
         figure.supxlabel(_NOTE, fontsize=9, x=0.01, ha="left", color="#444444")
-        bar = figure.colorbar(image, ax=list(axes), fraction=0.025, pad=0.01, aspect=40)  # pyright: ignore[reportArgumentType]
-        ticks = range(round(math.log10(_LEAST)), round(math.log10(_MOST)) + 1)
-        bar.set_ticks(list(ticks), labels=[f"{10.0**tick:g}" for tick in ticks])
-        bar.set_label("share of the tightest limit")
     return path
 
 
 def _panel(
     axis: Axes, rows: Sequence[Standing], laws: Sequence[str], rungs: Sequence[Rung], widest: int
-) -> object:
+) -> None:
     """A cell for each law and rung."""
     values = np.full((len(laws), widest), np.nan)
     axis.set_facecolor("#eeeeee")
@@ -77,7 +72,7 @@ def _panel(
     places = {rung.name: j for j, rung in enumerate(rungs)}
     for row in rows:
         i, j = laws.index(row.law.name), places[row.rung.name]
-        values[i, j] = math.log10(min(max(row.used, _LEAST), _MOST))
+        values[i, j] = _KEPT if row.kept else 0.15 + min(math.log10(max(row.used, 1.0)), _MOST)
         if row.impossible:
             values[i, j] = np.nan
         dark = abs(float(_SCALE(values[i, j])) - 0.5) > _DARK / 2
@@ -85,7 +80,7 @@ def _panel(
             j, i, share_text(row), ha="center", va="center", fontsize=11,
             color="white" if dark else BLACK,
         )  # fmt: skip
-    image = axis.imshow(values, cmap=_COLOURS, norm=_SCALE, aspect="auto")
+    axis.imshow(values, cmap=_COLOURS, norm=_SCALE, aspect="auto")
     axis.set_yticks(range(len(laws)), laws, fontsize=11)
     axis.set_xticks(range(len(rungs)), [rung.name for rung in rungs], fontsize=11)
     axis.set_xlim(-0.5, len(rungs) - 0.5)
@@ -96,4 +91,3 @@ def _panel(
         axis.axvline(j - 0.5, color="white", lw=2)
     for i in range(1, len(laws)):
         axis.axhline(i - 0.5, color="white", lw=2)
-    return image
