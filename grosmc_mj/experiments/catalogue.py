@@ -35,8 +35,9 @@ def find_experiments(target: str) -> list[Experiment]:
 
 
 def _order(name: str) -> tuple[bool, bool, str]:
-    """The nominal case first, the bench last."""
-    return not name.endswith("/nominal"), name.endswith("/bench"), name
+    """The nominal case first; bench and machine last."""
+    built = ("/bench", "/machine")
+    return not name.endswith("/nominal"), name.endswith(built), name
 
 
 def find_experiment(system: str, case: str) -> Experiment:

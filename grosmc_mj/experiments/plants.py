@@ -100,7 +100,8 @@ class NominalPlant:
         """
         if not isinstance(self.plant, MujocoPlant):
             return self.plant.changed(scales=self.scales)
-        physics = _edited(self.plant, edits, timestep, integrator)
+        whole = self.plant if self.robot is None else self.robot.built
+        physics = _edited(whole, edits, timestep, integrator)
         return physics if name == "physics" else physics.analytic(name)
 
 
@@ -159,7 +160,9 @@ def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
     plant = nominal.plant.believed(*edits)
     if nominal.robot is None:
         return replace(nominal, plant=plant)
-    return replace(nominal, plant=plant, robot=Robot(plant, nominal.robot.converted))
+    robot = nominal.robot
+    built = plant if robot.built is robot.plant else robot.built.believed(*edits)
+    return replace(nominal, plant=plant, robot=Robot(plant, robot.converted, built))
 
 
 @cache

@@ -158,6 +158,7 @@ def test_bases_are_no_cases() -> None:
         "case1",
         "case2",
         "bench",
+        "machine",
     ]
     with pytest.raises(ArgumentError, match="unknown case 'arm/base'"):
         find_experiments("arm/base")

@@ -299,7 +299,6 @@ def test_an_implicit_integrator_that_slows_bristles_is_refused() -> None:
         (lambda: Stop("j", -1.0, 1.0, 1.0), r"restitution = 1 must be below 1"),
         (lambda: Motor("i", 0.1, math.nan), r"resistance = nan must be positive"),
         (lambda: Motor("i", 0.1, 1.0, efficiency=1.5), r"efficiency = 1\.5 must be at most 1"),
-        (lambda: Motor("i", 0.1, 1.0, 1e-3, bandwidth=10.0), r"at least that of the winding"),
         (lambda: Motor("i", 0.1, 1.0, 1e-3, bandwidth=1e4, voltage=24.0), r"current loop's own"),
         (lambda: Motor("i", 0.1, 1.0, thermal_resistance=1.0), r"heating needs both"),
         (lambda: SwingingLoad("b", 0.0, 1.0), r"mass = 0 must be positive"),

@@ -146,12 +146,17 @@ def test_a_motor_has_its_no_load_speed_its_stall_torque_and_its_time_constant() 
 
 
 def test_a_current_loop_follows_with_its_bandwidth() -> None:
-    part = Motor("current", 7.68e-3, 2.6, inductance=2e-3, ratio=10.0, bandwidth=5e3)
+    part = Motor("current", 7.68e-3, 2.6, ratio=10.0, bandwidth=5e3)
     plant = servo(part, timestep=1e-5)
     torque = stepped(plant, 2e-3, lambda d: d.qfrc_actuator[0], lambda t: 1.0)
     reached = int(np.argmax(torque >= (1 - math.exp(-1)) * GEAR)) * 1e-5
     assert reached == pytest.approx(1 / 5e3, rel=0.06)
-    assert torque[-1] == pytest.approx(GEAR, rel=5e-3)
+    assert torque[-1] == pytest.approx(GEAR, rel=1e-4)
+    (current,) = plant.unseen
+    amperes = current.scale * stepped(plant, 2e-3, lambda d: d.act[0], lambda t: 1.0)
+    assert amperes[-1] == pytest.approx(GEAR / (10 * 7.68e-3), rel=1e-4)
+    # It makes up for the back-EMF: what turns is not braked.
+    assert stepped(plant, 0.1, lambda d: d.qvel[0], speed=3.0)[-1] == pytest.approx(3.0, rel=1e-6)
 
 
 def test_a_voltage_and_a_current_are_the_most_that_a_motor_gives() -> None:

@@ -202,7 +202,8 @@ class NativeBatch:
 
     def _physics(self) -> Array:
         """mjSTATE_FULLPHYSICS of every simulation now, (nsim, size)."""
-        time, *parts = (self._batch.bind(name) for name in ("time", "qpos", "qvel", "act"))
+        names = ("time", "qpos", "qvel", "act", "history")
+        time, *parts = (self._batch.bind(name) for name in names)
         return np.concatenate([time[:, None], *parts], axis=1)
 
     def _wrenches(self, first: int, steps: int) -> Array | None:

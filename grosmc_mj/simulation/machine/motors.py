@@ -2,9 +2,10 @@
 
 MuJoCo's motor has K, R and a voltage V: i' = (V/R - K w/R - i)/t_e and a torque K i. With the unit
 of voltage so that V = c u, and that of current so that its torque is the same, K becomes K/c and R
-becomes R/c^2, and u is what the law asks for: a motor at rest gives it. A current loop of gain k,
-V = k (i* - i), is a winding of R + k. With an efficiency the torque constant is a share of that of
-the back-EMF, and MuJoCo's K the root of their product.
+becomes R/c^2, and u is what the law asks for: a motor at rest gives it. A current loop that makes
+up for the back-EMF is a winding of so high a resistance that there is none, with a time constant of
+its own. With an efficiency the torque constant is a share of that of the back-EMF, and MuJoCo's K
+the root of their product.
 """
 
 from __future__ import annotations
@@ -17,11 +18,19 @@ import numpy as np
 from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.simulation.machine.parts import Motor
 
+# A current loop's resistance over its winding's: what the back-EMF does falls by this factor.
+_STIFF = 1e9
+
+
+def _resistance(motor: Motor) -> float:
+    """What stands against the back-EMF [ohm]."""
+    return motor.resistance * (_STIFF if motor.bandwidth else 1.0)
+
 
 def _scale(motor: Motor, gear: float) -> float:
     """c: MuJoCo's voltage for one unit of the input, whose torque at the joint is the gear."""
     constant = math.sqrt(motor.efficiency) * motor.constant
-    return abs(gear) * motor.loop_resistance / (motor.ratio * constant)
+    return abs(gear) * _resistance(motor) / (motor.ratio * constant)
 
 
 def amperes(motor: Motor, gear: float) -> float:
@@ -48,16 +57,16 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     c, constant = _scale(motor, gear), math.sqrt(motor.efficiency) * motor.constant
     # What the winding sees is more by what the efficiency takes.
     low, high = _limits(actuator, motor, c / math.sqrt(motor.efficiency))
-    share = motor.resistance / motor.loop_resistance
+    share = motor.resistance / _resistance(motor)
     heated = motor.thermal_resistance > 0
     try:
         actuator.set_to_dcmotor(
             motorconst=[constant / c, 0.0],
-            resistance=motor.loop_resistance / c**2,
+            resistance=_resistance(motor) / c**2,
             saturation=[motor.efficiency * motor.constant * motor.current, 0.0, 0.0]
             if math.isfinite(motor.current)
             else [0.0, 0.0, 0.0],
-            inductance=[motor.inductance / c**2, 0.0],
+            inductance=[0.0, motor.time_constant],
             cogging=[motor.cogging, motor.cogging_periods, 0.0],
             # Copper's resistance grows by 0.39 % a kelvin; heat is that of the winding alone.
             thermal=[

@@ -19,7 +19,7 @@ _Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class _Part:
+class _MachinePart:
     """What all parts have: one thing that they are of, and numbers with bounds."""
 
     kind: ClassVar[str]
@@ -76,7 +76,7 @@ def _a(noun: str) -> str:
 
 
 @dataclass(frozen=True)
-class Transmission(_Part):
+class Transmission(_MachinePart):
     """A gear, belt or shaft that gives way between a motor and its joint.
 
     The motor has a coordinate of its own, seen at the joint, with its kinetic energy about its own
@@ -121,7 +121,7 @@ class Transmission(_Part):
 
 
 @dataclass(frozen=True)
-class LuGre(_Part):
+class LuGre(_MachinePart):
     """Friction of a joint by bristles, as MuJoCo's motors have it.
 
     C. Canudas de Wit, H. Olsson, K. J. Astrom and P. Lischinsky, "A new model for control of
@@ -158,7 +158,7 @@ class LuGre(_Part):
 
 
 @dataclass(frozen=True)
-class Stop(_Part):
+class Stop(_MachinePart):
     """Two ends of a joint's way, which throw it back.
 
     Attributes:
@@ -189,7 +189,7 @@ class Stop(_Part):
 
 
 @dataclass(frozen=True)
-class Motor(_Part):
+class Motor(_MachinePart):
     """A DC motor with its gear and amplifier where the model has an ideal input.
 
     MuJoCo's own ``dcmotor``. What the law asks for is converted so that a motor at rest gives it;
@@ -206,8 +206,8 @@ class Motor(_Part):
             back-EMF; the amplifier makes up for it.
         voltage: Largest [V], of a voltage amplifier; infinite for none.
         current: Largest [A]; infinite for none.
-        bandwidth: Of the current loop, proportional with the gain that its bandwidth and the
-            inductance ask for [rad/s]; 0 for a voltage amplifier.
+        bandwidth: Of a current loop that makes up for the back-EMF and has voltage enough for it
+            [rad/s]; 0 for a voltage amplifier.
         inertia: Of the rotor, at the motor [kg m^2]; at the joint it is an armature of ratio^2
             times that. That of a ``Transmission`` stands there instead.
         cogging: Amplitude of the torque, at the motor [N m].
@@ -245,29 +245,23 @@ class Motor(_Part):
             self._refuse(f"efficiency = {self.efficiency:g} must be at most 1")
         if bool(self.thermal_resistance) != bool(self.heat_capacity):
             self._refuse("heating needs both thermal_resistance and heat_capacity")
-        if not self.bandwidth:
-            return
-        if math.isfinite(self.voltage):
+        if self.bandwidth and math.isfinite(self.voltage):
             self._refuse(
                 "a current loop's own limit of voltage is not in MuJoCo's motor: give a voltage "
                 "amplifier its voltage, or a current loop its bandwidth and current"
             )
-        slowest = self.resistance / self.inductance if self.inductance else math.inf
-        if self.bandwidth < slowest:
-            self._refuse(
-                f"bandwidth = {self.bandwidth:g} rad/s must be at least that of the winding alone, "
-                f"resistance over inductance, {slowest:g} rad/s"
-            )
 
     @property
-    def loop_resistance(self) -> float:
-        """Of the winding and, with a current loop, its gain [ohm]."""
-        return self.bandwidth * self.inductance if self.bandwidth else self.resistance
+    def time_constant(self) -> float:
+        """Of the current [s]; 0 for one that follows at once."""
+        return 1 / self.bandwidth if self.bandwidth else self.inductance / self.resistance
 
     @property
     def emf_damping(self) -> float:
         """What the back-EMF brakes with at the joint [N m s/rad or N s/m]."""
-        return self.efficiency * (self.ratio * self.constant) ** 2 / self.loop_resistance
+        if self.bandwidth:
+            return 0.0
+        return self.efficiency * (self.ratio * self.constant) ** 2 / self.resistance
 
     def __str__(self) -> str:
         kind = f"current loop of {self.bandwidth:.4g} rad/s" if self.bandwidth else "voltage"
@@ -281,7 +275,7 @@ class Motor(_Part):
 
 
 @dataclass(frozen=True)
-class SwingingLoad(_Part):
+class SwingingLoad(_MachinePart):
     """A point mass that hangs on a body by a massless rod and begins at rest below it.
 
     Attributes:
@@ -309,7 +303,7 @@ class SwingingLoad(_Part):
 
 
 @dataclass(frozen=True)
-class SlidingLoad(_Part):
+class SlidingLoad(_MachinePart):
     """A point mass that slides on a body along its x-axis, held by a spring.
 
     Attributes:
@@ -337,7 +331,7 @@ class SlidingLoad(_Part):
 
 
 @dataclass(frozen=True)
-class Wall(_Part):
+class Wall(_MachinePart):
     """A plane that a ball on a body can touch, without friction: a table, the end of a room.
 
     Attributes:

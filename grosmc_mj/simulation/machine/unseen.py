@@ -131,7 +131,10 @@ def _activation(
 
 def _kinds(model: mujoco.MjModel, index: int) -> list[str]:
     """What the activations of one of MuJoCo's motors are."""
-    if model.actuator_dyntype[index] != mujoco.mjtDyn.mjDYN_DCMOTOR:
+    kind = mujoco.mjtDyn(int(model.actuator_dyntype[index]))
+    if kind in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
+        return ["lag"]
+    if kind != mujoco.mjtDyn.mjDYN_DCMOTOR:
         return []
     numbers = model.actuator_dynprm[index]
     present = (("temperature", numbers[2]), ("bristle", numbers[5]), ("current", numbers[0]))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,6 +21,14 @@ _TRANSMISSIONS = {
     mujoco.mjtTrn.mjTRN_SO3: "turns a ball joint",
 }
 
+_LAGS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+# What an editable actuator is, beside its name and what it acts on.
+_KEPT = (
+    "gear", "gaintype", "gainprm", "biastype", "biasprm", "dyntype", "dynprm", "actdim",
+    "actlimited", "actrange", "actearly", "ctrllimited", "ctrlrange", "forcelimited", "forcerange",
+    "delay", "nsample", "interp", "ctrlspec",
+)  # fmt: skip
+
 
 class Drive(NamedTuple):
     """What torque control of one joint has.
@@ -30,6 +39,7 @@ class Drive(NamedTuple):
         low: Least torque or force [N m or N]; -inf for none.
         high: Largest.
         said: How it differs from the model's actuator; empty if it does not.
+        built: Whether the plant has the model's actuator, which does more than the laws believe.
     """
 
     name: str
@@ -37,6 +47,7 @@ class Drive(NamedTuple):
     low: float
     high: float
     said: str
+    built: bool = False
 
 
 def torque_drives(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[Drive, ...]:
@@ -72,7 +83,8 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
             f"actuator {name!r} {reason}: torque control of a joint cannot stand for it"
         )
     joint = int(model.actuator_trnid[index, 0])
-    gear, gain = float(model.actuator_gear[index, 0]), float(model.actuator_gainprm[index, 0])
+    beyond = _beyond(spec, model, index)
+    gear, gain = float(model.actuator_gear[index, 0]), _gain(model, index)
     servo = _servo(model, index)
     commands = (-math.inf, math.inf)
     if not servo and model.actuator_ctrllimited[index]:
@@ -85,12 +97,40 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
     unit = joint_unit(model, joint)
     limits = f"within [{low:g}, {high:g}] {unit}" if math.isfinite(high - low) else "without limits"
     said = ""
-    if servo:
+    if beyond:
+        said = f"actuator {name!r}: the plant has {beyond}, which no law knows; torque control "
+        said += limits
+    elif servo:
         said = f"actuator {name!r}: the {servo} is left out, torque control {limits} instead"
     elif gear * gain != 1:
         said = f"actuator {name!r}: its input is torque at the joint, with its gear {gear:g} and "
         said += f"gain {gain:g} in the limits, {limits}"
-    return Drive(name, model.joint(joint).name, low, high, said)
+    return Drive(name, model.joint(joint).name, low, high, said, bool(beyond))
+
+
+def _is_dcmotor(model: mujoco.MjModel, index: int) -> bool:
+    """Whether it is one of MuJoCo's DC motors."""
+    return mujoco.mjtGain(int(model.actuator_gaintype[index])) == mujoco.mjtGain.mjGAIN_DCMOTOR
+
+
+def _gain(model: mujoco.MjModel, index: int) -> float:
+    """Force for one unit of control, of a motor at rest."""
+    if _is_dcmotor(model, index):
+        return float(model.actuator_gainprm[index, 1] / model.actuator_gainprm[index, 0])
+    return float(model.actuator_gainprm[index, 0])
+
+
+def _beyond(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
+    """What an actuator does beyond torque control, in words; empty for nothing."""
+    own, found = spec.actuator(model.actuator(index).name), []
+    dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[index]))
+    if dynamics in _LAGS:
+        found.append(f"a lag of {model.actuator_dynprm[index, 0]:g} s")
+    if _is_dcmotor(model, index):
+        found.append("a DC motor with its back-EMF")
+    if own.nsample:
+        found.append(f"a delay of {own.delay:g} s")
+    return " and ".join(found)
 
 
 def _unfit(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
@@ -104,19 +144,22 @@ def _unfit(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
         return "is a muscle"
     if transmission in _TRANSMISSIONS:
         return _TRANSMISSIONS[transmission]
-    if dynamics != mujoco.mjtDyn.mjDYN_NONE:
+    dcmotor = _is_dcmotor(model, index)
+    if dcmotor and model.actuator_ctrlspec[index] != int(mujoco.mjtCtrlInput.mjINPUT_VOLTAGE):
+        return "is a DC motor with an inner controller"
+    if dynamics not in (mujoco.mjtDyn.mjDYN_NONE, *_LAGS) and not dcmotor:
         return f"has activation dynamics ({dynamics.name.removeprefix('mjDYN_').lower()})"
-    if gain != mujoco.mjtGain.mjGAIN_FIXED:
+    if gain != mujoco.mjtGain.mjGAIN_FIXED and not dcmotor:
         return "has a gain that depends on the state"
-    if bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
+    if dynamics in _LAGS and bias != mujoco.mjtBias.mjBIAS_NONE:
+        return "is a servo behind a lag"
+    if not dcmotor and bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
         return f"has a bias of kind {bias.name.removeprefix('mjBIAS_').lower()}"
     if own.plugin.active:
         return "is a plugin"
-    if own.nsample or own.delay:
-        return "has a delay"
     if own.armature or np.any(own.damping):
         return "has an armature or damping of its own, which belongs to its joint"
-    if model.actuator_gear[index, 0] == 0 or model.actuator_gainprm[index, 0] == 0:
+    if model.actuator_gear[index, 0] == 0 or _gain(model, index) == 0:
         return "has no gear or no gain"
     return ""
 
@@ -150,8 +193,15 @@ def joint_unit(model: mujoco.MjModel, joint: int) -> str:
     return "N" if slides else "N m"
 
 
-def write_drives(spec: mujoco.MjSpec, drives: Sequence[Drive]) -> None:
-    """Replace all actuators of a model by torque control of these joints, in this order."""
+def write_drives(spec: mujoco.MjSpec, drives: Sequence[Drive], *, as_built: bool = False) -> None:
+    """Replace all actuators of a model by torque control of these joints, in this order.
+
+    Args:
+        spec: The model.
+        drives: What takes their places.
+        as_built: Whether actuators that do more are kept, with torque at the joint as their input.
+    """
+    own = {actuator.name: _kept(actuator) for actuator in spec.actuators}
     for actuator in spec.actuators:
         spec.delete(actuator)
     for drive in drives:
@@ -172,3 +222,35 @@ def write_drives(spec: mujoco.MjSpec, drives: Sequence[Drive]) -> None:
         # A model's own defaults do not count here.
         motor.gear, motor.gainprm = [1.0, *[0.0] * 5], [1.0, *[0.0] * 9]
         motor.biasprm, motor.dynprm = [0.0] * 10, [1.0, *[0.0] * 9]
+        if as_built and drive.built:
+            _build(motor, own[drive.name], drive)
+
+
+def _kept(actuator: mujoco.MjsActuator) -> dict[str, Any]:
+    """What an actuator is, by value."""
+    return {name: copy.copy(getattr(actuator, name)) for name in _KEPT}
+
+
+def _build(motor: mujoco.MjsActuator, own: Mapping[str, Any], drive: Drive) -> None:
+    """Make an actuator what the model has, with torque at the joint as its input."""
+    for name, value in own.items():
+        setattr(motor, name, value)
+    gear, gain = float(own["gear"][0]), np.array(own["gainprm"], float)
+    if own["gaintype"] == mujoco.mjtGain.mjGAIN_DCMOTOR:
+        # Volts for one unit of torque, and currents in that unit: see ``machine.motors``.
+        c = float(gain[0] / (gain[1] * gear))
+        gain[0], gain[1] = gain[0] / c**2, abs(gain[1] / c)
+        dynamics = np.array(own["dynprm"], float)
+        dynamics[1] *= abs(c)
+        motor.dynprm = dynamics
+        if c < 0:
+            raise ModelError(f"actuator {drive.name!r} is a DC motor with a negative gear")
+    else:
+        gain[0] = 1.0 / gear
+        # Its limit of force stays: that of its control is the torque's now.
+    motor.gainprm = gain
+    if math.isfinite(drive.high):
+        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        motor.ctrlrange = [drive.low, drive.high]
+    else:
+        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE

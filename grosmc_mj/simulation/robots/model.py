@@ -52,8 +52,11 @@ def read_spec(model: Any) -> mujoco.MjSpec:
 
 def robot_spec(
     model: Any, joints: Iterable[str] | None = None, actuators: Iterable[str] | None = None
-) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """A model of a robot, whose inputs are torques at joints; and what changed.
+) -> tuple[mujoco.MjSpec, mujoco.MjSpec | None, tuple[str, ...]]:
+    """A model of a robot, whose inputs are torques at joints; as it is built; and what changed.
+
+    As built, actuators with lags, delays or DC motors are what the model has, with torque at the
+    joint as their input; None where there are none of these.
 
     Args:
         model: As for ``read_spec``.
@@ -78,16 +81,23 @@ def robot_spec(
         raise ModelError(
             f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..."
         )
-    write_drives(spec, [driven[name] for name in names if name in driven])
-    for part in (*spec.keys, *(s for s in spec.sensors if {s.objname, s.refname} & removed)):
-        spec.delete(part)
+    chosen = [driven[name] for name in names if name in driven]
+    built = spec.copy() if any(drive.built for drive in chosen) else None
+    write_drives(spec, chosen)
+    if built is not None:
+        write_drives(built, chosen, as_built=True)
+    for each in (spec, built):
+        if each is not None:
+            lost = (s for s in each.sensors if {s.objname, s.refname} & removed)
+            for part in (*each.keys, *lost):
+                each.delete(part)
     said += [drive.said for drive in drives if drive.said]
     if idle:
         said.append(
             f"no actuator drives {', '.join(idle)}: laws are designed from MuJoCo's linearization "
             "about an operating point (a joint left out of joints=... is locked)"
         )
-    return spec, (*said, *_not_compensated(compile_spec(spec)))
+    return spec, built, (*said, *_not_compensated(compile_spec(spec)))
 
 
 def _name_everything(spec: mujoco.MjSpec) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -37,12 +37,19 @@ class Robot:
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
+        built: The same with actuators that do more than the laws believe: lags, delays, DC motors.
+            Of a model without them it is the nominal one.
         converted: What differs from the model as it was given, in sentences.
     """
 
     plant: MujocoPlant
     converted: tuple[str, ...] = ()
+    built: MujocoPlant = None  # pyright: ignore[reportAssignmentType]
     _coordinates: dict[ReferenceFunction, RobotCoordinates] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.built is None:  # pyright: ignore[reportUnnecessaryComparison]
+            object.__setattr__(self, "built", self.plant)
 
     @classmethod
     def from_mjcf(
@@ -56,7 +63,8 @@ class Robot:
         """Read a robot.
 
         Motors on joints are taken with their gear and limits; position and velocity servos are
-        replaced by torque control within their force range. What else drives a joint is refused.
+        replaced by torque control within their force range. Lags, delays and DC motors are the
+        plant's, see ``built``, and no law's. What else drives a joint is refused.
 
         Args:
             model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
@@ -70,8 +78,11 @@ class Robot:
             ModelError: If the model is no such robot, with the reason and what to do.
         """
         with quiet_reading():
-            spec, converted = robot_spec(model, joints, actuators)
-        return cls(MujocoPlant(_system(spec), spec, (), timestep, integrator), converted)
+            spec, own, converted = robot_spec(model, joints, actuators)
+        plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
+        if own is None:
+            return cls(plant, converted)
+        return cls(plant, converted, replace(plant, spec=own))
 
     @property
     def joints(self) -> int:

@@ -11,11 +11,14 @@ from grosmc_mj.studies.ladder.measure import Standing
 
 
 def of_law(rows: Sequence[Standing], law: str, condition: str) -> list[Standing]:
-    """A law's way up, rung by rung."""
+    """A law's way up, rung by rung, from equations that are true."""
     return [
         row
         for row in rows
-        if row.together and row.law.name == law and row.condition.name == condition
+        if row.together
+        and row.rung.plant != "printed"
+        and row.law.name == law
+        and row.condition.name == condition
     ]
 
 
