@@ -24,6 +24,34 @@ def real(value: Any) -> float:
         return float("inf") if number > 0 else float("-inf")
 
 
+def whole(value: Any) -> int | None:
+    """A whole number; None for whatever is none: a text, a truth value, 1.0, an array."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iu":
+        value = value.item()
+    return (
+        int(value) if isinstance(value, numbers.Integral) and not isinstance(value, bool) else None
+    )
+
+
+def require_whole(what: str, value: Any, least: int, most: int, wanted: str) -> int:
+    """A whole number within bounds.
+
+    Args:
+        what: Name of the argument.
+        value: What was given.
+        least: The smallest that it may be.
+        most: The largest.
+        wanted: What it must be, in words.
+
+    Raises:
+        ArgumentError: If it is anything else.
+    """
+    found = whole(value)
+    if found is None or not least <= found <= most:
+        raise ArgumentError(f"{what} = {shown(value)} must be {wanted}")
+    return found
+
+
 def reals(value: Any) -> Array:
     """An array of real numbers, a new one; a single NaN without axes for whatever is none.
 

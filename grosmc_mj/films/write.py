@@ -14,9 +14,9 @@ import mediapy
 import numpy as np
 from PIL import Image
 
-from grosmc_mj.arguments import real, require
+from grosmc_mj.arguments import require, require_whole
 from grosmc_mj.child_processes import interrupts_held
-from grosmc_mj.errors import ArgumentError, SetupError, shown
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import Film
@@ -86,9 +86,9 @@ def write_film(
     path = Path(path)
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
-    if workers is not None and not 0 <= real(workers) <= _MOST_WORKERS:
-        raise ArgumentError(f"workers = {shown(workers)} must be a whole number, or None")
-    workers = int(workers or len(os.sched_getaffinity(0)))
+    wanted = f"a whole number up to {_MOST_WORKERS}, or None"
+    asked = require_whole("workers", 0 if workers is None else workers, 0, _MOST_WORKERS, wanted)
+    workers = asked or len(os.sched_getaffinity(0))
     program = find_ffmpeg()
     wish = os.environ.get("MUJOCO_GL")
     backend = backend or find_backend(wish).backend

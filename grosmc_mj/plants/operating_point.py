@@ -9,7 +9,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arguments import real, reals, require, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.plants.plant import AT_REST, Plant
@@ -55,7 +55,7 @@ def equilibrium(
     system, held = plant.system, dict(held or {})
     n = len(system.states)
     x = reals(system.near or np.zeros(n) if near is None else near).copy()
-    known = all(isinstance(i, int) and 0 <= i < n for i in held)
+    known = all((k := whole(i)) is not None and 0 <= k < n for i in held)
     if x.shape != (n,) or not known or not np.all(np.isfinite([*x, *map(real, held.values())])):
         raise ArgumentError(
             f"{system.name}: held = {shown(held)} must give finite values of states 0 to {n - 1}, "

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arguments import real, reals, require, require_whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.errors import ArgumentError, shown
@@ -232,13 +232,8 @@ def _steps(duration: float, h: float) -> int:
 
 def _threads(threads: int) -> int:
     """Threads of the native engine."""
-    whole = isinstance(threads, (int, np.integer)) and not isinstance(threads, bool)
-    if not whole or not 0 <= threads <= _MOST_THREADS:
-        raise ArgumentError(
-            f"threads = {shown(threads)} must be 0 (all cores) or more, a whole number up to "
-            f"{_MOST_THREADS}"
-        )
-    return int(threads)
+    wanted = f"0 (all cores) or more, a whole number up to {_MOST_THREADS}"
+    return require_whole("threads", threads, 0, _MOST_THREADS, wanted)
 
 
 def _require_flag(name: str, value: bool) -> None:

@@ -7,6 +7,7 @@ from dataclasses import MISSING, asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
+from grosmc_mj.arguments import whole
 from grosmc_mj.campaign.family.sampling import SAMPLERS
 from grosmc_mj.errors import ArgumentError, Mistakes, SetupError, shown, unknown_name
 from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
@@ -76,16 +77,19 @@ class Specification:
 
     def __post_init__(self) -> None:
         mistakes = Mistakes()
-        for name, value, most in (("runs", self.runs, _MOST_RUNS), ("shard", self.shard, 10**6)):
-            if not 1 <= value <= most:
-                mistakes.note(f"--{name} {value} must be from 1 to {most}")
-        if self.shard > 0 and _MOST_PARTS < self.shards <= _MOST_RUNS:
+        runs, shard, seed = (whole(each) for each in (self.runs, self.shard, self.seed))
+        for name, found, most in (("runs", runs, _MOST_RUNS), ("shard", shard, 10**6)):
+            if found is None or not 1 <= found <= most:
+                given = shown(getattr(self, name))
+                mistakes.note(f"--{name} {given} must be from 1 to {most}, a whole number")
+        if runs and shard and shard > 0 and _MOST_PARTS < self.shards <= _MOST_RUNS:
             mistakes.note(
                 f"--runs {self.runs} in parts of {self.shard} are {self.shards} parts: at most "
                 f"{_MOST_PARTS} are kept; take a larger --shard"
             )
-        if not 0 <= self.seed < 2**63:
-            mistakes.note(f"--seed {self.seed} must be 0 or more, below 2^63")
+        if seed is None or not 0 <= seed < 2**63:
+            given = shown(self.seed)
+            mistakes.note(f"--seed {given} must be 0 or more, below 2^63, a whole number")
         if self.sampler not in SAMPLERS:
             mistakes.note(unknown_name("sampler", self.sampler, SAMPLERS))
         if self.integrator is not None and self.integrator not in get_args(Integrator):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from grosmc_mj.arguments import whole
 from grosmc_mj.campaign.findings.checks import checked_margins, checked_share
 from grosmc_mj.campaign.findings.replicates import (
     INDEPENDENT,
@@ -94,13 +95,11 @@ def pass_rate(kept: int, runs: int, confidence: float = 0.95) -> PassRate:
       ArgumentError: If there are no runs, more were kept than run, or the confidence is no share.
     """
     checked_share("confidence", confidence)
-    whole = isinstance(kept, (int, np.integer)) and isinstance(runs, (int, np.integer))
-    if not whole or runs < 1 or not 0 <= kept <= runs:
+    good, made = whole(kept), whole(runs)
+    if good is None or made is None or not 0 <= good <= made or made < 1:
         raise ArgumentError(f"{kept} of {runs} runs kept: give at least one run, and 0 to all kept")
-    found = stats.binomtest(int(kept), int(runs)).proportion_ci(confidence, method="exact")
-    return PassRate(
-        int(kept), int(runs), kept / runs, float(found.low), float(found.high), confidence
-    )
+    found = stats.binomtest(good, made).proportion_ci(confidence, method="exact")
+    return PassRate(good, made, good / made, float(found.low), float(found.high), confidence)
 
 
 def replicated_pass_rate(

@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import require
+from grosmc_mj.arguments import require, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.references import ReferenceFunction
@@ -62,7 +62,7 @@ class OutputCoordinates(ABC):
                 f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
                 "derivatives, such as setpoints(2)"
             )
-        if isinstance(self.sign, bool) or not isinstance(self.sign, int) or abs(self.sign) != 1:
+        if whole(self.sign) not in (1, -1):
             raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")
 
     @cached_property

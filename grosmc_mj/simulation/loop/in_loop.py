@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from grosmc_mj.arguments import real, require
+from grosmc_mj.arguments import real, require, require_whole
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.plants import System
@@ -26,7 +26,7 @@ from grosmc_mj.simulation.loop.layout import (
     loop_numbers,
     state_index,
 )
-from grosmc_mj.simulation.loop.loop import LARGEST_SEED, Loop
+from grosmc_mj.simulation.loop.loop import LARGEST_SEED, SEED, Loop
 from grosmc_mj.simulation.loop.looped_law import looped_law_of
 from grosmc_mj.simulation.loop.numbers import LoopNumbers
 from grosmc_mj.simulation.prepare import stride_of
@@ -75,9 +75,7 @@ def in_loop(
     require("system", system, System, "a System, such as plant.system")
     require("known", known, (Loop, type(None)), "a Loop or None")
     require("predict", predict, (bool, np.bool_), "True or False")
-    whole = isinstance(run, (int, np.integer)) and not isinstance(run, bool)
-    if not (whole and 0 <= run < LARGEST_SEED):
-        raise ArgumentError(f"run = {shown(run)} must be a whole number from 0 to below 2^53")
+    run = require_whole("run", run, 0, LARGEST_SEED - 1, SEED)
     h = real(timestep)
     if not 0 < h < math.inf:
         raise ArgumentError(f"timestep = {shown(timestep)} s must be finite and positive")

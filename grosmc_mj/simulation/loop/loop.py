@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from grosmc_mj.arguments import require_each
+from grosmc_mj.arguments import require_each, require_whole
 from grosmc_mj.errors import ArgumentError, Mistakes, shown, unknown_name
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
@@ -15,6 +15,7 @@ from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sens
 # Beyond this many timesteps a delay is a slip of the unit.
 MOST_STEPS = 100_000
 LARGEST_SEED = 2**53
+SEED = "a whole number from 0 to below 2^53"
 
 Part = Computing | Sensor | Estimator | Actuator
 # Numbers of parts that are times, on the timestep's grid.
@@ -50,11 +51,8 @@ class Loop:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not isinstance(self.computing, Computing):
             raise ArgumentError(f"computing = {shown(self.computing)} must be a Computing")
-        whole = isinstance(self.seed, int) and not isinstance(self.seed, bool)
-        if not (whole and 0 <= self.seed < LARGEST_SEED):
-            raise ArgumentError(
-                f"seed = {shown(self.seed)} must be a whole number from 0 to below 2^53"
-            )
+        seed = require_whole("seed", self.seed, 0, LARGEST_SEED - 1, SEED)
+        object.__setattr__(self, "seed", seed)
 
     @property
     def parts(self) -> Iterator[tuple[str, Part]]:

@@ -6,6 +6,7 @@ from importlib.util import find_spec
 
 from loky import cpu_count
 
+from grosmc_mj.arguments import require_whole
 from grosmc_mj.campaign.runs.executors.batch import Batch
 from grosmc_mj.campaign.runs.executors.interface import Executor
 from grosmc_mj.campaign.runs.executors.processes import Processes
@@ -36,8 +37,9 @@ def make_executor(
     """
     if name not in EXECUTORS:
         raise ArgumentError(unknown_name("executor", name, EXECUTORS))
-    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
-        raise ArgumentError(f"workers = {workers} must be 1 or more, up to {_MOST_WORKERS}")
+    if workers is not None:
+        wanted = f"1 or more, up to {_MOST_WORKERS}, a whole number"
+        workers = require_whole("workers", workers, 1, _MOST_WORKERS, wanted)
     if scheduler is not None and name != "dask":
         raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
     if workers is not None and (name == "batch" or scheduler is not None):
