@@ -143,7 +143,7 @@ WRONG = [
     # Correlations.
     (
         BOTH + correlated(*NAMES[:2], "coefficient = 1.5"),
-        "coefficient: Input should be less than 1",
+        "coefficient = 1.5 must be less than 1",
     ),
     (BOTH + correlated(*NAMES[:2], ""), "coefficient is missing"),
     (BOTH + correlated(NAMES[0], "load", "coefficient = 0.5"), "unknown number 'load'"),

@@ -110,6 +110,12 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
         ),
         (('[computing]\ndelay = "1.5 ms"\n', PLAIN), "computing: delay = 0.0015 s is no multiple"),
         (('[computing]\ndely = "1 ms"\n', PLAIN), "dely.*did you mean.*delay"),
+        (("[computing]\nseed = 1.0\n", PLAIN), r"computing: seed = 1\.0 must be a whole number"),
+        (('[computing]\nseed = "1"\n', PLAIN), "computing: seed = '1' must be a whole number"),
+        (
+            ('[[actuator]]\nof = "current"\norder = true\n', PLAIN),
+            "actuator 1: order = True must be a whole number",
+        ),
         (('[[estimator]]\nof = "rotor speed"\nlaw = "eso"\n', PLAIN), "eso needs bandwidth"),
         (
             ('[[estimator]]\nof = "rotor angle"\n', PLAIN),

@@ -18,6 +18,7 @@ _LONGEST, _DEEPEST = 10**6, 10
 # What pydantic calls a wrong type, and what people do.
 _TYPES = {
     "float_type": "a number",
+    "int_type": "a whole number, such as 1",
     "string_type": "a text in quotes",
     "bool_type": "true or false",
     "list_type": "a list",
@@ -25,6 +26,8 @@ _TYPES = {
     "model_type": "a table",
     "model_attributes_type": "a table",
 }
+# How it begins what it says of bounds.
+_SHOULD = "Input should be "
 
 
 def read_case_file(path: Path) -> CaseFile:
@@ -152,9 +155,13 @@ def _mistake(found: Any) -> str:
         return f"[{key}] is one of possibly several: write [[{key}]]"
     if kind in {"too_short", "too_long"}:
         return f"{where}{key}: {found['msg'].removeprefix('List should have').strip()}"
+    # A number with a point is not shown as a whole one.
+    given = repr(value) if kind == "int_type" and isinstance(value, float) else shown(value)
     if kind in _TYPES:
-        return f"{where}{key} = {shown(value)} must be {_TYPES[kind]}"
+        return f"{where}{key} = {given} must be {_TYPES[kind]}"
     said = found["msg"].removeprefix("Value error, ")
+    if said.startswith(_SHOULD):
+        return f"{where}{key} = {given} must be {said.removeprefix(_SHOULD)}"
     return f"{where}{key}: {said}"
 
 
