@@ -130,7 +130,7 @@ def test_units_and_names_are_those_of_states_and_inputs() -> None:
         (
             LOOP,
             '[[uncertain]]\nactuator = "current"\nrate_limit = ["1 A/s", "9 A/s"]\n',
-            "the actuator has no rate limit: give it one, or nominal",
+            r"the \[\[actuator\]\] has no rate_limit: write one into it, or nominal into this",
         ),
         (
             LOOP,
@@ -145,7 +145,17 @@ def test_units_and_names_are_those_of_states_and_inputs() -> None:
         (
             '[[controller]]\nlaw = "lqr"\n',
             '[[uncertain]]\nactuator = "current"\nlag = ["0 ms", "1 ms"]\n',
-            "the file has no loop, so no actuator",
+            r"the case file has no \[\[actuator\]\], of which .* one with of = \"current\" into it",
+        ),
+        (
+            '[[controller]]\nlaw = "lqr"\n',
+            '[[uncertain]]\ncomputing = true\ndelay = ["0 ms", "1 ms"]\n',
+            r"the case file has no \[computing\], of which .*: write one into it",
+        ),
+        (
+            '[computing]\n[[controller]]\nlaw = "lqr"\n',
+            '[[uncertain]]\nsensor = "rotor angle"\nnoise = ["0 mrad", "1 mrad"]\n',
+            r"no \[\[sensor\]\], of which .* write one with of = \"rotor angle\" into it",
         ),
     ],
 )

@@ -312,13 +312,19 @@ def _of_parameter(table: UncertainTable, case: Case, plant: Any) -> float:
 
 
 def _of_loop(table: UncertainTable, case: Case, plant: Any) -> float:
-    if case.loop is None:
-        raise ArgumentError(f"the file has no loop, so no {table.owner}: give it one")
+    single = table.owner == "computing"
+    header = "[computing]" if single else f"[[{table.owner}]]"
+    if case.loop is None or not (single or getattr(case.loop, f"{table.owner}s")):
+        of = "" if single else f' with of = "{table.of}"'
+        raise ArgumentError(
+            f"the case file has no {header}, of which this is a number: write one{of} into it"
+        )
     part = case.loop.part(table.owner, table.of)
     value = getattr(part, table.quantity)
     if value is None or (math.isinf(value) and table.nominal is None):
         raise ArgumentError(
-            f"the {table.owner} has no {table.quantity.replace('_', ' ')}: give it one, or nominal"
+            f"the {header} has no {table.quantity}: write one into it, or nominal into this "
+            "[[uncertain]]"
         )
     return float(value)
 
