@@ -34,7 +34,7 @@ def experiment_document(
         premises: Those of its laws, as plain values; left out if there are none.
     """
     return {
-        **origin(None),
+        **origin(seed_of(experiment.case)),
         "complete": complete,
         "configuration": {
             **asdict(experiment.settings),
@@ -59,6 +59,11 @@ def experiment_document(
         **({"premises": list(premises)} if premises else {}),
         "runs": [run_document(result) for result in results],
     }
+
+
+def seed_of(case: Case) -> int | None:
+    """The seed of what the loop of a case draws; None without a loop."""
+    return None if case.loop is None else case.loop.seed
 
 
 def case_document(case: Case) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.document import case_document
+from grosmc_mj.experiments.document import case_document, seed_of
 from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
 from grosmc_mj.films.marks import trace_site
@@ -195,7 +195,7 @@ def write_case_film(
     write_json(
         path.with_suffix(".json"),
         {
-            **origin(None),
+            **origin(seed_of(case)),
             "configuration": {
                 **asdict(settings),
                 "case": case_document(case),

@@ -10,6 +10,7 @@ from looped import H, seen
 
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 
@@ -148,6 +149,14 @@ def test_two_mistakes_are_told_at_once(tmp_path: Path) -> None:
         Experiment.load(written(tmp_path, misfit, PLAIN))
     for said in ("delay = 0.0015 s", "period = 0.0003 s"):
         assert said in str(told.value)
+
+
+@pytest.mark.parametrize(("parts", "seed"), [((PARTS, PLAIN), 7), ((PLAIN,), None)])
+def test_the_document_of_runs_has_the_seed_of_the_loop(
+    parts: tuple[str, ...], seed: int | None, tmp_path: Path
+) -> None:
+    made = Experiment.load(written(tmp_path, 'timestep = "0.5 ms"\n', *parts))
+    assert experiment_document(made, [], [], complete=True)["seed"] == seed
 
 
 @pytest.mark.slow
