@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from campaign_cases import PLANT, campaign, kept
 
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.report.pass_map_figure import pass_map_of
+from grosmc_mj.campaign.report.tables import numbers_as_run, plant_words
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.shard import evaluate_all
@@ -117,6 +120,42 @@ def test_units_and_names_are_those_of_states_and_inputs() -> None:
         "rotor speed bandwidth": "rad/s",
         "current lag": "s",
     }
+
+
+def test_times_are_shown_as_they_are_run_and_bandwidths_in_their_unit() -> None:
+    """Of 2.6 ms on a grid of 1 ms, 0.2 mrad, 80 rad/s and 2.4 ms."""
+    words = plant_words(campaign(text()), np.array([2.6e-3, 2e-4, 80.0, 2.4e-3]))
+    assert words == (
+        "computing delay 0.003 s, rotor angle noise 0.01146 °, rotor speed bandwidth 80 rad/s, "
+        "current lag 0.0024 s"
+    )
+    # What is run as the nominal plant is said to be it.
+    delayed = np.array([1.4e-3, 1e-4, 100.0, 1e-3])
+    assert plant_words(campaign(text()), delayed) == "the nominal one"
+
+
+def test_jitter_is_shown_shorter_than_a_control_period() -> None:
+    jitter = '[[uncertain]]\ncomputing = true\njitter = ["0 ms", "5 ms"]\n'
+    finer = text(uncertain=jitter).replace("start = {}", 'start = {}\ntimestep = "0.5 ms"')
+    ((_, value, nominal),) = numbers_as_run(campaign(finer), [4.2e-3])
+    assert (value, nominal) == (0.5e-3, 0.0)
+
+
+def test_a_map_shows_times_as_they_are_run_and_bandwidths_in_their_unit() -> None:
+    asked = campaign(text())
+    delay, _, bandwidth, _ = asked.family.quantities
+    columns = {
+        delay.name: np.array([0.4e-3, 2.6e-3]),
+        bandwidth.name: np.array([80.0, 90.0]),
+        "relative": np.array([0.1, -0.1]),
+    }
+    folder: Any = SimpleNamespace(columns=lambda *_: dict.fromkeys(asked.laws, columns))
+    shown = pass_map_of(asked, folder, (delay, bandwidth))
+    assert (shown.x.label, shown.y.label) == (
+        "computing delay [s]", "rotor speed bandwidth [rad/s]",
+    )  # fmt: skip
+    np.testing.assert_array_equal(shown.laws["lqr"].x, [0.0, 3e-3])
+    np.testing.assert_array_equal(shown.laws["lqr"].y, [80.0, 90.0])
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.family import Family, family_of
+from grosmc_mj.campaign.family.family import Family, Quantity, family_of
 from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import Specification, specification_of
@@ -160,6 +160,16 @@ class Campaign:
             specification.sampler, dimensions, specification.seed, ids.start, len(ids)
         )
         return self.family.values(points)
+
+    def as_run(self, quantity: Quantity, values: Array) -> Array:
+        """What drawn values of an uncertain number (n,) are run as, (n,)."""
+        settings = self.experiment.settings
+        return np.array(
+            [
+                quantity.as_run(each, settings.timestep, settings.control_period)
+                for each in values.tolist()
+            ]
+        )
 
     def plant_sample(self, values: Sequence[float] | Array, run: int = 0) -> PlantSample:
         """The plant, disturbances, start and loop that these values make, in a run."""

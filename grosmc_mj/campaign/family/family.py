@@ -24,8 +24,10 @@ from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, U
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.plants import Plant
+from grosmc_mj.report.tables import shown_unit
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit
+from grosmc_mj.simulation.loop.loop import TIMES, time_as_run
 
 # How far a family is scaled at most, by searches and promises.
 LARGEST_SCALE = 8.0
@@ -48,6 +50,8 @@ _NOT_NEGATIVE = (
 )  # fmt: skip
 # What is a share of one, and whether it may be all of it.
 _SHARES = {"missed": False, "restitution": False, "efficiency": True}
+# Rates of turning that nobody gives in degrees.
+_FREQUENCIES = ("frequency", "bandwidth")
 # Where a model keeps what a joint edit changes.
 _OF_JOINT = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}
 
@@ -83,6 +87,17 @@ class Quantity:
     def of_plant(self) -> bool:
         """Whether it changes the plant, and not what acts on it or where it starts."""
         return self.owner in {"body", "joint", "parameter", *MACHINE_UNITS}
+
+    @property
+    def shown_unit(self) -> tuple[str, float]:
+        """The unit that people read, and the factor to it; frequencies stay in rad/s."""
+        return (self.unit, 1.0) if self.quantity in _FREQUENCIES else shown_unit(self.unit)
+
+    def as_run(self, value: float, timestep: float, control_period: float) -> float:
+        """What a drawn value is run as: times of a loop are whole timesteps [s]."""
+        if self.owner in LOOP_UNITS and self.quantity in TIMES:
+            return time_as_run(self.quantity, value, timestep, control_period)
+        return value
 
     def physical(self, value: float) -> bool:
         """Whether a plant can have this value."""

@@ -25,7 +25,6 @@ from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.report.figure import board, in_lines, write_figure
 from grosmc_mj.report.palette import BLACK, SKY, VERMILION, law_styles
-from grosmc_mj.report.tables import shown_unit
 
 _SIZE = (4.4, 4.1)
 # Runs that a map shows, and points of the premise's margin along each axis.
@@ -123,29 +122,35 @@ def write_pass_map(
     files: Sequence[Path],
 ) -> None:
     """Draw which runs kept everything, over two uncertain numbers, into each file."""
+    shown = pass_map_of(campaign, folder, axes)
+    drawn = found.looked_at._replace(runs=len(next(iter(shown.laws.values())).x))
+    title = f"{campaign.experiment.case.title}: all requirements ({drawn.words})"
+    write_figure(draw_pass_map(shown, title, found.sampled.footnote), files)
+
+
+def pass_map_of(campaign: Campaign, folder: Folder, axes: tuple[Quantity, Quantity]) -> PassMap:
+    """What a map of a campaign's runs shows: the two numbers as they are run, in people's units."""
     shards = range(
         min(campaign.specification.shards, -(-_MOST_POINTS // campaign.specification.shard))
     )
-    (_, first), (_, second) = (shown_unit(each.unit) for each in axes)
+    (first_unit, first), (second_unit, second) = (each.shown_unit for each in axes)
     laws, boundaries = {}, {}
     names = [each.name for each in axes]
     runs = folder.columns(campaign, [*names, "relative"], shards)
     for law in campaign.judged:
         columns = runs[law]
-        x, y = columns[names[0]] * first, columns[names[1]] * second
+        x, y = (campaign.as_run(each, columns[each.name]) for each in axes)
+        x, y = x * first, y * second
         laws[law] = Points(x, y, columns["relative"])
         grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
         if grid is not None:
             boundaries[law] = Boundary(grid[0] * first, grid[1] * second, grid[2])
-    shown = PassMap(
-        AxisOf(axes[0].name, shown_unit(axes[0].unit)[0]),
-        AxisOf(axes[1].name, shown_unit(axes[1].unit)[0]),
+    return PassMap(
+        AxisOf(axes[0].name, first_unit),
+        AxisOf(axes[1].name, second_unit),
         laws,
         boundaries,
     )
-    drawn = found.looked_at._replace(runs=len(next(iter(laws.values())).x))
-    title = f"{campaign.experiment.case.title}: all requirements ({drawn.words})"
-    write_figure(draw_pass_map(shown, title, found.sampled.footnote), files)
 
 
 def map_axes(

@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
 from rich.table import Table
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.campaign.findings.basis import NO_PROOF, Basis
 from grosmc_mj.campaign.findings.pairing import PairedDifference
 from grosmc_mj.campaign.findings.radius import Radius
@@ -20,7 +22,7 @@ from grosmc_mj.campaign.findings.statistics import TAIL, MarginSummary, PassRate
 from grosmc_mj.campaign.findings.worst import Worst
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.report.palette import label_of
-from grosmc_mj.report.tables import names, number, numbers, shown_unit, table, text, words
+from grosmc_mj.report.tables import names, number, numbers, table, text, words
 
 # A pass rate that one may want to state.
 _AIM = 0.99
@@ -317,10 +319,20 @@ def _signed(value: float) -> str:
 
 
 def plant_words(campaign: Campaign, values: Array) -> str:
-    """The uncertain numbers that are not nominal."""
+    """The uncertain numbers that are not nominal, as they are run."""
     parts = []
-    for each, value in zip(campaign.family.quantities, values.tolist(), strict=True):
-        unit, factor = shown_unit(each.unit)
-        if value != each.nominal:
+    for each, value, nominal in numbers_as_run(campaign, values):
+        unit, factor = each.shown_unit
+        if value != nominal:
             parts.append(f"{each.name} {value * factor:.4g} {unit}".rstrip())
     return ", ".join(parts) or "the nominal one"
+
+
+def numbers_as_run(
+    campaign: Campaign, values: Sequence[float] | Array
+) -> list[tuple[Quantity, float, float]]:
+    """Each uncertain number with its value in a plant (d,) and its nominal one, as they are run."""
+    quantities = campaign.family.quantities
+    pairs = np.stack([np.asarray(values), campaign.family.nominal], axis=1)
+    rows = [campaign.as_run(each, pair) for each, pair in zip(quantities, pairs, strict=True)]
+    return [(each, *row.tolist()) for each, row in zip(quantities, rows, strict=True)]

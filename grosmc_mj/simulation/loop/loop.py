@@ -167,9 +167,10 @@ class Loop:
         ):
             for part in parts:
                 times = [each.name for each in fields(part) if each.name in TIMES]
-                near = {name: round(getattr(part, name) / timestep) * timestep for name in times}
-                if "jitter" in near:
-                    near["jitter"] = min(near["jitter"], control_period - timestep)
+                near = {
+                    name: time_as_run(name, getattr(part, name), timestep, control_period)
+                    for name in times
+                }
                 found = found.changed(kind, getattr(part, "of", ""), **near)
         return found
 
@@ -177,6 +178,21 @@ class Loop:
 def _names(part: Any) -> tuple[str, ...]:
     """What a part is of."""
     return (part.of,) if isinstance(part.of, str) else part.of
+
+
+def time_as_run(
+    name: str, seconds: float, timestep: float, control_period: float = math.inf
+) -> float:
+    """The time on the timestep's grid that a drawn or scaled one is run as [s].
+
+    Args:
+        name: Which of ``TIMES``: jitter stays shorter than a control period.
+        seconds: The time [s].
+        timestep: [s].
+        control_period: [s].
+    """
+    near = round(seconds / timestep) * timestep
+    return min(near, control_period - timestep) if name == "jitter" else near
 
 
 def steps_in(what: str, seconds: float, timestep: float) -> int:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.simulation.loop.loop import TIMES, Part
+from grosmc_mj.simulation.loop.loop import TIMES, Part, time_as_run
 from grosmc_mj.studies.tolerance.search import MOST
 
 # More of these is less of an imperfection.
@@ -105,7 +105,7 @@ class Imperfection:
         first = self.amounts[0]
         value = first.scaled(factor)
         if first.quantity in TIMES:
-            return round(value / self.timestep) * self.timestep
+            return time_as_run(first.quantity, value, self.timestep)
         return value
 
 

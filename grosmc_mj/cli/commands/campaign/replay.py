@@ -114,13 +114,13 @@ def _draw(
 
 def _plant(campaign: Campaign, found: ReplayedRun) -> list[str]:
     """The plant's uncertain numbers, a line each."""
-    from grosmc_mj.report.tables import shown_unit
+    from grosmc_mj.campaign.report.tables import numbers_as_run
 
-    lines = []
-    for each in campaign.family.quantities:
-        unit, factor = shown_unit(each.unit)
-        value, nominal = found.values[each.name] * factor, each.nominal * factor
-        lines.append(f"{each.name}: {value:.6g} {unit}".rstrip() + f" (nominal {nominal:.4g})")
+    drawn, lines = [found.values[name] for name in campaign.family.names], []
+    for each, value, nominal in numbers_as_run(campaign, drawn):
+        unit, factor = each.shown_unit
+        said = f"{each.name}: {value * factor:.6g} {unit}".rstrip()
+        lines.append(f"{said} (nominal {nominal * factor:.4g})")
     return lines
 
 
