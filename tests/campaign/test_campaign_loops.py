@@ -158,6 +158,79 @@ def test_a_map_shows_times_as_they_are_run_and_bandwidths_in_their_unit() -> Non
     np.testing.assert_array_equal(shown.laws["lqr"].y, [80.0, 90.0])
 
 
+# Two laws that ask for a state of one age, with sensors of both states or of one.
+BOTH = """
+[computing]
+[[sensor]]
+of = "rotor angle"
+noise = "0.1 mrad"
+[[sensor]]
+of = "rotor speed"
+noise = "1 mrad/s"
+[[actuator]]
+of = "current"
+[[controller]]
+law = "lqr"
+predict = true
+"""
+FILTER = """
+[[sensor]]
+of = "rotor angle"
+noise = "0.1 mrad"
+[[estimator]]
+of = "rotor speed"
+law = "kalman"
+load = "1 A"
+[[controller]]
+law = "lqr"
+"""
+
+
+def sensor(of: str, number: str, ends: str) -> str:
+    return f'[[uncertain]]\nsensor = "rotor {of}"\n{number} = {ends}\n'
+
+
+@pytest.mark.parametrize(
+    ("loop", "uncertain", "said"),
+    [
+        (
+            BOTH,
+            sensor("angle", "delay", '["0 ms", "2 ms"]'),
+            r"rotor angle delay 0.002 s can occur, .* no loop for lqr: predict: .* different ages",
+        ),
+        (
+            BOTH,
+            sensor("angle", "delay", '["0 ms", "2 ms"]')
+            + sensor("speed", "delay", '["0 ms", "2 ms"]'),
+            "rotor angle delay 0.002 s and rotor speed delay 0 s can occur",
+        ),
+        (
+            BOTH,
+            '[[uncertain]]\ncomputing = true\ndelay = { distribution = "normal", mean = "1 ms", '
+            'deviation = "20 s", least = "0 s" }\n',
+            "no loop for lqr: computing: delay = .* timesteps of 0.001 s: at most 100000",
+        ),
+        (FILTER, sensor("angle", "noise", '["0 mrad", "1 mrad"]'), "neither noise nor resolution"),
+    ],
+)
+def test_loops_that_cannot_be_are_refused_before_anything_is_run(
+    loop: str, uncertain: str, said: str
+) -> None:
+    with pytest.raises(GrosmcError, match=said) as told:
+        campaign(text(loop, uncertain))
+    assert "let that of computing = true vary instead" in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_delays_that_are_run_as_equal_ones_are_none_to_refuse() -> None:
+    """Within half a timestep of each other; and chance at its ends is no reason either."""
+    near = sensor("angle", "delay", '["0.8 ms", "1.2 ms"]')
+    near += sensor("speed", "delay", '["0.8 ms", "1.2 ms"]')
+    chance = "[[uncertain]]\ncomputing = true\n{} = {}\n"
+    chance = chance.format("jitter", '["0 ms", "9 ms"]') + chance.format("missed", "[0, 0.99]")
+    assert len(campaign(text(BOTH, near + chance)).family.quantities) == 4
+
+
 @pytest.mark.parametrize(
     ("loop", "uncertain", "said"),
     [

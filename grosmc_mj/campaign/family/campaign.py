@@ -11,6 +11,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.family import Family, Quantity, family_of
+from grosmc_mj.campaign.family.loop_extremes import refuse_impossible_loops
 from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import Specification, specification_of
@@ -93,6 +94,7 @@ class Campaign:
         requirements = required(limits, laws)
         found = cls(specification, experiment, family, laws, requirements, tuple(notes))
         found.plant_sample(found.family.nominal).plant(found.plant)
+        refuse_impossible_loops(family, laws, lambda row: found.plant_sample(row).case.loop)
         for law in laws.values():
             found._refuse_unmeasurable(law)
         return found

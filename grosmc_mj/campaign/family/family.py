@@ -93,6 +93,11 @@ class Quantity:
         """The unit that people read, and the factor to it; frequencies stay in rad/s."""
         return (self.unit, 1.0) if self.quantity in _FREQUENCIES else shown_unit(self.unit)
 
+    def words(self, value: float) -> str:
+        """A value with its name, in the unit that people read."""
+        unit, factor = self.shown_unit
+        return f"{self.name} {value * factor:.4g} {unit}".rstrip()
+
     def as_run(self, value: float, timestep: float, control_period: float) -> float:
         """What a drawn value is run as: times of a loop are whole timesteps [s]."""
         if self.owner in LOOP_UNITS and self.quantity in TIMES:

@@ -320,11 +320,8 @@ def _signed(value: float) -> str:
 
 def plant_words(campaign: Campaign, values: Array) -> str:
     """The uncertain numbers that are not nominal, as they are run."""
-    parts = []
-    for each, value, nominal in numbers_as_run(campaign, values):
-        unit, factor = each.shown_unit
-        if value != nominal:
-            parts.append(f"{each.name} {value * factor:.4g} {unit}".rstrip())
+    numbers = numbers_as_run(campaign, values)
+    parts = [each.words(value) for each, value, nominal in numbers if value != nominal]
     return ", ".join(parts) or "the nominal one"
 
 
