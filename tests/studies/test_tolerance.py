@@ -14,9 +14,18 @@ import pytest
 
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.report.document import json_text
 from grosmc_mj.studies.tolerance import measure
-from grosmc_mj.studies.tolerance.answers import amount_text, cell_text, least, never_kept
+from grosmc_mj.studies.tolerance.answers import (
+    amount_text,
+    cell_text,
+    heading,
+    least,
+    never_kept,
+)
+from grosmc_mj.studies.tolerance.document import tolerance_document, tolerances_in
 from grosmc_mj.studies.tolerance.measure import Tolerance, tolerances
+from grosmc_mj.studies.tolerance.page import tolerances_text
 from grosmc_mj.studies.tolerance.search import LEAST, MOST, RESOLUTION, Search, Span
 from grosmc_mj.studies.tolerance.setting import Setting, setting
 
@@ -207,7 +216,7 @@ def test_a_law_that_ignores_its_state_stands_everything(tmp_path: Path) -> None:
 
 
 def made_up(studied: Setting) -> list[Tolerance]:
-    law, condition = studied.laws[0], studied.conditions[0]
+    law, condition = studied.laws[0].name, studied.conditions[0].name
     return [
         Tolerance(
             law, each, condition, True, 2.0, 2.1, (Span(4.0, 8.0),), 64.0, "deviation_below", 0.1,
@@ -220,19 +229,58 @@ def made_up(studied: Setting) -> list[Tolerance]:
 def test_the_least_is_of_the_conditions_that_a_law_stands_ideally() -> None:
     studied = setting("arm", ["lqr"])
     nominal = made_up(studied)
-    case1, case2 = studied.conditions[1:]
-    weaker = [row._replace(condition=case1, largest=1.0, failed=1.1) for row in nominal]
-    never = [row._replace(condition=case2, ideally=False, largest=0.0) for row in nominal]
+    weaker = [row._replace(condition="case1", largest=1.0, failed=1.1) for row in nominal]
+    never = [row._replace(condition="case2", ideally=False, largest=0.0) for row in nominal]
     rows = [*nominal, *weaker, *never]
     assert never_kept(rows, "case2") == ["lqr"]
     graded = [row for row in least(rows) if row.imperfection.graded]
-    assert {row.condition.name for row in graded} == {"case1"}
+    assert {row.condition for row in graded} == {"case1"}
 
 
 def test_less_than_half_a_timestep_is_none_of_it() -> None:
     delay = made_up(setting("servo", ["lqr"]))[0]
     texts = [cell_text(delay._replace(largest=factor, again=())) for factor in (0.125, 2.9)]
     assert texts == ["none", "3"]
+
+
+def test_a_document_says_what_was_found_and_can_be_read_again() -> None:
+    studied = setting("servo", ["lqr"])
+    first, *rest = made_up(studied)
+    rows = [first._replace(failed=None, again=(), margin=-math.inf, agreed=None), *rest]
+    document = tolerance_document(studied, rows, 4, complete=True)
+    found = tolerances_in(json.loads(json_text(document)))
+    for row, read in zip(rows, found, strict=True):
+        assert read._replace(imperfection=row.imperfection) == row
+        assert (cell_text(read), heading(read.imperfection)) == (
+            cell_text(row), heading(row.imperfection),
+        )  # fmt: skip
+
+
+def test_the_page_says_the_same_as_the_terminal_of_what_cannot_be_and_of_none() -> None:
+    studied = setting("servo", ["lqr", "implicit"])
+    delay, jitter, *rest = made_up(studied)
+    rows = [
+        delay._replace(largest=0.125, failed=0.25, again=()),
+        jitter._replace(ideally=False, again=(), impossible="there is no filter"),
+        *rest,
+    ]
+    # The other law was interrupted after its first answer.
+    rows.append(rest[0]._replace(law="implicit", agreed=False))
+    document = tolerance_document(studied, rows, 4, complete=False)
+    lines = tolerances_text([json.loads(json_text(document))]).splitlines()
+    header, lqr, implicit = (
+        [cell.strip() for cell in lines[i].strip("|").split("|")] for i in (2, 4, 5)
+    )
+    assert dict(zip(header, lqr, strict=True)) == {
+        "law": "lqr",
+        "keeps ideally": "nominal",
+        **{heading(row.imperfection): cell_text(row) for row in rows[:-1]},
+    }
+    assert {lqr[header.index(f"computing {name} [ms]")] for name in ("delay", "jitter")} == {
+        "none", "-",
+    }  # fmt: skip
+    assert implicit[header.index(heading(rest[0].imperfection))] == cell_text(rows[-1])
+    assert implicit.count("") == len(studied.imperfections) - 1
 
 
 def test_what_was_found_before_an_interrupt_is_written(

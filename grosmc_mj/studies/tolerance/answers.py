@@ -41,9 +41,22 @@ def amount_text(imperfection: Imperfection, factor: float) -> str:
     return f"{shown} {unit}" if unit else f"{shown} times the bench"
 
 
+def heading(imperfection: Imperfection) -> str:
+    """What a column is of, on one line with the unit of its cells."""
+    if imperfection.whole:
+        return f"{imperfection.name} [times the bench]"
+    unit, _ = unit_and_scale(imperfection)
+    return f"{imperfection.name} [{unit}]" if unit else imperfection.name
+
+
 def cell_text(row: Tolerance) -> str:
     """A tolerance in a cell of a table, without its unit."""
     return f"{_plain(row)}{'*' if row.again else ''}{'!' if row.agreed is False else ''}"
+
+
+def none_of_it(row: Tolerance) -> bool:
+    """Whether all is kept only without it: with at most less than half a timestep of it."""
+    return row.largest == 0 or row.imperfection.shown(row.largest) == 0
 
 
 def _plain(row: Tolerance) -> str:
@@ -53,8 +66,8 @@ def _plain(row: Tolerance) -> str:
         return "yes" if row.unbroken else "no"
     if not row.ideally:
         return "no"
-    if row.largest == 0 or row.imperfection.shown(row.largest) == 0:
-        return "none"  # or less than half a timestep of it
+    if none_of_it(row):
+        return "none"
     scale = unit_and_scale(row.imperfection)[1]
     shown = number(row.imperfection.shown(row.largest) * scale)
     at_limit = row.imperfection.amounts[0].limits and not row.imperfection.whole
@@ -67,7 +80,7 @@ def stands_ideally(rows: Sequence[Tolerance], law: str, condition: str) -> bool:
     return any(
         row.ideally
         for row in rows
-        if row.law.name == law and row.condition.name == condition and row.imperfection.graded
+        if row.law == law and row.condition == condition and row.imperfection.graded
     )
 
 
@@ -84,9 +97,9 @@ def verdict(rows: Sequence[Tolerance]) -> str:
     worst = min(broken, key=weakness)
     assert worst.failed is not None
     at = amount_text(worst.imperfection, worst.failed)
-    where = "" if worst.condition.name == "nominal" else f" under {worst.condition.name}"
+    where = "" if worst.condition == "nominal" else f" under {worst.condition}"
     return (
-        f"{worst.law.name} breaks first, at {at} of {worst.imperfection.name} "
+        f"{worst.law} breaks first, at {at} of {worst.imperfection.name} "
         f"({number(worst.failed)} times the bench's){where}: {reason(worst)}."
     )
 
@@ -99,9 +112,9 @@ def reason(row: Tolerance) -> str:
 def whole_bench(rows: Sequence[Tolerance]) -> list[str]:
     """Under each condition, which laws keep everything on the bench as it is."""
     found = []
-    for name in dict.fromkeys(row.condition.name for row in rows):
-        own = [row for row in rows if row.imperfection.whole and row.condition.name == name]
-        kept = [row.law.name for row in own if row.ideally and on_bench(row)]
+    for name in dict.fromkeys(row.condition for row in rows):
+        own = [row for row in rows if row.imperfection.whole and row.condition == name]
+        kept = [row.law for row in own if row.ideally and on_bench(row)]
         found.append(f"The whole bench, {name}: {'; '.join(kept) or 'no law'}.")
     return found
 
@@ -119,7 +132,7 @@ def disagreements(rows: Sequence[Tolerance]) -> tuple[int, int]:
 
 def never_kept(rows: Sequence[Tolerance], condition: str) -> list[str]:
     """The laws that do not keep everything under a condition even without any imperfection."""
-    laws = dict.fromkeys(row.law.name for row in rows if row.condition.name == condition)
+    laws = dict.fromkeys(row.law for row in rows if row.condition == condition)
     return [law for law in laws if not stands_ideally(rows, law, condition)]
 
 
@@ -127,9 +140,9 @@ def least(rows: Sequence[Tolerance]) -> list[Tolerance]:
     """Of each law and imperfection the least over the conditions that the law stands ideally."""
     found: dict[tuple[str, Imperfection], Tolerance] = {}
     for row in rows:
-        if not stands_ideally(rows, row.law.name, row.condition.name):
+        if not stands_ideally(rows, row.law, row.condition):
             continue
-        key = (row.law.name, row.imperfection)
+        key = (row.law, row.imperfection)
         found[key] = min(found.get(key, row), row, key=lambda each: (weakness(each), each.largest))
     return list(found.values())
 

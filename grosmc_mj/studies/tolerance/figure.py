@@ -17,6 +17,7 @@ from grosmc_mj.report.tables import number
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
     cell_text,
+    none_of_it,
     stands_ideally,
     unit_and_scale,
     weakness,
@@ -64,8 +65,8 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
         axes = figure.subplots(max(1, len(panels)), 1, squeeze=False, height_ratios=heights)
         image = None
         for panel, ((condition, laws), axis) in enumerate(zip(panels, axes[:, 0], strict=True)):
-            own = [row for row in rows if row.condition is condition]
-            others = dict.fromkeys(row.law.name for row in own if row.law.name not in laws)
+            own = [row for row in rows if row.condition == condition.name]
+            others = dict.fromkeys(row.law for row in own if row.law not in laws)
             image = _panel(axis, own, laws, columns, last=panel == len(panels) - 1)
             title = f"{condition.name}: {condition.title}"
             axis.set_title(title, loc="left", fontsize=11.5, fontweight="bold")
@@ -86,12 +87,12 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
 
 def _standing(rows: Sequence[Tolerance], condition: str) -> list[str]:
     """The laws that keep everything ideally, the strongest first."""
-    own = [row for row in rows if row.condition.name == condition]
-    laws = dict.fromkeys(row.law.name for row in own)
+    own = [row for row in rows if row.condition == condition]
+    laws = dict.fromkeys(row.law for row in own)
     found = [law for law in laws if stands_ideally(own, law, condition)]
 
     def least(law: str) -> float:
-        return min(weakness(row) for row in own if row.law.name == law)
+        return min(weakness(row) for row in own if row.law == law)
 
     return sorted(found, key=least, reverse=True)
 
@@ -109,9 +110,9 @@ def _panel(
     axis.set_facecolor("#eeeeee")
     axis.grid(visible=False)
     for row in rows:
-        if row.law.name not in laws or row.imperfection not in columns:
+        if row.law not in laws or row.imperfection not in columns:
             continue
-        i, j = laws.index(row.law.name), columns.index(row.imperfection)
+        i, j = laws.index(row.law), columns.index(row.imperfection)
         values[i, j] = _value(row)
         dark = abs(float(_SCALE(values[i, j])) - 0.5) > _DARK / 2
         axis.text(
@@ -137,7 +138,7 @@ def _value(row: Tolerance) -> float:
         return math.nan
     if not row.imperfection.graded:
         return math.log2(MOST) if row.unbroken else math.log2(LEAST)
-    if not row.ideally or row.largest == 0 or row.imperfection.shown(row.largest) == 0:
+    if not row.ideally or none_of_it(row):
         return math.log2(LEAST)
     return math.log2(MOST) if row.failed is None else math.log2(row.largest)
 

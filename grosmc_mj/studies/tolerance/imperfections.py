@@ -13,6 +13,8 @@ from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.loop.loop import TIMES, Part, time_as_run
 from grosmc_mj.studies.tolerance.search import MOST
 
+# Called that: all of them at once, in the bench's proportions.
+WHOLE = "all"
 # More of these is less of an imperfection.
 _LIMITS = ("limit", "rate_limit")
 # Times are below this [s], and so many samples come through at least.
@@ -144,7 +146,7 @@ def imperfections(
             for key, amounts in groups.items()
             if key in (("sensor", "resolution"), ("sensor", "noise"))
         ]
-    return [*found, made("all", estimated, everything, whole=True)]
+    return [*found, made(WHOLE, estimated, everything, whole=True)]
 
 
 def _amounts(

@@ -21,9 +21,9 @@ class Tolerance(NamedTuple):
     """How much of an imperfection a law stands under a condition; factors on what the bench has.
 
     Attributes:
-        law: The law.
+        law: Name of the law.
         imperfection: Of the loop.
-        condition: The plant, and what acts on it.
+        condition: Name of the condition: the plant, and what acts on it.
         ideally: Whether all is kept without any of it.
         largest: The largest factor up to which all that was tried is kept; 0 if only none of it is.
         failed: The smallest that fails; None if none that was tried does.
@@ -36,9 +36,9 @@ class Tolerance(NamedTuple):
         impossible: Why there can be no such loop; empty if there can.
     """
 
-    law: StudiedLaw
+    law: str
     imperfection: Imperfection
-    condition: Condition
+    condition: str
     ideally: bool
     largest: float
     failed: float | None
@@ -102,14 +102,14 @@ class _Question:
         said = [each.impossible for factor, each in self.results.items() if factor > 0]
         return said[0] if said and all(said) else ""
 
-    def tolerance(self, law: StudiedLaw, plant: PlantName, agreed: bool | None) -> Tolerance:
+    def tolerance(self, law: str, plant: PlantName, agreed: bool | None) -> Tolerance:
         """What has been found."""
         search, first = self.search, self.first
         ends = self.results.get(search.failed or 0.0, first)
         return Tolerance(
             law=law,
             imperfection=self.imperfection,
-            condition=self.condition,
+            condition=self.condition.name,
             ideally=first.kept or (bool(first.impossible) and search.largest is not None),
             largest=search.largest or 0.0,
             failed=search.failed,
@@ -152,7 +152,7 @@ def tolerances(
         physics = Trials(studied, law, rest[0], seeds)
         agreed = _confirmed(list(dict.fromkeys([*asked, *hopeless])), physics)
     return [
-        each.tolerance(law, first if agreed.get(each, True) else rest[0], agreed.get(each))
+        each.tolerance(law.name, first if agreed.get(each, True) else rest[0], agreed.get(each))
         for each in questions
     ]
 

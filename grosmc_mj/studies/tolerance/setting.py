@@ -47,6 +47,11 @@ class Setting:
     conditions: Sequence[Condition]
 
     @property
+    def target(self) -> str:
+        """``SYSTEM/CASE``."""
+        return f"{self.experiment.case.system}/{self.experiment.case.name}"
+
+    @property
     def plants(self) -> list[PlantName]:
         """Where runs are made: the equations, if there are any, and physics, if there is."""
         return [name for name in self.experiment.nominal.names if name != "printed"]

@@ -87,8 +87,8 @@ class ToleranceCommand(Command):
     ) -> tuple[Path, ...]:
         """Write document and figure; returns where they are."""
         from grosmc_mj.report.document import write_json
+        from grosmc_mj.studies.tolerance.document import tolerance_document
         from grosmc_mj.studies.tolerance.figure import write_tolerance_figure
-        from grosmc_mj.studies.tolerance.report import tolerance_document
 
         base = self.out / f"tolerance_{result_name(studied.experiment.path)}"
         target = base.with_suffix(".json")
@@ -121,7 +121,7 @@ def _answer(console: Console, studied: Setting, rows: Sequence[Tolerance], *, fu
     if asked:
         console.print(f"MuJoCo was asked about {asked} answers: {differing} differ.")
     for condition in studied.conditions if full else ():
-        if own := answers.least([row for row in rows if row.condition is condition]):
+        if own := answers.least([row for row in rows if row.condition == condition.name]):
             title = f"{condition.name}: {condition.title}"
             screen.wide_console().print(tolerance_table(title, own)[0])
     if full:
