@@ -207,9 +207,14 @@ def in_lines(text: str, letters: int = 44) -> str:
     return "\n".join(lines)
 
 
+def letters_in(width: float, size: float) -> int:
+    """How many letters of a size [point] fit into a width [inch]; at least one."""
+    return max(1, int(width * 72 / (_LETTER * size)))
+
+
 def _broken(text: str, width: float, size: float) -> str:
     """A text in lines that fit into a figure of that width [inch]."""
-    return in_lines(text, int((width - 0.3) * 72 / (_LETTER * size)))
+    return in_lines(text, letters_in(width - 0.3, size))
 
 
 def _height(text: str, size: float) -> float:

@@ -11,6 +11,8 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
@@ -22,8 +24,10 @@ from grosmc_mj.studies.tolerance.answers import (
     heading,
     least,
     never_kept,
+    verdict,
 )
 from grosmc_mj.studies.tolerance.document import tolerance_document, tolerances_in
+from grosmc_mj.studies.tolerance.figure import write_tolerance_figure
 from grosmc_mj.studies.tolerance.measure import Tolerance, tolerances
 from grosmc_mj.studies.tolerance.page import tolerances_text
 from grosmc_mj.studies.tolerance.search import LEAST, MOST, RESOLUTION, Search, Span
@@ -243,6 +247,18 @@ def test_less_than_half_a_timestep_is_none_of_it() -> None:
     assert texts == ["none", "3"]
 
 
+def test_the_verdict_has_the_amount_of_the_table_and_the_one_that_fails() -> None:
+    delay = made_up(setting("servo", ["lqr"]))[0]._replace(largest=2.9, failed=3.5)
+    assert cell_text(delay) == "3*"
+    assert verdict([delay]) == (
+        "lqr breaks first, by computing delay: all is kept up to 3 ms (2.9 times the bench's), "
+        "and no longer at 3.5 ms (3.5 times the bench's): deviation below."
+    )
+    never = delay._replace(largest=0.125, failed=0.5, condition="case1")
+    assert cell_text(never) == "none*"
+    assert "under case1: all is kept only without it, and no longer at 0.5 ms" in verdict([never])
+
+
 def test_a_document_says_what_was_found_and_can_be_read_again() -> None:
     studied = setting("servo", ["lqr"])
     first, *rest = made_up(studied)
@@ -283,6 +299,33 @@ def test_the_page_says_the_same_as_the_terminal_of_what_cannot_be_and_of_none() 
     assert implicit.count("") == len(studied.imperfections) - 1
 
 
+@pytest.mark.parametrize("conditions", [1, 3])
+def test_a_figure_names_its_case_and_cuts_nothing_off(
+    conditions: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With one row of one law as with three, whose bars of colours are as high."""
+    studied = setting("servo", ["lqr"])
+    found = made_up(studied)
+    rows = [r._replace(condition=c.name) for c in studied.conditions[:conditions] for r in found]
+    figures: list[Figure] = []
+
+    def kept(figure: Figure, _: object) -> None:
+        figures.append(figure)
+        figure.draw_without_rendering()
+
+    monkeypatch.setattr("grosmc_mj.report.figure.write_figure", kept)
+    write_tolerance_figure(studied, rows, tmp_path / "tolerance.png")
+    (figure,) = figures
+    assert figure.get_suptitle() == "servo/bench: what of the loop each law stands"
+    page = figure.bbox
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    for text in texts:
+        box = text.get_window_extent()
+        assert page.x0 <= box.x0 <= box.x1 <= page.x1, text
+        assert page.y0 <= box.y0 <= box.y1 <= page.y1, text
+    assert any("so many" in text.get_text().replace("\n", " ") for text in texts)
+
+
 def test_what_was_found_before_an_interrupt_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -318,7 +361,5 @@ def test_the_answer_says_what_breaks_first(
         cli.main(["study", "tolerance", "arm", "--laws", "lqr", "--out", str(tmp_path)])
     lines = capsys.readouterr().out.splitlines()
     assert stop.value.code == cli.DONE
-    assert lines[0] == (
-        "lqr breaks first, at 2 ms of computing delay (2.1 times the bench's): deviation below."
-    )
+    assert " ".join(lines[:2]) == verdict(made_up(setting("arm", ["lqr"])))
     assert max(map(len, lines)) <= 100 + len(str(tmp_path))

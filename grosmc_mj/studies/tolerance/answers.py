@@ -96,12 +96,20 @@ def verdict(rows: Sequence[Tolerance]) -> str:
         return "No single imperfection that was tried breaks what a law keeps without it."
     worst = min(broken, key=weakness)
     assert worst.failed is not None
-    at = amount_text(worst.imperfection, worst.failed)
+    kept = f"up to {_amount_and_factor(worst.imperfection, worst.largest)}"
+    if none_of_it(worst):
+        kept = "only without it"
+    at = _amount_and_factor(worst.imperfection, worst.failed)
     where = "" if worst.condition == "nominal" else f" under {worst.condition}"
     return (
-        f"{worst.law} breaks first, at {at} of {worst.imperfection.name} "
-        f"({number(worst.failed)} times the bench's){where}: {reason(worst)}."
+        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}, and "
+        f"no longer at {at}: {reason(worst)}."
     )
+
+
+def _amount_and_factor(imperfection: Imperfection, factor: float) -> str:
+    """An amount, and how many times the bench's."""
+    return f"{amount_text(imperfection, factor)} ({number(factor)} times the bench's)"
 
 
 def reason(row: Tolerance) -> str:

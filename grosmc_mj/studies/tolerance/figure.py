@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 
-from grosmc_mj.report.figure import figure_written
+from grosmc_mj.report.figure import figure_written, in_lines, letters_in
 from grosmc_mj.report.palette import BLACK, BLUE, VERMILION
 from grosmc_mj.report.tables import number
 from grosmc_mj.studies.tolerance.answers import (
@@ -60,8 +60,7 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
     heights = [len(laws) + 1.2 for _, laws in panels] or [1.0]
     size = (_NAMES + _CELL * max(4, len(columns)) + 0.9, _ROW * sum(heights) + 2.5)
     with figure_written(path, size) as figure:
-        system = studied.experiment.case.system
-        figure.suptitle(f"{system}: what of the loop each law stands", fontsize=14)
+        figure.suptitle(f"{studied.target}: what of the loop each law stands", fontsize=14)
         axes = figure.subplots(max(1, len(panels)), 1, squeeze=False, height_ratios=heights)
         image = None
         for panel, ((condition, laws), axis) in enumerate(zip(panels, axes[:, 0], strict=True)):
@@ -78,7 +77,7 @@ def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Pa
                 )  # fmt: skip
         figure.supxlabel(_NOTE, fontsize=9, x=0.01, ha="left", color="#444444")
         if image is not None:
-            _bar(figure, image, list(axes[:, 0]))
+            _bar(figure, image, list(axes[:, 0]), _ROW * sum(heights))
         else:
             axes[0, 0].axis("off")
             axes[0, 0].text(0.5, 0.5, "No law keeps everything even ideally", ha="center")
@@ -154,11 +153,11 @@ def _label(imperfection: Imperfection) -> str:
     return f"{name}\n[{unit}]\nbench {number(imperfection.shown(1.0) * scale)}"
 
 
-def _bar(figure: Figure, image: object, axes: Sequence[Axes]) -> None:
-    """The legend of the colours."""
+def _bar(figure: Figure, image: object, axes: Sequence[Axes], height: float) -> None:
+    """The legend of the colours, beside axes of that height [inch]."""
     ticks = [-4, -2, 0, 2, 4, 6, 8, 10]
     bar = figure.colorbar(image, ax=list(axes), fraction=0.03, pad=0.01, aspect=40)  # pyright: ignore[reportArgumentType]
     labels = [f"{2.0**tick:g}" if tick < 0 else f"{2**tick}" for tick in ticks]
     bar.set_ticks(ticks, labels=labels)
-    bar.set_label("kept up to so many times the bench's amount")
+    bar.set_label(in_lines("kept up to so many times the bench's amount", letters_in(height, 10)))
     bar.outline.set_visible(False)
