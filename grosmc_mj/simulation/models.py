@@ -72,3 +72,13 @@ def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjMode
     if not checked:
         refuse_unusable(model, spec.modelname)
     return model
+
+
+def body_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of its bodies, without the world."""
+    return tuple(model.body(i).name for i in range(1, model.nbody))
+
+
+def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of its joints."""
+    return tuple(model.joint(i).name for i in range(model.njnt))

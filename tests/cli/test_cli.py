@@ -159,8 +159,55 @@ def test_list_shows_systems_cases_plants_and_controllers(
 ) -> None:
     assert run("list", "--verbose") == cli.DONE
     text = capsys.readouterr().out
-    for word in ("servo", "cart_pendulum", "arm", "case1", "physics", "fl-lqr", "grosmc"):
+    names = ("rotor speed [rad/s]", "shoulder torque [N m]", "slider [m]")
+    for word in ("servo", "cart_pendulum", "arm", "case1", "physics", "fl-lqr", "grosmc", *names):
         assert word in text
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        (
+            "servo",
+            {
+                "states": "rotor angle [rad], rotor speed [rad/s]",
+                "inputs": "current [A]",
+                "bodies": "rotor",
+                "joints": "shaft [rad]",
+            },
+        ),
+        ("cart_pendulum/bench", {"bodies": "cart, pole", "joints": "slider [m], hinge [rad]"}),
+        ("maglev", {"states": "gap [m], rate [m/s], current [A]", "parameters": "m, g, C, R, L"}),
+    ],
+)
+def test_list_names_what_tables_of_a_case_file_ask_for(
+    target: str, said: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("list", target) == cli.DONE
+    lines = [
+        line.partition("  (")[0].split(None, 1) for line in capsys.readouterr().out.splitlines()
+    ]
+    found = {words[0]: words[1] for words in lines if len(words) == 2}
+    assert {what: found[what] for what in said} == said
+
+
+def test_names_that_are_listed_are_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the tables that the list says they are for; of a file of one's own, too."""
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'title = "[/] of mine"\n[plant]\nsystem = "servo"\n[run]\nduration = "0.1 s"\n'
+        'start = { "rotor speed" = "1 rad/s" }\n[[controller]]\nlaw = "lqr"\n'
+        '[[edit]]\nbody = "rotor"\nmass_scale = 2\n[[edit]]\njoint = "shaft"\ndamping = 0.1\n'
+        '[[sensor]]\nof = "rotor angle"\nnoise = "1 mrad"\n[[estimator]]\nof = "rotor speed"\n'
+        '[[actuator]]\nof = "current"\nlimit = "4 A"\n'
+    )
+    assert run("list", str(file)) == cli.DONE
+    text = capsys.readouterr().out
+    for name in ("rotor angle [rad]", "rotor speed [rad/s]", "current [A]", "shaft [rad]"):
+        assert name in text
+    assert "[/] of mine" in text
 
 
 def test_agreement_holds_and_shows_that_the_printed_equations_do_not(

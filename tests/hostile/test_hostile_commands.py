@@ -35,7 +35,7 @@ COMMANDS = (
     "claims servo/case9 --premises --controller nothing --out OUT",
     "film servo/case9 --size 641x480 --fps 30 --speed 1 --from 0 --to 1 -o f.avi",
     "film arm --duration 0 --controllers lqr grosmc --switching banana --surface printed -o f.mp4",
-    "list",
+    "list CASE --verbose",
     "view arm/case9 --controller lqr --speed 0",
     "study cart --switching banana --surface banana --out OUT",
     "study agreement servo --states 1 --edits 0 --seed 1 --out OUT",

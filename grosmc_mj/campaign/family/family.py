@@ -28,6 +28,7 @@ from grosmc_mj.report.tables import shown_unit
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.loop.loop import TIMES, time_as_run
+from grosmc_mj.simulation.models import body_names, joint_names
 
 # How far a family is scaled at most, by searches and promises.
 LARGEST_SCALE = 8.0
@@ -279,7 +280,7 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
 
 def _of_body(table: UncertainTable, case: Case, plant: Any) -> float:
     model = _model(plant, "body")
-    bodies = [model.body(i).name for i in range(1, model.nbody)]
+    bodies = body_names(model)
     if table.of not in bodies:
         raise ArgumentError(unknown_name("body", table.of, bodies))
     if table.quantity == "added_mass":
@@ -292,7 +293,7 @@ def _of_body(table: UncertainTable, case: Case, plant: Any) -> float:
 
 def _of_joint(table: UncertainTable, case: Case, plant: Any) -> float:
     model = _model(plant, "joint")
-    joints = [model.joint(i).name for i in range(model.njnt)]
+    joints = joint_names(model)
     if table.of not in joints:
         raise ArgumentError(unknown_name("joint", table.of, joints))
     return float(getattr(model, _OF_JOINT[table.quantity])[model.joint(table.of).dofadr[0]])

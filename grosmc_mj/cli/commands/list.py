@@ -3,17 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.targets import TARGET
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.plants import Signal
 
 
 @dataclass(frozen=True)
 class ListCommand(Command):
-    """List the systems with their cases and controllers, and the case files of the package."""
+    """List the systems with their cases and controllers, and the case files of the package.
+
+    Of one target the names, too, by which case files call its states, inputs, bodies and joints,
+    with their units.
+
+    Attributes:
+        target: A system, a case of the package or a case file.
+    """
+
+    target: Annotated[
+        Positional[str | None],
+        arg(metavar=f"[{TARGET}]", name="target", help_behavior_hint="(default: everything)"),
+    ] = None
 
     def execute(self) -> int:
-        """Systems, cases, controllers; with their titles and plants, if asked for."""
+        """Systems, cases, controllers; with their titles, plants and names, if asked for."""
+        if self.target is None:
+            return self._everything()
+        from grosmc_mj.experiments.catalogue import find_experiments
+
+        experiments, console = find_experiments(self.target), screen.wide_console()
+        title = experiments[0].nominal.system.title
+        console.print(f"{self.target}: {title}", style="bold", markup=False)
+        _say_cases(console, experiments)
+        _say_names(console, experiments[0])
+        return screen.DONE
+
+    def _everything(self) -> int:
         from grosmc_mj.campaign.family.specification import campaign_files
         from grosmc_mj.experiments.catalogue import find_experiments
         from grosmc_mj.experiments.file.reading import read_case_file
@@ -41,12 +77,54 @@ class ListCommand(Command):
         wide = screen.wide_console()
         for name in SYSTEMS:
             wide.print(f"\n[bold]{name}[/]")
-            for case in (one.case for one in find_experiments(name)):
-                wide.print(f"  {case.name:<12} {case.title}  [dim]({case.source})[/]")
-            wide.print(f"  plants       {', '.join(find_experiments(name)[0].plant_names)}")
+            _say_cases(wide, find_experiments(name))
+            _say_names(wide, find_experiments(name)[0])
             if further := FURTHER.get(name, ()):
                 wide.print(f"  further      {', '.join(further)}  [dim](not run by validate)[/]")
         wide.print("\n[bold]Case files of the package[/]")
         for name, path in files.items():
             wide.print(f"  {name:<26} {read_case_file(path).title}")
         return screen.DONE
+
+
+def _say_cases(console: Console, experiments: Sequence[Experiment]) -> None:
+    """Cases with their titles, controllers and plants."""
+    from rich.markup import escape
+
+    for case in (one.case for one in experiments):
+        source = f"  [dim]({escape(case.source)})[/]" if case.source else ""
+        console.print(f"  {case.name:<12} {escape(case.title)}{source}")
+    first = experiments[0]
+    console.print(f"  controllers  {', '.join(first.controllers)}", markup=False)
+    console.print(f"  plants       {', '.join(first.plant_names)}", markup=False)
+
+
+def _say_names(console: Console, experiment: Experiment) -> None:
+    """What case files call the parts of a plant, with the tables that ask for them."""
+    from grosmc_mj.simulation.models import body_names, joint_names
+
+    plant = experiment.plant(experiment.nominal.truest)
+    system = plant.system
+    rows = [
+        ("states", _signals(system.states), "start, of [[sensor]] and [[estimator]]"),
+        ("inputs", _signals(system.inputs), "of [[actuator]]"),
+    ]
+    if plant.kind == "physics":
+        units = {
+            joint: f" [{each.unit}]"
+            for joint, each in zip(system.joints, system.positions, strict=True)
+        }
+        joints = [name + units.get(name, "") for name in joint_names(plant.model)]
+        rows += [
+            ("bodies", ", ".join(body_names(plant.model)), "body of [[edit]]"),
+            ("joints", ", ".join(joints), "joint of [[edit]]"),
+        ]
+    else:
+        rows.append(("parameters", ", ".join(vars(plant.parameters)), "parameter of [[edit]]"))
+    for what, names, asked_by in rows:
+        console.print(f"  {what:<12} {names}  ({asked_by})", markup=False)
+
+
+def _signals(signals: Sequence[Signal]) -> str:
+    """Names with units."""
+    return ", ".join(f"{each.name} [{each.unit}]" for each in signals)

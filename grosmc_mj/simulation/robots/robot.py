@@ -16,7 +16,7 @@ from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
-from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.models import body_names, compile_spec, joint_names
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.quiet import quiet_reading
 from grosmc_mj.simulation.robots.actuators import joint_unit
@@ -155,7 +155,7 @@ class Robot:
 def _system(spec: mujoco.MjSpec) -> System:
     """Names and signals of a robot, read from its model."""
     model = compile_spec(spec)
-    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    joints = joint_names(model)
     torques = [joint_unit(model, i) for i in range(model.njnt)]
     driven = [int(model.actuator_trnid[i, 0]) for i in range(model.nu)]
     units = ["m" if unit == "N" else "rad" for unit in torques]
@@ -179,5 +179,5 @@ def _system(spec: mujoco.MjSpec) -> System:
         controlled=tuple(i for i in range(model.njnt) if i not in driven) or tuple(driven),
         joints=joints,
         actuators=actuators,
-        bodies=tuple(model.body(i).name for i in range(1, model.nbody)),
+        bodies=body_names(model),
     )
