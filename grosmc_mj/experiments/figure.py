@@ -15,13 +15,27 @@ from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.report.figure import TITLE_SIZE, envelope, jumps, labelled_below, shade
-from grosmc_mj.report.palette import BLACK, FAILED, LINES, PLANTS, REFERENCE, LawStyle, law_styles
+from grosmc_mj.report.palette import (
+    BLACK,
+    FAILED,
+    LINES,
+    ORANGE,
+    PLANTS,
+    REFERENCE,
+    LawStyle,
+    label_of,
+    law_styles,
+)
+from grosmc_mj.simulation.loop.layout import rate_positions
 from grosmc_mj.simulation.trajectory import Status
 
 # Of a panel [inch], and what stands around them all.
 _WIDTH, _HEIGHT, _AROUND = 7.2, 1.9, 1.3
 _ALONE: dict[str, Any] = {"lw": 1.6}
 _LIMIT: dict[str, Any] = {"color": BLACK, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
+# A rate as it is, and as a law sees it on top.
+_TRUE: dict[str, Any] = {"color": BLACK, "lw": 3.2, "alpha": 0.45}
+_SEEN: dict[str, Any] = {"color": ORANGE, "lw": 1.3}
 _MARK_SIZE = 8
 # More outputs than this are drawn side by side in pairs.
 _ONE_BELOW_THE_OTHER = 3
@@ -37,6 +51,7 @@ class _Panel(NamedTuple):
         reference: Where it should be; None for nowhere.
         every_plant: Whether runs on every plant are drawn, or those on the last one only.
         signed: Whether it has a sign, so that a limit is one to both sides.
+        rate: The state that is drawn as it is and as one law sees it, instead of a curve.
     """
 
     label: str
@@ -45,6 +60,7 @@ class _Panel(NamedTuple):
     reference: Callable[[RunResult], Array] | None = None
     every_plant: bool = True
     signed: bool = True
+    rate: int | None = None
 
 
 def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
@@ -66,6 +82,9 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     styles = law_styles(result.controller.name for result in results)
     for where, panel in zip(axes, panels, strict=False):
         drawn = results if panel.every_plant else _calmest_last(results)
+        if panel.rate is not None:
+            _draw_rate(where, panel.rate, _told(results))
+            drawn = []
         for result in drawn:
             _draw(where, panel, result, styles, several=len(_plants(drawn)) > 1)
         if panel.reference is not None:
@@ -78,7 +97,8 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
         where.set_xlabel("time t [s]")
         where.tick_params(labelbottom=True)
     figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
-    labelled_below(figure, list(axes[: len(panels)]))
+    below = [each for each, panel in zip(axes, panels, strict=False) if panel.rate is None]
+    labelled_below(figure, below)
 
 
 def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
@@ -95,19 +115,35 @@ def _draw(
     time = result.trajectory.time[: len(values)]
     label = f"{law.label}, {PLANTS[result.plant]}"
     line = LINES[result.plant] if several else _ALONE
-    if jumps(values[np.isfinite(values)]):
-        found = envelope(time, values)
-        axes.fill_between(
-            found.time, found.least, found.largest, color=law.colour, alpha=0.25, lw=0
-        )
-        time, values = found.time, found.mean
-    axes.plot(time, values, color=law.colour, label=label, rasterized=True, **line)
+    _draw_curve(axes, time, values, color=law.colour, label=label, **line)
     if result.status is not Status.COMPLETED and len(time):
         axes.plot(time[-1], values[-1], "X", color=law.colour, mec="white", ms=9)
         axes.annotate(
             "ended", (time[-1], values[-1]), (5, 3), textcoords="offset points",
             fontsize=_MARK_SIZE, color=law.colour, rotation=40,
         )  # fmt: skip
+
+
+def _draw_curve(axes: Axes, time: Array, values: Array, **style: Any) -> None:
+    """A curve; of one that jumps at every sample its range and its mean."""
+    if jumps(values[np.isfinite(values)]):
+        found = envelope(time, values)
+        axes.fill_between(
+            found.time, found.least, found.largest, color=style["color"], alpha=0.25, lw=0
+        )
+        time, values = found.time, found.mean
+    axes.plot(time, values, rasterized=True, **style)
+
+
+def _draw_rate(axes: Axes, i: int, run: RunResult) -> None:
+    """A state of a run as it is, and as its law sees it."""
+    seen = run.trajectory.seen
+    assert seen is not None
+    time, true = run.trajectory.time[: len(seen)], run.trajectory.state[: len(seen), i]
+    _draw_curve(axes, time, true, label="true", **_TRUE)
+    _draw_curve(axes, time, seen[:, i], label=f"seen by {label_of(run.controller.name)}", **_SEEN)
+    # Above, where it hides nothing.
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
 
 
 def _panels(results: Sequence[RunResult]) -> list[_Panel]:
@@ -140,6 +176,7 @@ def _panels(results: Sequence[RunResult]) -> list[_Panel]:
     if looped:
         y = system.states[system.controlled[0]]
         panels.append(_Panel(f"{y.name},\nseen − true [{y.unit}]", _misseen, (), every_plant=False))
+        panels += _seen_rates(_told(results))
     units = [found for r in results if (found := r.controller.designed.sliding_unit)]
     if units:
         name, kinds = "s" if one else "largest |s|", ("sliding_below", "no_reaching_phase")
@@ -159,6 +196,19 @@ def _panels(results: Sequence[RunResult]) -> list[_Panel]:
         )
     )
     return panels
+
+
+def _seen_rates(run: RunResult) -> Iterator[_Panel]:
+    """Of rates estimated or measured imperfectly, the one of each unit that is seen worst."""
+    loop, system, seen = run.case.loop, run.trajectory.system, run.trajectory.seen
+    if loop is None or seen is None:
+        return
+    states = system.states
+    rates = [i for i in sorted(rate_positions(system)) if states[i].name in loop.not_known_exactly]
+    off = np.abs(seen - run.trajectory.state[: len(seen)]).max(axis=0, initial=0.0).tolist()
+    for unit in dict.fromkeys(states[i].unit for i in rates):
+        worst = max((i for i in rates if states[i].unit == unit), key=lambda i: off[i])
+        yield _Panel(f"{states[worst].name} [{unit}]", _misseen, (), rate=worst)
 
 
 def _outputs(results: Sequence[RunResult]) -> Iterator[_Panel]:
@@ -232,6 +282,11 @@ def _levels(limit: Limit, panel: _Panel, run: RunResult) -> Iterator[tuple[Array
 def _plants(results: Sequence[RunResult]) -> list[PlantName]:
     """Plants that were run on."""
     return list(dict.fromkeys(result.plant for result in results))
+
+
+def _told(results: Sequence[RunResult]) -> RunResult:
+    """The run whose rates are shown: of the last law on the last plant."""
+    return [result for result in results if result.plant == _plants(results)[-1]][-1]
 
 
 def _calmest_last(results: Sequence[RunResult]) -> list[RunResult]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
@@ -81,6 +82,78 @@ def test_each_output_has_a_panel_and_its_reference() -> None:
     reference = [line for line in figure.axes[1].lines if line.get_label() == "reference"]
     run = experiment.run(law="grosmc")
     np.testing.assert_array_equal(reference[0].get_ydata(), run.comparison.reference[:, 1])
+
+
+LOOP = """
+[plant]
+system = "{system}"
+compare = ["physics"]
+[run]
+duration = "0.1 s"
+engine = "python"
+start = {{ "{bent}" = "1 rad" }}
+[computing]
+delay = "1 ms"
+[[controller]]
+law = "lqr"
+{parts}
+"""
+NOISY = '[[sensor]]\nof = "{}"\nnoise = "{}"\n'
+ESTIMATED = '[[estimator]]\nof = "{}"\n'
+
+
+@pytest.mark.parametrize(
+    ("system", "parts", "rates"),
+    [
+        ("servo", ESTIMATED.format("rotor speed"), ["rotor speed [rad/s]"]),
+        ("servo", NOISY.format("rotor speed", "0.1 rad/s"), ["rotor speed [rad/s]"]),
+        ("servo", NOISY.format("rotor angle", "1 mrad"), []),
+        ("servo", NOISY.format("rotor speed", "0 rad/s"), []),
+        (
+            "cart_pendulum",
+            ESTIMATED.format("cart speed") + ESTIMATED.format("pole rate"),
+            ["cart speed [m/s]", "pole rate [rad/s]"],
+        ),
+        (
+            "two_link_arm",
+            NOISY.format("shoulder rate", "0.1 rad/s") + NOISY.format("elbow rate", "1 rad/s"),
+            ["elbow rate [rad/s]"],
+        ),
+    ],
+)
+def test_a_rate_that_is_not_known_exactly_is_drawn_as_it_is_and_as_it_is_seen(
+    system: str, parts: str, rates: list[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.toml"
+    bent = {"servo": "rotor angle", "cart_pendulum": "pole angle"}.get(system, "elbow angle")
+    file.write_text(LOOP.format(system=system, parts=parts, bent=bent))
+    experiment = Experiment.load(file)
+    figure, run = figure_of(experiment), experiment.run()
+    ends = (" [rad/s]", " [m/s]")
+    shown = [axes for axes in figure.axes if axes.get_ylabel().endswith(ends)]
+    assert [axes.get_ylabel() for axes in shown] == rates
+    names = [state.name for state in run.trajectory.system.states]
+    assert run.trajectory.seen is not None
+    for axes in shown:
+        i = names.index(axes.get_ylabel().partition(" [")[0])
+        true, seen = axes.lines
+        assert (true.get_label(), seen.get_label()) == ("true", "seen by LQR")
+        assert to_hex(true.get_color()) != to_hex(seen.get_color())
+        # What jumps at every sample is its range and its mean.
+        if not axes.collections:
+            np.testing.assert_array_equal(true.get_ydata(), run.trajectory.state[:-1, i])
+            np.testing.assert_array_equal(seen.get_ydata(), run.trajectory.seen[:, i])
+    below = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+    assert below == {"LQR, MuJoCo", "reference"}
+
+
+def test_a_run_that_ends_at_once_has_a_figure(tmp_path: Path) -> None:
+    """Of the straight arm, where the law is not defined."""
+    file = tmp_path / "mine.toml"
+    parts = ESTIMATED.format("shoulder rate")
+    text = LOOP.format(system="two_link_arm", parts=parts, bent="shoulder angle")
+    file.write_text(text)
+    assert "shoulder rate [rad/s]" in labels(figure_of(Experiment.load(file)))
 
 
 def test_what_is_not_kept_is_framed_and_said(tmp_path: Path) -> None:

@@ -72,6 +72,12 @@ class Loop:
         drawn = self.computing.jitter or self.computing.missed
         return bool(drawn or any(sensor.noise for sensor in self.sensors))
 
+    @property
+    def not_known_exactly(self) -> set[str]:
+        """Names of the states that are estimated, or measured otherwise than they are."""
+        measured = {each.of for each in self.sensors if each != Sensor(each.of)}
+        return measured | {name for each in self.estimators for name in each.of}
+
     def part(self, kind: str, of: str) -> Any:
         """One of its parts.
 
