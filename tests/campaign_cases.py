@@ -145,6 +145,11 @@ def kept(asked: Campaign, path: Path) -> Folder:
     return folder
 
 
+def bits(folder: Folder) -> list[bytes]:
+    """The first two parts, as far as they are there."""
+    return [folder.part(index).read_bytes() for index in range(2) if folder.done(index)]
+
+
 def begun(asked: Campaign, path: Path) -> Folder:
     """A folder with a manifest, and no parts yet."""
     folder = Folder(path)

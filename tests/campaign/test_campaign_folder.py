@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import begun, campaign, forged, kept, pair
+from campaign_cases import begun, bits, campaign, forged, kept, pair
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.findings import ALL, findings
@@ -40,11 +40,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Folder:
 def copy(finished: Folder, tmp_path: Path) -> Folder:
     """The same, to be broken."""
     return Folder(Path(shutil.copytree(finished.path, tmp_path / "copy")))
-
-
-def bits(folder: Folder) -> list[bytes]:
-    """The parts."""
-    return [folder.part(index).read_bytes() for index in range(2) if folder.done(index)]
 
 
 def told(of: Any, *arguments: Any, **more: Any) -> str:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import PLANT, campaign, kept
+from campaign_cases import PLANT, begun, bits, campaign, kept
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.report.pass_map_figure import pass_map_of
 from grosmc_mj.campaign.report.tables import numbers_as_run, plant_words
+from grosmc_mj.campaign.runs.executors import make_executor
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import replay
+from grosmc_mj.campaign.runs.running import run_missing
 from grosmc_mj.campaign.runs.shard import evaluate_all
 from grosmc_mj.errors import GrosmcError
 
@@ -78,6 +81,43 @@ def test_a_run_with_chance_in_it_is_repeated_bit_for_bit(
         found = replay(campaign(text()), folder, number, law, engine)
         assert found.stored
         assert found.differences == ()
+
+
+# What is drawn at random in a run, drawn itself.
+CHANCE = """
+[[uncertain]]
+computing = true
+jitter = ["0 ms", "0.5 ms"]
+[[uncertain]]
+computing = true
+missed = [0, 0.3]
+"""
+
+
+@pytest.fixture(scope="module")
+def by_threads(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Folder]:
+    """Eight servos in two parts, with chance of every kind, run by the threads of this process."""
+    finer = text(uncertain=UNCERTAIN + CHANCE)
+    asked = campaign(finer.replace("start = {}", 'start = {}\ntimestep = "0.5 ms"'))
+    return asked, kept(asked, tmp_path_factory.mktemp("threads"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["batch", "processes", "dask"])
+def test_every_executor_writes_the_same_bits_of_an_uncertain_loop(
+    name: str, by_threads: tuple[Campaign, Folder], tmp_path: Path
+) -> None:
+    if name == "dask":
+        pytest.importorskip("distributed")
+    asked, finished = by_threads
+    folder = begun(asked, tmp_path / "folder")
+    executor = make_executor(name, workers=None if name == "batch" else 2)
+    assert run_missing(asked, folder, executor, print, lambda *_: None) == 0
+    assert bits(folder) == bits(finished)
+    assert len(bits(folder)) == asked.specification.shards == 2
+    # No two runs are alike, so that no row could stand for another.
+    for columns in folder.columns(asked, ["deviation"], range(2)).values():
+        assert len(set(columns["deviation"].tolist())) == asked.specification.runs
 
 
 @pytest.mark.slow
