@@ -20,6 +20,9 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 from grosmc_mj.report.palette import DISTURBANCE, GRID
 
+_LEGEND_SIZE = 8.5
+# What a legend's line and the space around its label take, in letters.
+_HANDLE = 7
 # matplotlib's own settings, whatever a matplotlibrc says: one in the working folder comes first.
 DEFAULTS: dict[Any, Any] = {
     name: value for name, value in mpl.rcParamsDefault.items() if not name.startswith("backend")
@@ -33,7 +36,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "grid.color": GRID,
-    "legend.fontsize": 8.5,
+    "legend.fontsize": _LEGEND_SIZE,
     "legend.framealpha": 0.9,
     "savefig.dpi": 150,
     "svg.hashsalt": "grosmc_mj",
@@ -94,15 +97,31 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
 
 
 def labelled_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
-    """One legend for all panels, below them, where it hides nothing."""
+    """One legend for all panels, below them, where it hides nothing, no wider than the figure.
+
+    Args:
+        figure: The whole.
+        axes: The panels.
+        columns: Of the legend, at most.
+    """
     entries = {}
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
+    labels = list(entries)
     figure.legend(
-        list(entries.values()), list(entries), loc="outside lower center", ncols=columns,
-        markerscale=8,
+        list(entries.values()), labels, loc="outside lower center", markerscale=8,
+        ncols=_columns_in(labels, letters_in(figure.get_figwidth(), _LEGEND_SIZE), columns),
     )  # fmt: skip
+
+
+def _columns_in(labels: Sequence[str], letters: int, most: int) -> int:
+    """In how many columns, filled one after the other, labels fit into so many letters."""
+    for count in range(most, 1, -1):
+        columns = np.array_split([len(label) + _HANDLE for label in labels], count)
+        if sum(int(column.max(initial=0)) for column in columns) <= letters:
+            return count
+    return 1
 
 
 def shade(axes: Axes, start: float, stop: float, label: str = "") -> None:

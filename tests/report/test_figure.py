@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.report.figure import figure_written, jumps
+from grosmc_mj.report.figure import figure_written, jumps, labelled_below
 from grosmc_mj.report.palette import COLOURS, OTHERS, law_styles
 
 
@@ -48,3 +48,24 @@ def test_laws_without_a_colour_take_the_others_in_turn() -> None:
     ]  # fmt: skip
     assert [each.label for each in styles.values()] == ["LQR", "mine", "GROSMC", "yours"]
     assert len({each.line for each in styles.values()}) == 4
+
+
+@pytest.mark.parametrize("long", [0, 1, 2, 3])
+def test_a_legend_below_stays_within_its_figure(
+    long: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With as many long labels in a row; short ones stand three in a row."""
+    labels = [f"implicit, predicted, corrected equations {i}" for i in range(long)]
+    labels += [f"law {i}" for i in range(long, 9)]
+    monkeypatch.setattr("grosmc_mj.report.figure.write_figure", lambda *_: None)
+    with figure_written(tmp_path / "a.png", (7.2, 4.0)) as figure:
+        axes = figure.subplots()
+        for label in sorted(labels, key=lambda label: int(label[-1]) % 3):
+            axes.plot([0, 1], label=label)
+        labelled_below(figure, [axes])
+        figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
+    rows = {round(text.get_window_extent().y0) for text in legend.get_texts()}
+    assert len(rows) == 3 or long
