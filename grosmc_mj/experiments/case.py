@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.experiments.file.loop_tables import loop_of_file
-from grosmc_mj.experiments.file.machine_tables import machine_of_file
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
+from grosmc_mj.experiments.file.tables.loop import loop_of_file
+from grosmc_mj.experiments.file.tables.machine import machine_of_file
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.plants import System

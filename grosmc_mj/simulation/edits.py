@@ -12,8 +12,8 @@ import numpy as np
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, shown, unknown_name
-from grosmc_mj.simulation.inertias import write_inertia
 from grosmc_mj.simulation.machine.building import build
+from grosmc_mj.simulation.machine.inertias import write_inertia
 from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.models import compile_spec
 

@@ -11,7 +11,7 @@ import pytest
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment, undesigned
-from grosmc_mj.experiments.file.laws_tables import ControllerTable
+from grosmc_mj.experiments.file.tables.laws import ControllerTable
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize

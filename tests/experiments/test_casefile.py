@@ -199,7 +199,13 @@ def test_the_starter_explains_every_key():
 
 
 def test_shipped_cases_are_those_of_the_chapter():
-    assert [case.name for case in cases("servo")] == ["nominal", "case1", "case2", "bench", "machine"]
+    assert [case.name for case in cases("servo")] == [
+        "nominal",
+        "case1",
+        "case2",
+        "bench",
+        "machine",
+    ]
     nominal = CartPendulumParameters.from_model(load_model("cart_pendulum"), "corrected")
     push = find_case("cart_pendulum", "case2").disturbances[0]
     assert push.wrench[4] == -pole_torque(PENDULUM_DISTURBANCE, nominal)

@@ -179,7 +179,7 @@ def test_any_machine_compiles_and_moves_alike_in_both_engines_or_says_its_timest
         try:
             run = simulate(
                 plant, law, experiment.case.x0, duration=0.02, control_period=1e-3,
-                engine=engine,  # pyright: ignore[reportArgumentType]
+                engine=engine,
             )  # fmt: skip
         except GrosmcError as error:
             ends.append(str(error))

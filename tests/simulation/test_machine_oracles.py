@@ -211,7 +211,7 @@ def test_a_wall_gives_back_its_restitution() -> None:
     model = MujocoPlant.load("cart_pendulum", edits=(part,), timestep=1e-4).model
     model.opt.gravity[:] = 0
     data, ball = mujoco.MjData(model), model.geom("bumper 1").id
-    data.qvel[0], touched = 1.0, False
+    data.qvel[0], touched, before = 1.0, False, 0.0
     while not (touched and data.ncon == 0):
         before = data.geom_xpos[ball, 0]
         mujoco.mj_step(model, data)

@@ -12,7 +12,7 @@ import pytest
 
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.laws_tables import ControllerTable
+from grosmc_mj.experiments.file.tables.laws import ControllerTable
 from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, compared, rivals
 from grosmc_mj.studies.rivals.report import BEGIN, END, rivals_table, write_page
 from grosmc_mj.studies.rivals.tuning import (

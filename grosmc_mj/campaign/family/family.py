@@ -17,10 +17,10 @@ from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.sampling import all_corners
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
-from grosmc_mj.experiments.file.machine_tables import MACHINE_PARTS, MACHINE_UNITS, machine_unit
 from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.experiments.file.uncertain import QUANTITIES, CorrelationTable, UncertainTable
+from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS, loop_unit
+from grosmc_mj.experiments.file.tables.machine import MACHINE_PARTS, MACHINE_UNITS, machine_unit
+from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.plants import Plant

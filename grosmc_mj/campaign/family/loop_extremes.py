@@ -12,7 +12,7 @@ from grosmc_mj.campaign.family.family import Family, Quantity
 from grosmc_mj.campaign.family.sampling import inside
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, MistakesError
-from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
+from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
 from grosmc_mj.simulation.loop import Loop, relooped
 
 

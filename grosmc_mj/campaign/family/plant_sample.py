@@ -8,8 +8,8 @@ from typing import Any
 
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
-from grosmc_mj.experiments.file.machine_tables import MACHINE_PARTS
+from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
+from grosmc_mj.experiments.file.tables.machine import MACHINE_PARTS
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit

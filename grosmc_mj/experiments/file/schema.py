@@ -7,14 +7,14 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from grosmc_mj.errors import shown
-from grosmc_mj.experiments.file.laws_tables import ControllerTable, LawTable, TaskTable
-from grosmc_mj.experiments.file.loop_tables import (
+from grosmc_mj.experiments.file.tables.laws import ControllerTable, LawTable, TaskTable
+from grosmc_mj.experiments.file.tables.loop import (
     ActuatorTable,
     ComputingTable,
     EstimatorTable,
     SensorTable,
 )
-from grosmc_mj.experiments.file.machine_tables import (
+from grosmc_mj.experiments.file.tables.machine import (
     LuGreTable,
     MotorTable,
     SlidingLoadTable,
@@ -23,7 +23,7 @@ from grosmc_mj.experiments.file.machine_tables import (
     TransmissionTable,
     WallTable,
 )
-from grosmc_mj.experiments.file.table import (
+from grosmc_mj.experiments.file.tables.table import (
     Kilograms,
     Metres,
     NewtonMetres,
@@ -34,7 +34,7 @@ from grosmc_mj.experiments.file.table import (
     Table,
     Three,
 )
-from grosmc_mj.experiments.file.uncertain import CorrelationTable, UncertainTable
+from grosmc_mj.experiments.file.tables.uncertain import CorrelationTable, UncertainTable
 
 _LONGEST_NAME = 100
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 from scipy.optimize import brentq
 
@@ -42,7 +43,8 @@ def spring_and_damper(restitution: float, duration: float) -> tuple[float, float
     frequency = math.pi / duration
     ratio = _DEAD
     if restitution > restitution_of(_DEAD):
-        ratio = float(brentq(lambda r: restitution_of(float(r)) - restitution, 0.0, _DEAD))
+        root: Any = brentq(lambda r: restitution_of(float(r)) - restitution, 0.0, _DEAD)
+        ratio = float(root)
     return frequency**2, 2 * ratio * frequency
 
 

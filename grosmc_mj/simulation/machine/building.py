@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError, unknown_name
-from grosmc_mj.simulation.inertias import write_inertia
 from grosmc_mj.simulation.machine.bounces import IMPEDANCE, TEETH, solref
+from grosmc_mj.simulation.machine.inertias import write_inertia
 from grosmc_mj.simulation.machine.motors import write_motor
 from grosmc_mj.simulation.machine.parts import (
     LuGre,

@@ -48,7 +48,7 @@ class Robot:
     _coordinates: dict[ReferenceFunction, RobotCoordinates] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.built is None:  # pyright: ignore[reportUnnecessaryComparison]
+        if self.built is None:
             object.__setattr__(self, "built", self.plant)
 
     @classmethod

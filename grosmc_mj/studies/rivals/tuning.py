@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.laws_tables import ControllerTable
+from grosmc_mj.experiments.file.tables.laws import ControllerTable
 
 # The number of each law that the rule chooses.
 NUMBERS: Mapping[str, str] = {

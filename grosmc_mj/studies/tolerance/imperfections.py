@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
-from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS, loop_unit
+from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS, loop_unit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.loop.loop import TIMES, Part, time_as_run

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from grosmc_mj.errors import shown
-from grosmc_mj.experiments.file.table import Table
+from grosmc_mj.experiments.file.tables.table import Table
 
 
 def _weight(value: Any) -> Any:

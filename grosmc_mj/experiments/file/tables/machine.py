@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.experiments.file.table import Metres, Table, Three, numbers_of
+from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.machine import (
     LuGre,
@@ -58,6 +58,8 @@ MACHINE_UNITS: dict[str, dict[str, str]] = {
     "sliding_load": {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"},
     "wall": {"radius": "m", "restitution": "", "duration": "s"},
 }
+# What is no number with a unit.
+_AS_WRITTEN = frozenset({"at", "point", "normal", "added"})
 MACHINE_PARTS: dict[str, type[MachinePart]] = {
     "transmission": Transmission,
     "lugre": LuGre,
@@ -192,15 +194,11 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
         for index, table in enumerate(getattr(file, kind)):
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 of = _in_model(getattr(table, made.owner), made.owner, system)
-                numbers = _numbers(kind, of, table, system)
-                places = {
-                    name: tuple(getattr(table, name))
-                    for name in ("at", "point", "normal")
-                    if name in table.model_fields_set
-                }
-                if isinstance(table, (TransmissionTable, MotorTable)):
-                    numbers["added"] = table.added
-                found.append(made(of, **numbers, **places))
+                given: dict[str, Any] = {**_numbers(kind, of, table, system)}
+                for name in _AS_WRITTEN & table.model_fields_set:
+                    value = getattr(table, name)
+                    given[name] = tuple(value) if isinstance(value, list) else value
+                found.append(made(of, **given))
     mistakes.refuse()
     return tuple(found)
 

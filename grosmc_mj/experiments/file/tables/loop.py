@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.experiments.file.table import Table, numbers_of
+from grosmc_mj.experiments.file.tables.table import Table, numbers_of
 from grosmc_mj.plants import Signal, System
 from grosmc_mj.simulation.loop.loop import Loop
 from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
@@ -169,7 +169,7 @@ def loop_of_file(
         for index, table in enumerate(tables):
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 first = table.of if isinstance(table.of, str) else (table.of or [""])[0]
-                given = _numbers(kind, first, table, system)
+                given: dict[str, Any] = _numbers(kind, first, table, system)
                 of: Any = table.of if isinstance(table.of, str) else tuple(table.of)
                 for key in ("law", "settled", "order"):
                     if hasattr(table, key):

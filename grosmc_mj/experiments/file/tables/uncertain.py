@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from grosmc_mj.errors import shown, unknown_name
-from grosmc_mj.experiments.file.loop_tables import LOOP_UNITS
-from grosmc_mj.experiments.file.machine_tables import MACHINE_UNITS
-from grosmc_mj.experiments.file.table import Metres, Table, Three
+from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
+from grosmc_mj.experiments.file.tables.machine import MACHINE_UNITS
+from grosmc_mj.experiments.file.tables.table import Metres, Table, Three
 
 # What may be uncertain, by what it belongs to, with the unit of its values; states and the parts of
 # a loop have their own, and those of a joint are written without one, as in [[edit]].
