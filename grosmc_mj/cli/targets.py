@@ -30,11 +30,14 @@ def result_name(path: Path) -> str:
 def recorded_experiments(target: str) -> list[Experiment]:
     """The experiments whose results are recorded: those of SYSTEM, or SYSTEM/CASE.
 
+    Those on a machine are not: what bounces and sticks amplifies rounding, and other processors
+    round in other ways.
+
     Args:
         target: What was asked for.
 
     Raises:
-        ArgumentError: If there is no such case, or it is a file.
+        ArgumentError: If there is no such case, it is on a machine, or a file.
         ModelError: If there is no such system.
     """
     from grosmc_mj.experiments.catalogue import find_experiment, select_experiments
@@ -45,7 +48,15 @@ def recorded_experiments(target: str) -> list[Experiment]:
             "SYSTEM/CASE, such as arm/case1; what a file requires is judged by grosmc-mj run"
         )
     system, _, name = target.partition("/")
-    return [find_experiment(system, name)] if name else select_experiments([system], None)
+    if not name:
+        return [one for one in select_experiments([system], None) if not one.on_machine]
+    found = find_experiment(system, name)
+    if found.on_machine:
+        raise ArgumentError(
+            f"{target}: no results of a machine are recorded: grosmc-mj run judges it, and "
+            "grosmc-mj study ladder says where it breaks"
+        )
+    return [found]
 
 
 def shown_experiment(target: str) -> Experiment:

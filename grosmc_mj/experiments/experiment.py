@@ -17,7 +17,7 @@ from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError, unknown_name
-from grosmc_mj.experiments.case import Case, case_of
+from grosmc_mj.experiments.case import Case, case_of, edits_of
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
@@ -37,6 +37,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
 from grosmc_mj.simulation.loop import Loop, in_loop
+from grosmc_mj.simulation.machine import MachinePart
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP, stride_of
 from grosmc_mj.simulation.problem import Plant
 
@@ -86,6 +87,11 @@ class Experiment:
     def key(self) -> tuple[Path, Case]:
         """What tells it from others: where its laws are from, and the case."""
         return self.path, self.case
+
+    @property
+    def on_machine(self) -> bool:
+        """Whether its plant has parts of a machine as built."""
+        return any(isinstance(edit, MachinePart) for edit in self.case.edits)
 
     @property
     def controllers(self) -> list[str]:
@@ -391,9 +397,10 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
         integrator=run.integrator or nominal.integrator,
     )
     case = case_of(file, nominal.system, path.parent, nominal.rest)
-    # The package's own laws are designed once for all experiments on one task.
+    # The package's own laws are designed once for all experiments on one task and nominal plant.
     shared = file.plant.system is not None and not named_in(file)
-    designs = _shared_designs(repr((file.plant.system, file.task))) if shared else {}
+    task = (file.plant.system, edits_of(file, known=True), file.task)
+    designs = _shared_designs(repr(task)) if shared else {}
     made = Experiment(file, path, nominal, case, settings, _designs=designs)
     mistakes = Mistakes()
     if case.loop is not None:

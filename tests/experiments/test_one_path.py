@@ -205,3 +205,11 @@ def test_a_written_reference_that_moves_is_audited_as_it_moves(tmp_path: Path) -
         moved = formula != "0*t"
         assert (gain.region.worst.t > 0) is moved
     assert not np.isclose(*required)
+
+
+def test_laws_of_a_machine_are_its_own_whatever_was_designed_before() -> None:
+    servo = {each.case.name: each for each in find_experiments("servo")}
+    bench = servo["bench"].law("corrected", "implicit").parameters
+    machine = servo["machine"].law("corrected", "implicit").parameters
+    assert bench.plant.J == 0.0577
+    assert machine.plant.J == pytest.approx(2.134e-3, rel=1e-5)

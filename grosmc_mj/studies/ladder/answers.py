@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from grosmc_mj.report.tables import number
-from grosmc_mj.studies.ladder.measure import Standing
+from grosmc_mj.studies.ladder.measure import ENDED, Standing
 
 
 def of_law(rows: Sequence[Standing], law: str, condition: str) -> list[Standing]:
@@ -38,21 +38,26 @@ def first_failed(rows: Sequence[Standing]) -> Standing | None:
 
 
 def share_text(row: Standing) -> str:
-    """How much of the tightest limit is used: 0.31, 8.2x; why there is no number."""
-    if row.impossible:
+    """How much of the tightest limit is used, or why there is no number."""
+    return cell_text(row.used, row.worst, row.impossible)
+
+
+def cell_text(used: float, worst: str, impossible: str) -> str:
+    """The same of a standing's numbers: 0.31, 8.2x, never."""
+    if impossible:
         return "-"
-    if row.worst == "the run ended":
+    if worst == ENDED:
         return "ended"
-    if math.isinf(row.used):
+    if math.isinf(used):
         return "never"
-    return f"{number(row.used)}x" if row.used > 1 else number(row.used)
+    return f"{number(used)}x" if used > 1 else number(used)
 
 
 def reason(row: Standing) -> str:
     """What breaks on a rung, in words."""
     if row.impossible:
         return row.impossible
-    if row.worst == "the run ended":
+    if row.worst == ENDED:
         return row.worst
     what = row.worst.replace("_", " ")
     return f"{what}: never" if math.isinf(row.used) else f"{what}: {number(row.used)} times"

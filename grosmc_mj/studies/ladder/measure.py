@@ -27,6 +27,8 @@ from grosmc_mj.studies.studied import (
 
 # The case of a system whose loop and machine are those that one can buy.
 MACHINE = "machine"
+# What breaks first of a run that ended early.
+ENDED = "the run ended"
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,7 @@ def standing(
     worst = max(shares, key=lambda key: shares[key], default="")
     run = result.trajectory
     if result.ended:
-        return Standing(law, rung, together, condition, math.inf, "the run ended", shares)
+        return Standing(law, rung, together, condition, math.inf, ENDED, shares)
     return Standing(
         law, rung, together, condition, shares.get(worst, 0.0), worst, shares,
         oscillation(run.time, result.comparison.error), chatter(run.time[:-1], run.command),

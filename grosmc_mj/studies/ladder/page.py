@@ -1,0 +1,82 @@
+"""The tables of ``docs/ladder.md``, from what the study has written and the servo's bump test.
+
+``python -m grosmc_mj.studies.ladder.page docs/ladder.md FILE.json ...`` is the end of
+``make ladder``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from grosmc_mj.errors import GrosmcError
+from grosmc_mj.report.marked import replace_marked
+from grosmc_mj.report.tables import number
+from grosmc_mj.studies.ladder.answers import cell_text
+from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
+
+BEGIN, END = "<!-- ladders -->", "<!-- /ladders -->"
+BEGIN_BUMPS, END_BUMPS = "<!-- bump tests -->", "<!-- /bump tests -->"
+
+
+def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
+    """Headings and tables for each document, in Markdown."""
+    return "\n\n".join(_ladder(document) for document in documents)
+
+
+def _ladder(document: Mapping[str, Any]) -> str:
+    """How much each law uses of the tightest limit, climbing and with each rung alone."""
+    parts = [f"**{document['configuration']['target']}**: {document['configuration']['title']}"]
+    for title, key, together in (
+        ("Each rung on top of the others:", "climbing", True),
+        ("Each alone on the sampled plant:", "alone", False),
+    ):
+        rungs = [rung["name"] for rung in document[key]]
+        found = {
+            (row["law"], row["rung"]): row
+            for row in document["standings"]
+            if row["together"] is together and row["condition"] == "nominal"
+        }
+        lines = [
+            title,
+            "",
+            "| law | " + " | ".join(rungs) + " |",
+            "|---|" + "---:|" * len(rungs),
+        ]
+        for law in (each["name"] for each in document["laws"]):
+            cells = [_cell(found[law, rung]) for rung in rungs]
+            lines.append("| " + " | ".join([law, *cells]) + " |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+def _cell(row: Mapping[str, Any]) -> str:
+    share = row["share_of_the_tightest_limit"]
+    used = math.inf if share is None else share
+    return cell_text(used, row["tightest"] or "", row["impossible"] or "")
+
+
+def bumps_text() -> str:
+    """Gain and time constant of the servo: rigid, as built, measured."""
+    lines = ["| servo | K [rad/(V s)] | τ [ms] |", "|---|---:|---:|"]
+    for name, bump in simulated().items():
+        lines.append(f"| {name} | {number(bump.gain)} | {number(1e3 * bump.time_constant)} |")
+    lines += [
+        f"| measured: {each.source} | {each.gain:g} | {1e3 * each.time_constant:g} |"
+        for each in MEASURED
+    ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    try:
+        page, *files = map(Path, sys.argv[1:])
+        documents = [json.loads(file.read_text()) for file in files]
+        replace_marked(page, BEGIN, END, lambda: ladders_text(documents))
+        replace_marked(page, BEGIN_BUMPS, END_BUMPS, bumps_text)
+    except (GrosmcError, OSError, ValueError, KeyError) as error:
+        sys.exit(f"PAGE.md FILE.json ...: {error}")
