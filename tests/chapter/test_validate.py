@@ -226,6 +226,7 @@ def test_plan_names_each_run_once() -> None:
     runs = [
         (*experiment.key, *what)
         for experiment in select_experiments((), None)
+        if not experiment.on_machine
         for what in experiment.laws
     ]
     assert len(runs) == len(set(runs)) == 127

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from grosmc_mj.studies.ladder.measure import Ladder, Standing
+    from grosmc_mj.studies.studied import StudiedLaw
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class LadderCommand(Command):
         target: A system, which means its machine, a case, or a case file.
         laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default.
         loaded: Climb under the system's other cases, too.
+        film: A law to film around where it breaks; none by default.
         out: Folder for ladder_NAME.json and the figure.
     """
 
@@ -43,14 +45,17 @@ class LadderCommand(Command):
         tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
     ] = ()
     loaded: Annotated[bool, FlagCreatePairsOff] = False
+    film: Annotated[str, arg(metavar="NAME", help_behavior_hint="(default: none)")] = ""
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def execute(self) -> int:
         """Climb, write, print, draw."""
         from grosmc_mj.studies.ladder.measure import ladder, standing
+        from grosmc_mj.studies.studied import chosen_laws
 
         began = time.perf_counter()
         studied = ladder(self.target, self.laws, loaded=self.loaded)
+        filmed = chosen_laws(studied.laws, [self.film])[0] if self.film else None
         ways = [
             (rung, together, condition)
             for condition in studied.conditions
@@ -70,6 +75,8 @@ class LadderCommand(Command):
                 screen.say_files(screen.console(), *self._write(studied, rows, complete=False))
             raise
         files = self._write(studied, rows, complete=True)
+        if filmed is not None:
+            files = (*files, self._film(studied, filmed, rows))
         console = screen.console()
         _answer(console, studied, rows, full=self.verbose)
         console.print(f"In {time.perf_counter() - began:.1f} s", style="dim")
@@ -88,6 +95,16 @@ class LadderCommand(Command):
         target = base.with_suffix(".json")
         write_json(target, ladder_document(studied, rows, complete=complete))
         return target, write_ladder_figure(studied, rows, base.with_suffix(".png"))
+
+    def _film(self, studied: Ladder, law: StudiedLaw, rows: Sequence[Standing]) -> Path:
+        """Write the film; returns where it is."""
+        from grosmc_mj.experiments.films import SMALL, write_case_film
+        from grosmc_mj.studies.ladder.film import ladder_film
+
+        path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
+        film = ladder_film(studied, law, rows, SMALL)
+        settings = studied.experiment.settings
+        return write_case_film(studied.machine.case, film, path, settings=settings).film
 
 
 def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full: bool) -> None:
