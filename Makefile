@@ -27,7 +27,7 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 
-.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built page clean
+.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built ladder page clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -92,6 +92,8 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	$(BIN)/grosmc-mj film cart_pendulum/bench --controllers sign implicit 'implicit, predicted' \
 	  --to 3 --size 960x400 --fps 8 --gif -o $(GALLERY)/bench.mp4
 	mv $(GALLERY)/bench.gif renders/gallery/cart_pendulum_bench.gif
+	$(BIN)/grosmc-mj study ladder cart_pendulum --laws super-twisting --film super-twisting --gif --out $(GALLERY)
+	mv $(GALLERY)/ladder_cart_pendulum_machine_film.gif renders/gallery/cart_pendulum_ladder.gif
 
 results: $(INSTALLED)  ## Write the table of results from renders/validation.json anew
 	$(BIN)/python -m grosmc_mj.chapter.results_table docs/results.md renders/validation.json
@@ -104,6 +106,12 @@ BENCHES := servo cart_pendulum arm
 as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
 	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) &&) true
 	$(BIN)/python -m grosmc_mj.studies.tolerance.page docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
+
+MACHINES := servo cart_pendulum arm two_link_arm
+
+ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
+	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) &&) true
+	$(BIN)/python -m grosmc_mj.studies.ladder.page docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json)
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

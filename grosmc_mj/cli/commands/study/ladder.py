@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +37,7 @@ class LadderCommand(Command):
         laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default.
         loaded: Climb under the system's other cases, too.
         film: A law to film around where it breaks; none by default.
+        gif: Write the film as an animated GIF as well.
         out: Folder for ladder_NAME.json and the figure.
     """
 
@@ -46,6 +47,7 @@ class LadderCommand(Command):
     ] = ()
     loaded: Annotated[bool, FlagCreatePairsOff] = False
     film: Annotated[str, arg(metavar="NAME", help_behavior_hint="(default: none)")] = ""
+    gif: Annotated[bool, FlagCreatePairsOff] = False
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def execute(self) -> int:
@@ -102,9 +104,11 @@ class LadderCommand(Command):
         from grosmc_mj.studies.ladder.film import ladder_film
 
         path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
-        film = ladder_film(studied, law, rows, SMALL)
+        film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
         settings = studied.experiment.settings
-        return write_case_film(studied.machine.case, film, path, settings=settings).film
+        return write_case_film(
+            studied.machine.case, film, path, settings=settings, gif=self.gif
+        ).film
 
 
 def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full: bool) -> None:
