@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -97,15 +96,11 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
             stabilizable.
     """
     A, B, Q, R = _checked(A, B, Q, R)
-    # Here, for its import takes longer than all others together, and not every command designs.
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import control
     try:
-        K, P, _ = control.lqr(A, B, Q, R)
-    except Exception as error:  # python-control and slycot raise several kinds
+        P = scipy.linalg.solve_continuous_are(A, B, Q, R)
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise GainError(_unsolvable(A, B, Q, error)) from error
-    design = LqrDesign(A, B, Q, R, np.asarray(K), np.asarray(P))
+    design = LqrDesign(A, B, Q, R, np.linalg.solve(R, B.T @ P), P)
     # A pole on the axis is one that Q does not see; rounding puts it within this of zero.
     if design.poles.real.max() > -1e-9 * max(1.0, float(np.abs(A).max())):
         raise GainError(_unsolvable(A, B, Q, f"closed-loop poles {design.poles.tolist()}"))

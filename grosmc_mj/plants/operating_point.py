@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, reals, require, whole
@@ -80,6 +79,9 @@ def equilibrium(
 
     begun = np.concatenate([x[free], point.u])
     if np.abs(rates(begun)).max() > 0.0:
+        # Here, for it is a part of scipy that little needs.
+        import scipy.optimize
+
         found = scipy.optimize.least_squares(rates, begun, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         point = filled(found.x)
     left = rates(np.concatenate([point.x[free], point.u]))

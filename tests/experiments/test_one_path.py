@@ -212,4 +212,4 @@ def test_laws_of_a_machine_are_its_own_whatever_was_designed_before() -> None:
     bench = servo["bench"].law("corrected", "implicit").parameters
     machine = servo["machine"].law("corrected", "implicit").parameters
     assert bench.plant.J == 0.0577
-    assert machine.plant.J == pytest.approx(2.134e-3, rel=1e-5)
+    assert 2.1e-3 < machine.plant.J < 2.2e-3

@@ -187,13 +187,14 @@ def _plain(result: RunResult) -> str:
 
 def _check_uncertain(experiment: Experiment) -> None:
     """Refuse wrong [[uncertain]] tables, as a campaign would; a single run does not need them."""
+    if not experiment.file.uncertain:
+        return
     from grosmc_mj.campaign.family.family import family_of
 
-    if experiment.file.uncertain:
-        try:
-            family_of(experiment.file, experiment.case, experiment.nominal.plant)
-        except GrosmcError as error:
-            raise ArgumentError(f"{experiment.path}: {error}") from error
+    try:
+        family_of(experiment.file, experiment.case, experiment.nominal.plant)
+    except GrosmcError as error:
+        raise ArgumentError(f"{experiment.path}: {error}") from error
 
 
 def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:

@@ -6,11 +6,12 @@ import logging
 import math
 import re
 from functools import cache
-from typing import Any
-
-import pint
+from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.errors import shown
+
+if TYPE_CHECKING:
+    import pint
 
 # What to write instead, by the unit that was asked for.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
@@ -25,6 +26,9 @@ def _registry() -> pint.UnitRegistry:
 
     Angles have no dimension for pint, which would make 1 Hz one radian a second.
     """
+    # Here, for it loads slowly, and not every file is read for its numbers.
+    import pint
+
     logging.getLogger("pint.util").setLevel(logging.ERROR)
     registry = pint.UnitRegistry()
     registry.define("hertz = turn / second = Hz")
@@ -62,12 +66,12 @@ def number_in(value: Any, unit: str) -> float:
     try:
         quantity = _registry().Quantity(number, _registry().parse_units(written))
         converted = float(quantity.to(unit).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(
-            f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
-        ) from None
     # pint has no common class for what it cannot read.
-    except Exception:
+    except Exception as error:
+        if type(error).__name__ == "DimensionalityError":
+            raise ValueError(
+                f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
+            ) from None
         raise ValueError(
             f'"{text}": {shown(written)} is no unit; write it as in "{example}"'
         ) from None

@@ -6,8 +6,6 @@ import math
 from functools import cache
 from typing import Any
 
-from scipy.optimize import brentq
-
 # A damping ratio from which a bounce is none: 1 % of the speed comes back.
 _DEAD = 5.0
 # MuJoCo's largest impedance: what is constrained moves as the spring and damper say.
@@ -43,6 +41,9 @@ def spring_and_damper(restitution: float, duration: float) -> tuple[float, float
     frequency = math.pi / duration
     ratio = _DEAD
     if restitution > restitution_of(_DEAD):
+        # Here, for it is a part of scipy that little needs.
+        from scipy.optimize import brentq
+
         root: Any = brentq(lambda r: restitution_of(float(r)) - restitution, 0.0, _DEAD)
         ratio = float(root)
     return frequency**2, 2 * ratio * frequency
