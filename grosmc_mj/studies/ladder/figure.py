@@ -6,21 +6,18 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.colors import TwoSlopeNorm
 
 from grosmc_mj.report.figure import figure_written
-from grosmc_mj.report.palette import BLACK, BLUE, VERMILION
+from grosmc_mj.report.heat_map import heat_map
 from grosmc_mj.studies.ladder.answers import share_text
 from grosmc_mj.studies.ladder.measure import Condition, Ladder, Standing
 from grosmc_mj.studies.ladder.rungs import Rung
 
 # What is kept is blue; what is not is the redder the further it is beyond, up to a hundred times.
-_COLOURS = LinearSegmentedColormap.from_list("ladder", [BLUE, "#ffffff", VERMILION])
-_KEPT, _MOST = -0.3, 2.0
+_KEPT, _BROKEN, _MOST = -0.3, 0.15, 2.0
 _SCALE = TwoSlopeNorm(0.0, -1.0, _MOST)
-_DARK = 0.6
 _CELL, _ROW, _NAMES = 0.98, 0.36, 2.6
 _NOTE = (
     "How much of the tightest limit is used. Blue: all is kept; the redder, the further beyond. "
@@ -66,28 +63,17 @@ def _panel(
     axis: Axes, rows: Sequence[Standing], laws: Sequence[str], rungs: Sequence[Rung], widest: int
 ) -> None:
     """A cell for each law and rung."""
-    values = np.full((len(laws), widest), np.nan)
-    axis.set_facecolor("#eeeeee")
-    axis.grid(visible=False)
-    places = {rung.name: j for j, rung in enumerate(rungs)}
-    for row in rows:
-        i, j = laws.index(row.law.name), places[row.rung.name]
-        values[i, j] = _KEPT if row.kept else 0.15 + min(math.log10(max(row.used, 1.0)), _MOST)
-        if row.impossible:
-            values[i, j] = np.nan
-        dark = abs(float(_SCALE(values[i, j])) - 0.5) > _DARK / 2
-        axis.text(
-            j, i, share_text(row), ha="center", va="center", fontsize=11,
-            color="white" if dark else BLACK,
-        )  # fmt: skip
-    axis.imshow(values, cmap=_COLOURS, norm=_SCALE, aspect="auto")
-    axis.set_yticks(range(len(laws)), laws, fontsize=11)
-    axis.set_xticks(range(len(rungs)), [rung.name for rung in rungs], fontsize=11)
+    names = [rung.name for rung in rungs]
+    cells = {
+        (laws.index(row.law.name), names.index(row.rung.name)): (_value(row), share_text(row))
+        for row in rows
+    }
+    heat_map(axis, cells, laws, names, _SCALE, width=widest)
     axis.set_xlim(-0.5, len(rungs) - 0.5)
-    axis.tick_params(length=0)
-    for side in axis.spines.values():
-        side.set_visible(False)
-    for j in range(1, len(rungs)):
-        axis.axvline(j - 0.5, color="white", lw=2)
-    for i in range(1, len(laws)):
-        axis.axhline(i - 0.5, color="white", lw=2)
+
+
+def _value(row: Standing) -> float:
+    """What the colour stands for."""
+    if row.impossible:
+        return math.nan
+    return _KEPT if row.kept else _BROKEN + min(math.log10(max(row.used, 1.0)), _MOST)

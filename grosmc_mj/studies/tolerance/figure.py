@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from grosmc_mj.report.figure import figure_written, in_lines, letters_in
-from grosmc_mj.report.palette import BLACK, BLUE, VERMILION
+from grosmc_mj.report.heat_map import heat_map
 from grosmc_mj.report.tables import number
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
@@ -27,11 +27,7 @@ from grosmc_mj.studies.tolerance.measure import Tolerance
 from grosmc_mj.studies.tolerance.search import LEAST, MOST
 from grosmc_mj.studies.tolerance.setting import Setting
 
-# What does not reach the bench is red, what goes beyond it blue.
-_COLOURS = LinearSegmentedColormap.from_list("tolerance", [VERMILION, "#ffffff", BLUE])
 _SCALE = TwoSlopeNorm(0.0, math.log2(LEAST), math.log2(MOST))
-# Beyond this the colour is too dark for black letters.
-_DARK = 0.62
 _CELL, _ROW, _NAMES = 1.12, 0.36, 2.6
 _NOTE = (
     "Amounts up to which all is kept, of the first part; no: not kept without it; none: only "
@@ -103,31 +99,17 @@ def _panel(
     columns: Sequence[Imperfection],
     *,
     last: bool,
-) -> object:
+) -> AxesImage:
     """One condition: a cell for each law and imperfection."""
-    values = np.full((len(laws), len(columns)), np.nan)
-    axis.set_facecolor("#eeeeee")
-    axis.grid(visible=False)
-    for row in rows:
-        if row.law not in laws or row.imperfection not in columns:
-            continue
-        i, j = laws.index(row.law), columns.index(row.imperfection)
-        values[i, j] = _value(row)
-        dark = abs(float(_SCALE(values[i, j])) - 0.5) > _DARK / 2
-        axis.text(
-            j, i, cell_text(row), ha="center", va="center", fontsize=11.5,
-            color="white" if dark else BLACK,
-        )  # fmt: skip
-    image = axis.imshow(values, cmap=_COLOURS, norm=_SCALE, aspect="auto")
-    axis.set_yticks(range(len(laws)), laws, fontsize=11.5)
-    axis.set_xticks(range(len(columns)), [_label(each) for each in columns] if last else [])
-    axis.tick_params(length=0)
-    for side in axis.spines.values():
-        side.set_visible(False)
-    for j in range(1, len(columns)):
-        axis.axvline(j - 0.5, color="white", lw=2)
-    for i in range(1, len(laws)):
-        axis.axhline(i - 0.5, color="white", lw=2)
+    cells = {
+        (laws.index(row.law), columns.index(row.imperfection)): (_value(row), cell_text(row))
+        for row in rows
+        if row.law in laws and row.imperfection in columns
+    }
+    names = [_label(each) for each in columns]
+    image = heat_map(axis, cells, laws, names, _SCALE, larger_is_better=True)
+    if not last:
+        axis.set_xticks(range(len(columns)), [""] * len(columns))
     return image
 
 
