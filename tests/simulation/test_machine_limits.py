@@ -290,6 +290,37 @@ def test_an_implicit_integrator_that_slows_bristles_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    "part",
+    [
+        Transmission("shaft", 0.05, backlash=0.1),
+        Stop("shaft", -1.0, 0.5, duration=0.01),
+        Wall("rotor", 0.02, point=(0, 0, 0), duration=0.01),
+    ],
+)
+def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachinePart) -> None:
+    with pytest.raises(ModelError, match=r"0\.001 s makes unstable: take at most (.*) s,") as told:
+        _ = MujocoPlant.load("servo", edits=(part,), timestep=1e-3, integrator="implicitfast").model
+    longest = float(str(told.value).split("at most ")[1].split()[0])
+    for integrator in ("implicitfast", "Euler"):
+        assert MujocoPlant.load(
+            "servo", edits=(part,), timestep=longest, integrator=integrator
+        ).model
+
+
+def test_what_leans_on_a_stop_rests_only_below_the_timestep_that_is_told() -> None:
+    part, speeds = Stop("shaft", -1.0, 0.5, duration=0.01), []
+    for h in (6e-4, 8e-4):
+        model = MujocoPlant.load("servo", edits=(part,), timestep=6e-4).model
+        model.opt.timestep, model.opt.integrator = h, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        data = mujoco.MjData(model)
+        data.qpos[0], data.ctrl[0] = 0.5, 1.0
+        mujoco.mj_step(model, data, round(1 / h))
+        speeds.append(abs(data.qvel[0]))
+    assert speeds[0] < 1e-6
+    assert speeds[1] > 0.1
+
+
+@pytest.mark.parametrize(
     ("make", "said"),
     [
         (lambda: Transmission("j", 0.1), r"it is rigid: give a stiffness, a backlash or both"),

@@ -32,11 +32,12 @@ _SLOWED = 0.02
 
 
 class _Oscillator(NamedTuple):
-    """w^2 [1/s^2] and d [1/s] of a part."""
+    """w^2 [1/s^2] and d [1/s] of a part; a constraint's damping is explicit whatever integrates."""
 
     part: MachinePart
     square: float
     damping: float
+    constrained: bool = False
 
 
 def refuse_unstable(model: mujoco.MjModel, name: str, parts: Sequence[MachinePart]) -> None:
@@ -86,12 +87,13 @@ def _oscillators(model: mujoco.MjModel, parts: Sequence[MachinePart]) -> Iterato
             weight = float(model.tendon_invweight0[model.tendon(f"{part.joint} transmission").id])
             yield _Oscillator(part, part.stiffness * weight, part.damping * weight)
         elif isinstance(part, Transmission):
-            yield _Oscillator(part, *spring_and_damper(*TEETH))
+            yield _Oscillator(part, *spring_and_damper(*TEETH), constrained=True)
         elif isinstance(part, LuGre):
             weight = float(model.dof_invweight0[model.joint(part.joint).dofadr[0]])
             yield _Oscillator(part, part.stiffness * weight, part.damping * weight)
         elif isinstance(part, (Stop, Wall)):
-            yield _Oscillator(part, *spring_and_damper(part.restitution, part.duration))
+            bounce = spring_and_damper(part.restitution, part.duration)
+            yield _Oscillator(part, *bounce, constrained=True)
         elif isinstance(part, Motor):
             # MuJoCo's implicit integrators move a current exactly; RK4 as any other state.
             index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, part.input)
@@ -111,7 +113,7 @@ def _growth(each: _Oscillator, h: float, integrator: mujoco.mjtIntegrator) -> fl
         step = np.eye(2) + z @ (np.eye(2) + z @ (np.eye(2) / 2 + z @ (np.eye(2) / 6 + z / 24)))
     else:
         kept = 1.0 - h * d
-        if integrator != mujoco.mjtIntegrator.mjINT_EULER:
+        if integrator != mujoco.mjtIntegrator.mjINT_EULER and not each.constrained:
             kept = 1.0 / (1.0 + h * d)
         push = -h * square * (1.0 if kept == 1.0 - h * d else kept)
         step = np.array([[1.0 + h * push, h * kept], [push, kept]])
