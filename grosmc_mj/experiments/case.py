@@ -11,7 +11,7 @@ from typing import Any
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.tables.loop import loop_of_file
-from grosmc_mj.experiments.file.tables.machine import machine_of_file
+from grosmc_mj.experiments.file.tables.machine import in_model, machine_of_file
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.plants import System
@@ -85,7 +85,9 @@ def case_of(
     loop = None
     with mistakes.gathered():
         loop = loop_of_file(file.computing, file.sensor, file.estimator, file.actuator, system)
-    parts = ()
+    edits, parts = (), ()
+    with mistakes.gathered():
+        edits = edits_of(file, system, known=False)
     with mistakes.gathered():
         parts = machine_of_file(file, system)
     mistakes.refuse()
@@ -96,7 +98,7 @@ def case_of(
         source=file.source,
         x0=x0,
         duration=file.run.duration,
-        edits=(*edits_of(file, known=False), *parts),
+        edits=(*edits, *parts),
         disturbances=tuple(disturbances),
         loop=loop,
         design=file.task.name,
@@ -132,18 +134,22 @@ def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int,
     return found
 
 
-def edits_of(file: CaseFile, *, known: bool) -> tuple[Edit, ...]:
-    """The edits of the model that a case file makes and its laws know, or those they do not."""
+def edits_of(file: CaseFile, system: System, *, known: bool) -> tuple[Edit, ...]:
+    """The edits of the model that a case file makes and its laws know, or those they do not.
+
+    Raises:
+        GrosmcError: If a number is none that a model can have, or an input is unknown.
+    """
     own = (table for table in file.edit if table.parameter is None)
-    return tuple(_edit(table) for table in own if table.known is known)
+    return tuple(_edit(table, system) for table in own if table.known is known)
 
 
-def _edit(table: EditTable) -> Edit:
+def _edit(table: EditTable, system: System) -> Edit:
     """One edit of the model."""
     if table.joint is not None:
         return JointEdit(table.joint, table.damping, table.friction, table.armature, table.tilt)
     if table.input is not None:
-        return InputEdit(table.input, table.gear or 0.0)
+        return InputEdit(in_model(table.input, "input", system), table.gear or 0.0)
     assert table.body is not None
     if table.added_mass is not None:
         return AddedMass(table.body, table.added_mass, (table.at[0], table.at[1], table.at[2]))

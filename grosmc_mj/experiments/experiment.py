@@ -399,7 +399,7 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
     case = case_of(file, nominal.system, path.parent, nominal.rest)
     # The package's own laws are designed once for all experiments on one task and nominal plant.
     shared = file.plant.system is not None and not named_in(file)
-    task = (file.plant.system, edits_of(file, known=True), file.task)
+    task = (file.plant.system, edits_of(file, nominal.system, known=True), file.task)
     designs = _shared_designs(repr(task)) if shared else {}
     made = Experiment(file, path, nominal, case, settings, _designs=designs)
     mistakes = Mistakes()

@@ -136,7 +136,7 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
                 f"edit: {nominal.system.name} has a model in MuJoCo: edit a body instead of "
                 f"{parameters[0]!r}"
             )
-        return _with_known(nominal, edits_of(file, known=True))
+        return _with_known(nominal, edits_of(file, nominal.system, known=True))
     if any(getattr(file, kind) for kind in MACHINE_PARTS):
         raise ArgumentError(f"{nominal.system.name} has no model in MuJoCo, so no machine as built")
     if len(parameters) < len(file.edit):

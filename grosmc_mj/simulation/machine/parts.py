@@ -116,8 +116,8 @@ class Transmission(_MachinePart):
         if math.isfinite(self.stiffness):
             said.append(f"gives way by 1/{self.stiffness:.4g}")
         if self.backlash:
-            said.append(f"play of {self.backlash:.4g}")
-        return f"{self.joint}: transmission with {', '.join(said)}, motor of {self.inertia:.3g}"
+            said.append(f"has a play of {self.backlash:.4g}")
+        return f"{self.joint}: transmission that {' and '.join(said)}, motor of {self.inertia:.3g}"
 
 
 @dataclass(frozen=True)

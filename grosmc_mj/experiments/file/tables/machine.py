@@ -193,7 +193,7 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     for kind, made in MACHINE_PARTS.items():
         for index, table in enumerate(getattr(file, kind)):
             with mistakes.gathered(f"{kind} {index + 1}: "):
-                of = _in_model(getattr(table, made.owner), made.owner, system)
+                of = in_model(getattr(table, made.owner), made.owner, system)
                 given: dict[str, Any] = {**_numbers(kind, of, table, system)}
                 for name in _AS_WRITTEN & table.model_fields_set:
                     value = getattr(table, name)
@@ -203,8 +203,17 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     return tuple(found)
 
 
-def _in_model(name: str, owner: str, system: System) -> str:
-    """What the model calls an input of the system; joints and bodies are called the same."""
+def in_model(name: str, owner: str, system: System) -> str:
+    """What the model calls an input of the system; joints and bodies are called the same.
+
+    Args:
+        name: In a case file.
+        owner: What it is a name of.
+        system: Whose.
+
+    Raises:
+        ArgumentError: If the system has no such input.
+    """
     inputs = [each.name for each in system.inputs]
     if owner != "input":
         return name
