@@ -1,0 +1,477 @@
+"""Machines in files: what a case file says of each part, what laws know of it, and mistakes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grosmc_mj import cli
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.simulation.edits import BodyEdit, InputEdit, JointEdit
+from grosmc_mj.simulation.machine import (
+    LuGre,
+    MachinePart,
+    Motor,
+    SlidingLoad,
+    Stop,
+    SwingingLoad,
+    Transmission,
+    Wall,
+)
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+
+HEAD = """
+[plant]
+system = "{}"
+
+[run]
+duration = "20 ms"
+control_period = "1 ms"
+timestep = "0.25 ms"
+
+[[controller]]
+law = "lqr"
+"""
+TRANSMISSION = """
+[[transmission]]
+joint = "shaft"
+inertia = "10 g m^2"
+"""
+PLAY = f'{TRANSMISSION}backlash = "0.3 deg"\n'
+LUGRE = """
+[[lugre]]
+joint = "shaft"
+coulomb = "0.05 N m"
+"""
+MOTOR = """
+[[motor]]
+input = "current"
+constant = "7.68 mN m/A"
+resistance = "2.6 ohm"
+"""
+DEGREE = math.pi / 180
+
+
+def written(folder: Path, text: str, system: str = "servo") -> Path:
+    file = folder / "mine.toml"
+    file.write_text(HEAD.format(system) + text, encoding="utf-8")
+    return file
+
+
+def read(folder: Path, text: str, system: str = "servo") -> Experiment:
+    return Experiment.load(written(folder, text, system))
+
+
+def numbers(part: Any) -> dict[str, Any]:
+    """What a part has; numbers within the rounding of a unit's conversion."""
+    found = {item.name: getattr(part, item.name) for item in fields(part)}
+    return {
+        name: pytest.approx(value, rel=1e-12) if type(value) is float else value
+        for name, value in found.items()
+    }
+
+
+READ: list[tuple[str, str, MachinePart]] = [
+    (
+        "servo",
+        f"""{TRANSMISSION}
+        stiffness = "0.5 kN m/rad"
+        damping = "20 mN m s/rad"
+        backlash = "0.3 deg"
+        friction = "5 mN m"
+        added = false
+        """,
+        Transmission("shaft", 0.01, 500.0, 0.02, 0.3 * DEGREE, 0.005, added=False),
+    ),
+    ("servo", PLAY, Transmission("shaft", 0.01, math.inf, backlash=0.3 * DEGREE)),
+    (
+        "cart_pendulum",
+        """
+        [[transmission]]
+        joint = "slider"
+        inertia = "71 g"
+        stiffness = "50 N/mm"
+        damping = "20 N s/m"
+        backlash = "0.1 mm"
+        friction = "1 N"
+        """,
+        Transmission("slider", 0.071, 5e4, 20.0, 1e-4, 1.0),
+    ),
+    (
+        "servo",
+        f"""{LUGRE}
+        static = "70 mN m"
+        stiffness = "0.5 N m/deg"
+        damping = "0.24 N m s/rad"
+        stribeck = "3 deg/s"
+        """,
+        LuGre("shaft", 0.05, 0.07, 0.5 / DEGREE, 0.24, 3 * DEGREE),
+    ),
+    (
+        "cart_pendulum",
+        """
+        [[lugre]]
+        joint = "slider"
+        coulomb = "3.2 N"
+        static = "3.9 N"
+        stiffness = "64 kN/m"
+        damping = "640 N s/m"
+        stribeck = "1 cm/s"
+        """,
+        LuGre("slider", 3.2, 3.9, 64e3, 640.0, 0.01),
+    ),
+    (
+        "cart_pendulum",
+        '[[lugre]]\njoint = "hinge"\ncoulomb = "4.1 mN m"\nstiffness = "4.1 N m/rad"\n',
+        LuGre("hinge", 4.1e-3, stiffness=4.1),
+    ),
+    (
+        "servo",
+        """
+        [[stop]]
+        joint = "shaft"
+        low = "-90 deg"
+        high = "2 rad"
+        restitution = 0.3
+        duration = "10 ms"
+        """,
+        Stop("shaft", -math.pi / 2, 2.0, 0.3, 0.01),
+    ),
+    (
+        "cart_pendulum",
+        '[[stop]]\njoint = "slider"\nlow = "-33.5 cm"\nhigh = "335 mm"\n',
+        Stop("slider", -0.335, 0.335),
+    ),
+    (
+        "servo",
+        f"""{MOTOR}
+        inductance = "0.18 mH"
+        ratio = 70
+        efficiency = 0.6
+        voltage = "24 V"
+        current = "4 A"
+        inertia = "4 g cm^2"
+        cogging = "1 mN m"
+        cogging_periods = 24
+        thermal_resistance = "5 K/W"
+        heat_capacity = "20 J/K"
+        added = false
+        """,
+        Motor(
+            "current", 7.68e-3, 2.6, 1.8e-4, 70.0, 0.6, 24.0, 4.0, 0.0, 4e-7, 1e-3, 24.0, 5.0,
+            20.0, added=False,
+        ),
+    ),
+    (
+        "servo",
+        f'{MOTOR}bandwidth = "1 kHz"\n',
+        Motor("current", 7.68e-3, 2.6, bandwidth=2e3 * math.pi),
+    ),
+    (
+        # What people call an input, and what the model does.
+        "two_link_arm",
+        MOTOR.replace('"current"', '"elbow torque"'),
+        Motor("elbow_torque", 7.68e-3, 2.6),
+    ),
+    (
+        "servo",
+        """
+        [[swinging_load]]
+        body = "rotor"
+        mass = "100 g"
+        length = "20 cm"
+        damping = "1 mN m s/rad"
+        at = ["5 cm", "0 m", "-10 mm"]
+        """,
+        SwingingLoad("rotor", 0.1, 0.2, 1e-3, (0.05, 0.0, -0.01)),
+    ),
+    (
+        "servo",
+        """
+        [[sliding_load]]
+        body = "rotor"
+        mass = "100 g"
+        stiffness = "2 N/cm"
+        damping = "3 N s/m"
+        """,
+        SlidingLoad("rotor", 0.1, 200.0, 3.0),
+    ),
+    (
+        "servo",
+        """
+        [[wall]]
+        body = "rotor"
+        radius = "4 cm"
+        at = ["20 cm", "0 m", "0 m"]
+        point = ["0 m", "0 m", "1 m"]
+        normal = [0, 0, -1]
+        restitution = 0.2
+        duration = "15 ms"
+        """,
+        Wall("rotor", 0.04, (0.2, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), 0.2, 0.015),
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("system", "text", "part"), READ)
+def test_a_part_is_read_with_its_units(
+    system: str, text: str, part: MachinePart, tmp_path: Path
+) -> None:
+    (found,) = read(tmp_path, text, system).case.edits
+    assert type(found) is type(part)
+    assert {item.name: getattr(found, item.name) for item in fields(found)} == numbers(part)
+    assert str(found) == str(part)
+
+
+def test_parts_are_the_plants_and_no_laws(tmp_path: Path) -> None:
+    bare, built = read(tmp_path, ""), read(tmp_path, PLAY + LUGRE + MOTOR)
+    assert [type(edit) for edit in built.case.edits] == [Transmission, LuGre, Motor]
+    physics: Any = built.plant("physics")
+    assert physics.parts == built.case.edits
+    for name in ("corrected", "physics"):
+        twin, same = built.plant(name), bare.plant(name)
+        assert twin.parameters == same.parameters
+        ours, theirs = built.law(name, "lqr").parameters, bare.law(name, "lqr").parameters
+        assert ours.plant == theirs.plant
+        np.testing.assert_array_equal(ours.K, theirs.K)
+
+
+# --- edits that laws know ---
+
+GEAR = '[[edit]]\nknown = {}\ninput = "current"\ngear = 0.3\n'
+DAMPING = '[[edit]]\nknown = {}\njoint = "shaft"\ndamping = 0.1\n'
+MASS = '[[edit]]\nknown = {}\nbody = "rotor"\nmass_scale = 2\n'
+
+
+@pytest.mark.parametrize(
+    ("edit", "name", "value"),
+    [(GEAR, "Kt", 0.3), (DAMPING, "B", 0.1), (MASS, "J", 2 * 0.0577)],
+)
+def test_a_known_edit_is_what_laws_believe_and_an_unknown_one_is_not(
+    edit: str, name: str, value: float, tmp_path: Path
+) -> None:
+    nominal = read(tmp_path, "")
+    before = getattr(nominal.law("physics", "lqr").parameters.plant, name)
+    assert before != pytest.approx(value, rel=0.1)
+    for known, believed in (("true", value), ("false", before)):
+        experiment = read(tmp_path, edit.format(known))
+        law = experiment.law("physics", "lqr")
+        assert getattr(law.parameters.plant, name) == pytest.approx(believed, rel=1e-12)
+        true: Any = experiment.plant("corrected").parameters
+        assert getattr(true, name) == pytest.approx(value, rel=1e-12)
+    assert len(read(tmp_path, edit.format("true")).case.edits) == 0
+
+
+def test_a_law_that_knows_one_edit_does_not_know_the_others(tmp_path: Path) -> None:
+    text = GEAR.format("true") + DAMPING.format("false") + MASS.format("true") + LUGRE
+    experiment = read(tmp_path, text + MASS.format("false").replace("2", "1.5"))
+    assert experiment.case.edits == (
+        JointEdit("shaft", damping=0.1), BodyEdit("rotor", 1.5), LuGre("shaft", 0.05)
+    )  # fmt: skip
+    believed = experiment.law("physics", "lqr").parameters.plant
+    assert (believed.Kt, believed.J, believed.B) == pytest.approx((0.3, 2 * 0.0577, 8.8e-3))
+    physics: Any = experiment.plant("physics")
+    true = physics.analytic().parameters
+    # What is not known comes on top of what is.
+    assert (true.Kt, true.J, true.B) == pytest.approx((0.3, 3 * 0.0577, 0.1))
+
+
+def test_a_law_that_knows_every_edit_is_near_its_optimum_and_one_that_does_not_is_not(
+    tmp_path: Path,
+) -> None:
+    away = []
+    for known in ("true", "false"):
+        run = read(tmp_path, GEAR.format(known) + DAMPING.format(known)).run("physics", "lqr")
+        away.append(float(np.abs(run.comparison.deviation).max()))
+    # What is left is a hold of 1 ms: 1 % of what the law does in 20 ms.
+    assert 0 < away[0] < 0.05 * away[1]
+
+
+def test_edits_of_inputs_and_tilts_reach_the_model(tmp_path: Path) -> None:
+    experiment = read(tmp_path, GEAR.format("false"))
+    assert experiment.case.edits == (InputEdit("current", 0.3),)
+    physics: Any = experiment.plant("physics")
+    assert physics.model.actuator_gear[0, 0] == 0.3
+    text = '[[edit]]\nknown = {}\njoint = "shoulder"\ntilt = "5 deg"\n'
+    (edit,) = read(tmp_path, text.format("false"), "two_link_arm").case.edits
+    assert isinstance(edit, JointEdit)
+    assert (edit.joint, edit.tilt) == ("shoulder", pytest.approx(5 * DEGREE))
+    leaning: Any = read(tmp_path, text.format("false"), "two_link_arm").plant("physics")
+    upright = MujocoPlant.load("two_link_arm").model
+    cosine = leaning.model.jnt_axis[0] @ upright.jnt_axis[0]
+    assert cosine == pytest.approx(math.cos(5 * DEGREE))
+
+
+def test_an_input_is_called_the_same_wherever_a_file_names_it(tmp_path: Path) -> None:
+    """What ``grosmc-mj list`` says, not what the model calls its actuator."""
+    text = '[[edit]]\ninput = "elbow torque"\ngear = 1\n'
+    text += MOTOR.replace('"current"', '"elbow torque"')
+    edit, motor = read(tmp_path, text, "two_link_arm").case.edits
+    assert edit == InputEdit("elbow_torque", 1.0)
+    assert isinstance(motor, Motor)
+    assert motor.input == "elbow_torque"
+
+
+ROBOT = """<mujoco model="arm"><option timestep="0.001" integrator="RK4"/><worldbody><body name="a">
+<joint name="hinge" axis="0 1 0" damping="0.1"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.5" mass="1"/></body></worldbody>
+<actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
+
+
+def test_a_robots_known_edits_are_in_the_dynamics_of_its_laws(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(ROBOT, encoding="utf-8")
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        '[plant]\nmodel = "arm.xml"\n[run]\nduration = "20 ms"\n[[controller]]\nlaw = "lqr"\n'
+        '[task]\nreference = ["0.1"]\nQ = [1, 1]\nR = 1\n'
+        '[[edit]]\nknown = true\nbody = "a"\nmass_scale = 2\n'
+        '[[edit]]\njoint = "hinge"\ndamping = 0.5\n'
+        '[[lugre]]\njoint = "hinge"\ncoulomb = "0.05 N m"\n',
+        encoding="utf-8",
+    )
+    experiment = Experiment.load(file)
+    robot = experiment.nominal.robot
+    assert robot is not None
+    assert robot.plant.model.body("a").mass[0] == 2
+    # What it believes of damping is the model's.
+    assert robot.bias([0.0], [1.0]) - robot.bias([0.0], [0.0]) == pytest.approx(0.1)
+    physics: Any = experiment.plant("physics")
+    assert physics.model.body("a").mass[0] == 2
+    assert physics.model.dof_damping[0] == 0.5
+    assert len(physics.parts) == 1
+
+
+# --- mistakes ---
+
+MISTAKES = [
+    (PLAY.replace("shaft", "shfat"), "transmission 1: unknown joint 'shfat': did you mean 'shaft'"),
+    (TRANSMISSION + "stiffness = 100\n", 'stiffness: 100 has no unit: write "100 N m/rad"'),
+    (TRANSMISSION + 'stiffness = "1 N/m"\n', '"1 N/m" cannot be converted to N m/rad'),
+    (TRANSMISSION, "transmission of 'shaft': it is rigid: give a stiffness, a backlash or both"),
+    (PLAY + "added = 1\n", "transmission 1: added = 1 must be true or false"),
+    (PLAY + PLAY, "'shaft' has two of a transmission: leave one out"),
+    (LUGRE + LUGRE, "'shaft' has two of a lugre: leave one out"),
+    (MOTOR + MOTOR, "'current' has two of a motor: leave one out"),
+    (LUGRE.replace("[[lugre]]", "[lugre]"), "[lugre] is one of possibly several: write [[lugre]]"),
+    (LUGRE + 'coloumb = "1 N m"\n', "lugre 1: unknown key 'coloumb': did you mean 'coulomb'"),
+    ('[[lugre]]\njoint = "shaft"\n', "lugre 1: coulomb is missing"),
+    (LUGRE + 'static = "0.01 N m"\n', "static = 0.01 must be at least coulomb = 0.05"),
+    (LUGRE + 'stiffness = "1 GN m/rad"\n', "which a timestep of 0.00025 s makes unstable: take"),
+    (MOTOR.replace("current", "currant"), "motor 1: unknown input 'currant': did you mean 'curr"),
+    (MOTOR.replace("mN m/A", "mV"), '"7.68 mV" cannot be converted to N m/A'),
+    (MOTOR + 'ratio = "70"\n', "motor 1: ratio: '70' must be a number without a unit"),
+    (MOTOR + 'bandwidth = 1000\n', 'bandwidth: 1000 has no unit: write "1000 rad/s"'),
+    (MOTOR + "ratio = 70\nadded = false\n", "which is no part of the model's damping of 0.0088"),
+    (MOTOR + 'heat_capacity = "3 J/K"\n', "heating needs both"),
+    ('[[stop]]\njoint = "shaft"\nlow = "1 rad"\nhigh = "-1 rad"\n', "must be below high = -1"),
+    ('[[stop]]\njoint = "shaft"\nlow = "-1 rad"\nhigh = "1 m"\n', "cannot be converted to rad"),
+    (
+        '[[swinging_load]]\nbody = "roter"\nmass = "1 kg"\nlength = "1 m"\n',
+        "unknown body 'roter': did you mean 'rotor'",
+    ),
+    (
+        '[[swinging_load]]\nbody = "rotor"\nmass = "1 kg"\nlength = "1 m"\nat = ["1 m", "0 m"]\n',
+        "swinging_load 1: at: at least 3 items",
+    ),
+    (
+        '[[sliding_load]]\nbody = "rotor"\nmass = "-1 kg"\nstiffness = "1 N/m"\n',
+        "sliding_load 1: sliding load of 'rotor': mass = -1 must be positive",
+    ),
+    ('[[wall]]\nbody = "rotor"\nradius = "1 cm"\nnormal = [0, 0, 0]\n', "must point somewhere"),
+    (
+        '[[edit]]\nknown = true\nparameter = "inertia"\nscale = 2\n',
+        "edit 1: known is for a model: give equations of your own the numbers at once",
+    ),
+    ('[[edit]]\nknown = true\nbody = "rotor"\n', "edit 1: the edit changes nothing"),
+    ('[[edit]]\nknown = "yes"\ninput = "current"\ngear = 1\n', "known = 'yes' must be true or"),
+    ('[[edit]]\nknown = true\njoint = "shfat"\ndamping = 1\n', "unknown joint 'shfat': did you"),
+    ('[[edit]]\nknown = true\njoint = "shaft"\ndamping = 1\n' * 2, "'shaft' is edited twice"),
+    ('[[edit]]\ninput = "currant"\ngear = 1\n', "unknown input 'currant': did you mean 'current'"),
+    ('[[edit]]\ninput = "current"\ngear = 0\n', "edit of input 'current': gear = 0 must be finite"),
+    ('[[edit]]\njoint = "shaft"\ngear = 2\n', "edit 1: a joint has no gear; valid: damping"),
+    ('[[edit]]\njoint = "shaft"\ntilt = 0.1\n', 'edit 1: tilt: 0.1 has no unit: write "0.1 rad"'),
+    ('[[edit]]\njoint = "shaft"\ntilt = "90 deg"\n', "must be less than a quarter of a turn"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "said"), MISTAKES, ids=[said for _, said in MISTAKES])
+def test_a_mistake_is_one_line_with_the_file_and_exit_code_2(
+    text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, text)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["run", str(file), "--out", str(tmp_path)])
+    assert stop.value.code == 2
+    error = capsys.readouterr().err.strip()
+    assert error.startswith(f"grosmc-mj: {file}: ")
+    assert said in error
+    assert "\n" not in error
+
+
+def test_two_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = written(tmp_path, PLAY.replace("shaft", "shfat") + LUGRE + "stiffness = 4\n")
+    with pytest.raises(SystemExit):
+        cli.main(["run", str(file), "--out", str(tmp_path)])
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert lines[0] == f"grosmc-mj: {file}: 2 mistakes:"
+    assert "transmission 1: unknown joint" in lines[1]
+    assert "lugre 1: stiffness: 4 has no unit" in lines[2]
+
+
+def test_equations_of_ones_own_have_no_machine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from grosmc_mj.cases.maglev.maglev import plant\n", encoding="utf-8"
+    )
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        '[plant]\nplant = "mine:plant"\nat = { gap = "10 mm" }\n[run]\nduration = "10 ms"\n'
+        '[[controller]]\nlaw = "lqr"\nQ = [1, 1, 1]\nR = 1\n' + MOTOR,
+        encoding="utf-8",
+    )
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["run", str(file), "--out", str(tmp_path)])
+    assert stop.value.code == 2
+    said = f"grosmc-mj: {file}: maglev has no model in MuJoCo, so no machine as built\n"
+    assert capsys.readouterr().err == said
+
+
+# --- the machines of the package ---
+
+MACHINES = [name for name in shipped_files() if name.endswith("/machine")]
+
+
+def test_every_shipped_system_of_the_chapter_has_a_machine() -> None:
+    assert sorted(MACHINES) == [
+        f"{system}/machine" for system in ("arm", "cart_pendulum", "servo", "two_link_arm")
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", MACHINES)
+def test_a_shipped_machine_moves_alike_in_both_engines(target: str) -> None:
+    experiment = Experiment.load(target)
+    short = experiment.varied(duration=0.2)
+    parts = [edit for edit in short.case.edits if isinstance(edit, MachinePart)]
+    assert parts
+    runs = [
+        short.with_settings(engine=engine).run("physics", experiment.controllers[0]).trajectory
+        for engine in ("native", "python")
+    ]
+    ours, theirs = runs
+    assert ours.physics is not None
+    assert theirs.physics is not None
+    assert ours.time[-1] == pytest.approx(0.2)
+    np.testing.assert_array_equal(ours.physics, theirs.physics)
+    np.testing.assert_array_equal(ours.input, theirs.input)
+    np.testing.assert_array_equal(ours.command, theirs.command)
+    # It is no rigid plant that was run.
+    physics: Any = experiment.plant("physics")
+    assert physics.model.nv > len(experiment.nominal.system.joints)
