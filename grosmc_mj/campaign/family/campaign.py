@@ -10,8 +10,12 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.family import Family, Quantity, family_of
-from grosmc_mj.campaign.family.loop_extremes import refuse_impossible_loops
+from grosmc_mj.campaign.family.extremes import (
+    largest_machine,
+    refuse_impossible_loops,
+    refuse_impossible_machines,
+)
+from grosmc_mj.campaign.family.family import LARGEST_SCALE, Family, Quantity, family_of
 from grosmc_mj.campaign.family.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import Specification, specification_of
@@ -94,6 +98,7 @@ class Campaign:
         requirements = required(limits, laws)
         found = cls(specification, experiment, family, laws, requirements, tuple(notes))
         found.plant_sample(found.family.nominal).plant(found.plant)
+        refuse_impossible_machines(family, lambda row: found.plant_sample(row).plant(found.bare))
         refuse_impossible_loops(family, laws, lambda row: found.plant_sample(row).case.loop)
         for law in laws.values():
             found._refuse_unmeasurable(law)
@@ -134,6 +139,14 @@ class Campaign:
     def bare(self) -> Plant:
         """The same without what is only drawn, which costs most of compiling a model."""
         return self.plant.undrawn()
+
+    @cached_property
+    def largest_scale(self) -> float:
+        """How far searches and promises scale the uncertainty: to what can be, and no farther."""
+        most = min(LARGEST_SCALE, self.family.largest_scale * (1 - 1e-9))
+        return largest_machine(
+            self.family, lambda row: self.plant_sample(row).plant(self.bare), most
+        )
 
     @property
     def control_period(self) -> float:

@@ -19,7 +19,12 @@ from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS, loop_unit
-from grosmc_mj.experiments.file.tables.machine import MACHINE_PARTS, MACHINE_UNITS, machine_unit
+from grosmc_mj.experiments.file.tables.machine import (
+    MACHINE_PARTS,
+    MACHINE_UNITS,
+    in_model,
+    machine_unit,
+)
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.running import METRICS
@@ -237,7 +242,7 @@ def _refuse_twice(names: Sequence[str], how: str) -> None:
 
 def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     """One uncertain number, with its unit and its nominal value."""
-    unit, index = QUANTITIES[table.owner][table.quantity], -1
+    unit, index, of = QUANTITIES[table.owner][table.quantity], -1, table.of
     if table.owner == "start":
         names = [state.name for state in plant.system.states]
         if table.of not in names:
@@ -247,12 +252,13 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     if table.owner in LOOP_UNITS:
         unit = loop_unit(table.owner, table.of, table.quantity, plant.system)
     if table.owner in MACHINE_UNITS:
+        of = in_model(table.of, MACHINE_PARTS[table.owner].owner, plant.system)
         unit = machine_unit(table.owner, table.of, table.quantity, plant.system)
     read = partial(number_in, unit=unit)
     found = Quantity(
         name=table.called,
         owner=table.owner,
-        of=table.of,
+        of=of,
         quantity=table.quantity,
         at=(table.at[0], table.at[1], table.at[2]),
         unit=unit,
@@ -352,7 +358,8 @@ def _of_loop(table: UncertainTable, case: Case, plant: Any) -> float:
 
 def _of_machine(table: UncertainTable, case: Case, plant: Any) -> float:
     kind = MACHINE_PARTS[table.owner]
-    own = [each for each in case.edits if isinstance(each, kind) and each.of == table.of]
+    of = in_model(table.of, kind.owner, plant.system)
+    own = [each for each in case.edits if isinstance(each, kind) and each.of == of]
     if len(own) != 1:
         raise ArgumentError(
             f"the file has {len(own) or 'no'} [[{table.owner}]] of {table.of!r}: it must have one"

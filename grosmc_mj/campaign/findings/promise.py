@@ -23,7 +23,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.family import LARGEST_SCALE, Quantity
+from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.premises.audit import largest_rate, least_margin
@@ -164,7 +164,7 @@ class PromisedFamily:
         """The largest scale of the uncertainty at which the premises hold, by bisection."""
         if not self.holds(0.0):
             return Promise(0.0, "the premises do not hold for the nominal plant")
-        most = min(LARGEST_SCALE, self.campaign.family.largest_scale * (1 - 1e-9))
+        most = self.campaign.largest_scale
         if self.holds(most):
             return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
         low, high = 0.0, most

@@ -9,7 +9,6 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.family import LARGEST_SCALE
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.findings.promise import Promise, promise, surface_band
 from grosmc_mj.campaign.runs.shard import Outcomes, evaluate
@@ -109,7 +108,7 @@ def radius(
     family = campaign.family
     points = _points(campaign)
     values = family.values(points)
-    largest = min(LARGEST_SCALE, family.largest_scale * (1 - 1e-9))
+    largest = campaign.largest_scale
     band = surface_band(campaign, controller)
     looks: dict[float, Look] = {}
 
