@@ -89,6 +89,8 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
     commands = (-math.inf, math.inf)
     if not servo and model.actuator_ctrllimited[index]:
         commands = _scaled(gain, model.actuator_ctrlrange[index])
+    if model.actuator_actlimited[index]:
+        commands = _within(commands, _scaled(gain, model.actuator_actrange[index]))
     if model.actuator_forcelimited[index]:
         commands = _within(commands, model.actuator_forcerange[index])
     low, high = _scaled(gear, commands)
@@ -99,7 +101,7 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
     said = ""
     if beyond:
         said = f"actuator {name!r}: the plant has {beyond}, which no law knows; torque control "
-        said += limits
+        said += f"{limits} instead of the {servo}" if servo else limits
     elif servo:
         said = f"actuator {name!r}: the {servo} is left out, torque control {limits} instead"
     elif gear * gain != 1:
@@ -153,6 +155,8 @@ def _unfit(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
         return "has a gain that depends on the state"
     if dynamics in _LAGS and bias != mujoco.mjtBias.mjBIAS_NONE:
         return "is a servo behind a lag"
+    if dynamics == mujoco.mjtDyn.mjDYN_FILTER and model.actuator_dynprm[index, 0] <= 0:
+        return "has a lag of 0 s, which nothing can simulate"
     if not dcmotor and bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
         return f"has a bias of kind {bias.name.removeprefix('mjBIAS_').lower()}"
     if own.plugin.active:
@@ -246,7 +250,10 @@ def _build(motor: mujoco.MjsActuator, own: Mapping[str, Any], drive: Drive) -> N
         if c < 0:
             raise ModelError(f"actuator {drive.name!r} is a DC motor with a negative gear")
     else:
-        gain[0] = 1.0 / gear
+        # Activations are torques now, too, and a servo's own loop is left out.
+        factor, gain[0] = gear * gain[0], 1.0 / gear
+        motor.actrange = _scaled(factor, own["actrange"])
+        motor.biastype, motor.biasprm = mujoco.mjtBias.mjBIAS_NONE, [0.0] * 10
         # Its limit of force stays: that of its control is the torque's now.
     motor.gainprm = gain
     if math.isfinite(drive.high):
