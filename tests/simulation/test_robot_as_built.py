@@ -131,12 +131,26 @@ def test_limits_are_torques_whatever_they_were_limits_of() -> None:
 
 def test_an_activations_limits_are_torques_too() -> None:
     limited = LAG.replace("ctrlrange", 'actlimited="true" actrange="-1 2" ctrlrange')
-    made = robot(limited)
+    # RK4 looks beyond them within a step.
+    made = robot(limited, integrator="implicitfast")
     np.testing.assert_array_equal(made.limits, [[-16, 8]])
     ends = [torques(made.built, u, 400)[-1] for u in (-1e3, 1e3)]
     assert ends == pytest.approx([-16, 8], rel=1e-6)
     beyond = robot(LAG.replace("ctrlrange", 'actlimited="true" actrange="-9 9" ctrlrange'))
     np.testing.assert_array_equal(beyond.limits, [[-40, 24]])
+
+
+def test_a_motor_within_a_current_may_be_asked_for_what_its_speed_takes() -> None:
+    """At 8 rad/s 24 V give the 4 N m that its current allows, and 8 V are what it brakes with."""
+    limited = DCMOTOR.replace(' inductance="0.01"', "").replace(
+        'gear="50"', 'gear="50" saturation="0.08 0 0"'
+    )
+    made = robot(limited)
+    np.testing.assert_array_equal(made.limits, [[-4, 4]])
+    heavy = made.built.edited(AddedMass("link", 1e9, (0.0, 0.0, 0.5)))
+    for volts, torque in ((24, 4.0), (22, 2.5), (20, 0.0), (0, -4.0)):
+        found = torques(heavy, volts * 50 * 0.05 / 2, 2, v=8.0)[-1]
+        assert found == pytest.approx(torque, abs=1e-3)
 
 
 def test_a_joints_own_force_range_holds_on_the_built_plant() -> None:

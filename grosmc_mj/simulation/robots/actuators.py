@@ -40,6 +40,7 @@ class Drive(NamedTuple):
         high: Largest.
         said: How it differs from the model's actuator; empty if it does not.
         built: Whether the plant has the model's actuator, which does more than the laws believe.
+        asked: Range of what can be asked for, of a motor at rest [N m or N]; infinite for none.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Drive(NamedTuple):
     high: float
     said: str
     built: bool = False
+    asked: tuple[float, float] = (-math.inf, math.inf)
 
 
 def torque_drives(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[Drive, ...]:
@@ -89,6 +91,7 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
     commands = (-math.inf, math.inf)
     if not servo and model.actuator_ctrllimited[index]:
         commands = _scaled(gain, model.actuator_ctrlrange[index])
+    asked = _scaled(gear, commands)
     if model.actuator_actlimited[index]:
         commands = _within(commands, _scaled(gain, model.actuator_actrange[index]))
     if model.actuator_forcelimited[index]:
@@ -107,7 +110,7 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
     elif gear * gain != 1:
         said = f"actuator {name!r}: its input is torque at the joint, with its gear {gear:g} and "
         said += f"gain {gain:g} in the limits, {limits}"
-    return Drive(name, model.joint(joint).name, low, high, said, bool(beyond))
+    return Drive(name, model.joint(joint).name, low, high, said, bool(beyond), asked)
 
 
 def _is_dcmotor(model: mujoco.MjModel, index: int) -> bool:
@@ -254,10 +257,7 @@ def _build(motor: mujoco.MjsActuator, own: Mapping[str, Any], drive: Drive) -> N
         factor, gain[0] = gear * gain[0], 1.0 / gear
         motor.actrange = _scaled(factor, own["actrange"])
         motor.biastype, motor.biasprm = mujoco.mjtBias.mjBIAS_NONE, [0.0] * 10
-        # Its limit of force stays: that of its control is the torque's now.
     motor.gainprm = gain
-    if math.isfinite(drive.high):
-        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
-        motor.ctrlrange = [drive.low, drive.high]
-    else:
-        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    # Limits of forces stay: a motor on a voltage may be asked for more than it gives at rest.
+    motor.ctrllimited = mujoco.mjtLimited(int(math.isfinite(drive.asked[1])))
+    motor.ctrlrange = drive.asked if math.isfinite(drive.asked[1]) else [0.0, 0.0]
