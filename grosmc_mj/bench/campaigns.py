@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from mujoco.batch import Batch
 
-from grosmc_mj.bench.loops import Throughput, TimedLoop, measured
+from grosmc_mj.bench.batches import closed_loop, open_batch
+from grosmc_mj.bench.timing import Throughput, measured
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import campaign_files, specification_of
 from grosmc_mj.campaign.runs.executors import make_executor
@@ -23,9 +23,7 @@ from grosmc_mj.campaign.runs.shard import laws_with_meters, plants_of
 from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
-from grosmc_mj.simulation.engines.native_batch import NativeBatch
 from grosmc_mj.simulation.mujoco_plant import Integrator
-from grosmc_mj.simulation.prepare import prepare
 
 _PLANTS, _STEPS = 4096, 100
 _LAW = "grosmc"
@@ -80,35 +78,18 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     plant_samples = [campaign.plant_sample(row) for row in campaign.values(range(_PLANTS))]
     plants = plants_of(campaign, plant_samples)
     starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
-    problem, _ = prepare(
-        plants,
-        laws_with_meters(campaign, law, plant_samples),
-        starts,
-        duration=_STEPS * campaign.control_period,
-        control_period=campaign.control_period,
-        disturbances=[list(plant_sample.case.disturbances) for plant_sample in plant_samples],
-        record=False,
-    )
-    models = [plant.any_model for plant in plants]
-
-    def open_loop() -> Callable[[], object]:
-        batch = Batch(models[0], _PLANTS)
-        batch.set_models(models)
-        batch.bind("qpos")[:] = starts[:, : starts.shape[1] // 2]
-        return lambda: batch.step(nstep=_STEPS)
-
-    def closed_loop() -> Callable[[], object]:
-        batch = NativeBatch(problem)
-        return lambda: batch.advance(_STEPS)
-
-    name = "Batch.step(nstep), open loop"
+    law_of_each = laws_with_meters(campaign, law, plant_samples)
     return measured(
         [
-            TimedLoop(name, _PLANTS, _STEPS, open_loop, name),
-            TimedLoop("campaign: GROSMC, meters, torque", _PLANTS, _STEPS, closed_loop, name),
+            open_batch(plants, starts, _STEPS),
+            closed_loop(
+                "campaign: GROSMC, meters, torque", plants, law_of_each, starts, _STEPS,
+                control_period=campaign.control_period,
+                disturbances=[list(each.case.disturbances) for each in plant_samples],
+            ),
         ],
         rounds,
-    )
+    )  # fmt: skip
 
 
 def costs(sizes: Sequence[tuple[int, float, Integrator]]) -> list[Cost]:

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from grosmc_mj.bench.campaigns import Cost, Scaling
 from grosmc_mj.bench.films import FilmRate
-from grosmc_mj.bench.loops import Throughput
+from grosmc_mj.bench.timing import Throughput
 from grosmc_mj.report.tables import numbers, table, words
 
 

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import importlib.util
 
+import numpy as np
 import pytest
 
+import grosmc_mj as gm
+from grosmc_mj.bench.batches import batch_at
 from grosmc_mj.bench.loops import benchmark
+from grosmc_mj.bench.machines import benchmark_machines
+from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 
 @pytest.mark.slow
@@ -24,3 +30,35 @@ def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
     assert rows["Batch.step(nstep), open loop"].ratio == 1
     there = importlib.util.find_spec("dm_control") is not None
     assert ("dm_control suite cartpole" in rows) == there
+
+
+@pytest.mark.slow
+def test_every_machine_is_measured_with_all_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grosmc_mj.bench.machines._SIMULATIONS", 3)
+    monkeypatch.setattr("grosmc_mj.bench.machines._STEPS", 4)
+    found = benchmark_machines(rounds=1)
+    assert list(found) == [f"{system}/machine" for system in SYSTEMS]
+    for case, (open_loop, closed) in found.items():
+        assert open_loop.ratio == 1
+        assert closed.ratio == pytest.approx(closed.rate / open_loop.rate)
+        assert (closed.baseline, closed.simulations) == (open_loop.loop, 3)
+        assert closed.loop == f"{case.split('/')[0]}: GROSMC, native, batch"
+        plant = gm.Experiment.load(case).plant("physics")
+        assert isinstance(plant, MujocoPlant)
+        assert plant.unseen
+
+
+@pytest.mark.slow
+def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
+    """With motors at their joints and what swings straight below its hinge."""
+    plant = gm.MujocoPlant.load("cart_pendulum").edited(
+        gm.simulation.Transmission("slider", 0.1, stiffness=1e4),
+        gm.simulation.SwingingLoad("cart", 0.1, 0.2),
+    )
+    x0 = np.array([[0.1, -0.2, 0.3, 0.0]] * 2)
+    law = gm.Experiment.load("cart_pendulum/nominal").law("physics", "lqr")
+    run = gm.simulate(plant, law, x0, duration=0.001)
+    assert run.physics is not None
+    begun = batch_at([plant] * 2, x0)
+    np.testing.assert_array_equal(begun.bind("qpos"), run.physics[:, 0, 1:5])
+    np.testing.assert_array_equal(begun.bind("qvel"), run.physics[:, 0, 5:9])

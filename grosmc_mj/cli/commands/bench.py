@@ -17,7 +17,7 @@ from grosmc_mj.errors import ArgumentError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grosmc_mj.bench.loops import Throughput
+    from grosmc_mj.bench.timing import Throughput
 
 _MOST_ROUNDS = 10**4
 _INTEGRATORS = ("RK4", "implicitfast")
@@ -33,8 +33,10 @@ class BenchCommand(Command):
 
     Attributes:
         integrator: MuJoCo's integrator; by default both RK4, the model's own, and implicitfast.
-        rounds: How often each loop is measured; by default 15 times, robots 5 and films 3 times.
+        rounds: How often each loop is measured; by default 15 times, robots and
+            machines 5 and films 3 times.
         robot: Measure 1024 Jaco arms of dm_control with payloads instead.
+        machine: Measure 1024 of each shipped machine instead: gear, friction, motor and stops.
         campaign: Measure a campaign of 4096 pendulums instead, its memory and its workers.
         films: Measure films instead: composed frames per second against bare mujoco.Renderer
             frames of the same size.
@@ -43,6 +45,7 @@ class BenchCommand(Command):
     integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     rounds: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     robot: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    machine: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     campaign: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
@@ -57,6 +60,8 @@ class BenchCommand(Command):
             measure = self._campaign
         elif self.robot:
             measure = self._robots
+        elif self.machine:
+            measure = self._machines
         words, tables = measure()
         console = screen.console()
         console.print(words, style="bold", markup=False)
@@ -84,6 +89,16 @@ class BenchCommand(Command):
 
         rows = benchmark_robots(self.rounds or 5)
         return _least(rows), [throughput_table(rows, "Jaco arms with payloads, Euler")]
+
+    def _machines(self) -> tuple[str, list[Table]]:
+        """Machines as built."""
+        from grosmc_mj.bench.machines import benchmark_machines
+        from grosmc_mj.bench.tables import throughput_table
+
+        found = benchmark_machines(self.rounds or 5)
+        return _least([row for rows in found.values() for row in rows]), [
+            throughput_table(rows, case) for case, rows in found.items()
+        ]
 
     def _films(self) -> tuple[str, list[Table]]:
         """Frames per second of a film beside bare ones."""

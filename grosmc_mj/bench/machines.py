@@ -1,0 +1,42 @@
+"""Throughput of machines as built under GROSMC beside the same machines in open loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from grosmc_mj.bench.batches import closed_loop, open_batch
+from grosmc_mj.bench.timing import Throughput, measured
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.plants import SYSTEMS
+
+_SIMULATIONS, _STEPS = 1024, 100
+_LAW = "grosmc"
+
+
+def benchmark_machines(rounds: int = 5) -> dict[str, Sequence[Throughput]]:
+    """Measure 1024 copies of each shipped machine with all its parts, without its loop.
+
+    The law is asked at every timestep; in open loop the machine begins where it does there.
+
+    Args:
+        rounds: How often each loop is measured.
+
+    Returns:
+        By case.
+    """
+    return {f"{system}/machine": _benchmark(system, rounds) for system in SYSTEMS}
+
+
+def _benchmark(system: str, rounds: int) -> list[Throughput]:
+    """One machine."""
+    machine = find_experiment(system, "machine")
+    experiment = machine.varied(loop=None).with_settings(control_period=machine.settings.timestep)
+    plant = experiment.plant("physics")
+    plants = [plant] * _SIMULATIONS
+    starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
+    law = experiment.law("physics", _LAW)
+    name = f"{system}: GROSMC, native, batch"
+    loops = [open_batch(plants, starts, _STEPS), closed_loop(name, plants, law, starts, _STEPS)]
+    return measured(loops, rounds)
