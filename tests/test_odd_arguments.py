@@ -108,6 +108,11 @@ def saved() -> Path:
     return recorded().save(folder / "run.npz")
 
 
+def built(part: Callable[..., Any]) -> Callable[..., Any]:
+    """Makes a part of a machine, and the servo with it."""
+    return lambda **given: servo().edited(part(**given)).model
+
+
 def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Public functions and classes, each with arguments that it takes."""
     plain = {"plant": servo(), "controller": lqr_law(), "x0": [0.0, 0.0], "duration": 0.002}
@@ -245,6 +250,40 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "JointEdit": (
             gm.JointEdit,
             {"joint": "hinge", "damping": 1.0, "friction": None, "armature": None},
+        ),
+        "Transmission": (
+            built(gm.simulation.Transmission),
+            {"joint": "shaft", "inertia": 0.01, "stiffness": 100.0, "damping": 0.01}
+            | {"backlash": 1e-3, "friction": 0.01, "added": True},
+        ),
+        "LuGre": (
+            built(gm.simulation.LuGre),
+            {"joint": "shaft", "coulomb": 0.1, "static": 0.2, "stiffness": 100.0}
+            | {"damping": 0.1, "stribeck": 0.05},
+        ),
+        "Stop": (
+            built(gm.simulation.Stop),
+            {"joint": "shaft", "low": -1.0, "high": 1.0, "restitution": 0.3, "duration": 0.02},
+        ),
+        "Motor": (
+            built(gm.simulation.Motor),
+            {"input": "current", "constant": 0.01, "resistance": 2.0, "inductance": 1e-2}
+            | {"ratio": 70.0, "efficiency": 0.6, "voltage": 24.0, "current": 4.0}
+            | {"inertia": 1e-6, "cogging": 1e-3, "cogging_periods": 12.0, "added": True}
+            | {"thermal_resistance": 5.0, "heat_capacity": 2.0, "bandwidth": 0.0},
+        ),
+        "SwingingLoad": (
+            built(gm.simulation.SwingingLoad),
+            {"body": "rotor", "mass": 0.1, "length": 0.2, "damping": 0.01, "at": (0, 0, 0.1)},
+        ),
+        "SlidingLoad": (
+            built(gm.simulation.SlidingLoad),
+            {"body": "rotor", "mass": 0.1, "stiffness": 10.0, "damping": 0.1, "at": (0, 0, 0.1)},
+        ),
+        "Wall": (
+            built(gm.simulation.Wall),
+            {"body": "rotor", "radius": 0.1, "at": (0, 0, 0.1), "point": (0, 0, -1.0)}
+            | {"normal": (0, 0, 1), "restitution": 0.2, "duration": 0.02},
         ),
         "Realization": (
             gm.Realization,

@@ -1,6 +1,7 @@
 from .disturbances import Constant, SineFrom
 from .linearization import linearize
 from .loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from .machine import LuGre, Motor, SlidingLoad, Stop, SwingingLoad, Transmission, Wall
 from .models import load_model
 from .trajectory import Status
 
@@ -10,9 +11,16 @@ __all__ = [
     "Constant",
     "Estimator",
     "Loop",
+    "LuGre",
+    "Motor",
     "Sensor",
     "SineFrom",
+    "SlidingLoad",
     "Status",
+    "Stop",
+    "SwingingLoad",
+    "Transmission",
+    "Wall",
     "in_loop",
     "linearize",
     "load_model",

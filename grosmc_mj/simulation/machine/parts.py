@@ -16,6 +16,8 @@ from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.errors import ModelError, shown
 
 _Place = tuple[float, float, float]
+# Sizes of numbers, in any unit: beyond them is a slip, and squares leave what floats hold.
+_LEAST, _MOST = 1e-15, 1e15
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,13 @@ class _MachinePart:
             fine, wanted = number > 0, "positive"
         else:
             fine, wanted = number >= 0, "not negative"
-        if math.isinf(number) and name not in self.infinite:
+        # A whole number beyond floats is no infinity.
+        if math.isinf(number) and not (name in self.infinite and isinstance(value, float)):
             fine, wanted = False, f"finite and {wanted}"
+        elif name in self.positive and 0 < number < _LEAST:
+            fine, wanted = False, f"at least {_LEAST:g}"
+        elif math.isfinite(number) and abs(number) > _MOST:
+            fine, wanted = False, f"at most {_MOST:g}" if number > 0 else f"at least {-_MOST:g}"
         if not fine:
             self._refuse(f"{name} = {shown(value)} must be {wanted}")
 
@@ -245,6 +252,8 @@ class Motor(_MachinePart):
             self._refuse(f"efficiency = {self.efficiency:g} must be at most 1")
         if bool(self.thermal_resistance) != bool(self.heat_capacity):
             self._refuse("heating needs both thermal_resistance and heat_capacity")
+        if 0 < self.time_constant < _LEAST:
+            self._refuse(f"its current follows in {self.time_constant:.2g} s: leave that out")
         if self.bandwidth and math.isfinite(self.voltage):
             self._refuse(
                 "a current loop's own limit of voltage is not in MuJoCo's motor: give a voltage "
