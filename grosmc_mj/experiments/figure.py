@@ -1,7 +1,8 @@
-"""The figure of a case file: outputs, distance from the optimum, what is limited, s and input."""
+"""The figure of a case: outputs, distance from the optimum, limits, s, input, what is unseen."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -26,7 +27,9 @@ from grosmc_mj.report.palette import (
     label_of,
     law_styles,
 )
+from grosmc_mj.report.tables import prefixed
 from grosmc_mj.simulation.loop.layout import rate_positions
+from grosmc_mj.simulation.machine.unseen import UnseenState
 from grosmc_mj.simulation.trajectory import Status
 
 # Of a panel [inch], and what stands around them all.
@@ -36,7 +39,10 @@ _LIMIT: dict[str, Any] = {"color": BLACK, "lw": 1.0, "ls": (0, (4, 2)), "zorder"
 # A rate as it is, and as a law sees it on top.
 _TRUE: dict[str, Any] = {"color": BLACK, "lw": 3.2, "alpha": 0.45}
 _SEEN: dict[str, Any] = {"color": ORANGE, "lw": 1.3}
+_PLAY: dict[str, Any] = {"color": BLACK, "alpha": 0.13, "lw": 0}
 _MARK_SIZE = 8
+# Of what no law sees on a machine the most telling, and at most so many.
+_TELLING, _TOLD = ("twist", "winding", "load", "temperature", "bristle"), 3
 # More outputs than this are drawn side by side in pairs.
 _ONE_BELOW_THE_OTHER = 3
 
@@ -52,6 +58,7 @@ class _Panel(NamedTuple):
         every_plant: Whether runs on every plant are drawn, or those on the last one only.
         signed: Whether it has a sign, so that a limit is one to both sides.
         rate: The state that is drawn as it is and as one law sees it, instead of a curve.
+        play: Of a transmission, shaded to both sides of zero.
     """
 
     label: str
@@ -61,6 +68,7 @@ class _Panel(NamedTuple):
     every_plant: bool = True
     signed: bool = True
     rate: int | None = None
+    play: float = 0.0
 
 
 def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
@@ -90,6 +98,8 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
         if panel.reference is not None:
             time = results[0].comparison.time
             where.plot(time, panel.reference(results[0]), label="reference", **REFERENCE)
+        if panel.play:
+            where.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
         where.set_ylabel(panel.label)
         shade_disturbances(where, results[0].case)
         _mark(where, panel, results)
@@ -195,6 +205,7 @@ def _panels(results: Sequence[RunResult]) -> list[_Panel]:
             signed=one,
         )
     )
+    panels += itertools.islice(_unseen(_calmest_last(results)), _TOLD)
     return panels
 
 
@@ -209,6 +220,34 @@ def _seen_rates(run: RunResult) -> Iterator[_Panel]:
     for unit in dict.fromkeys(states[i].unit for i in rates):
         worst = max((i for i in rates if states[i].unit == unit), key=lambda i: off[i])
         yield _Panel(f"{states[worst].name} [{unit}]", _misseen, (), rate=worst)
+
+
+def _unseen(runs: Sequence[RunResult]) -> Iterator[_Panel]:
+    """Of what no law sees on a machine, the largest signal of each kind and unit."""
+    found = runs[0].trajectory.unseen
+    sizes = {
+        each: max(float(np.abs(_of_machine(run, each)).max(initial=0.0)) for run in runs)
+        for each in found
+    }
+    for kind, unit in itertools.product(_TELLING, dict.fromkeys(each.unit for each in found)):
+        alike = [each for each in found if (each.kind, each.unit) == (kind, unit)]
+        if not alike:
+            continue
+        largest = max(alike, key=lambda each: sizes[each])
+        shown, scale = prefixed(unit, sizes[largest])
+
+        def curve(run: RunResult, each: UnseenState = largest, scale: float = scale) -> Array:
+            return scale * _of_machine(run, each)
+
+        label = f"{largest.name},\nnot seen [{shown}]"
+        yield _Panel(label, curve, (), every_plant=False, play=scale * largest.play)
+
+
+def _of_machine(run: RunResult, each: UnseenState) -> Array:
+    """What no law sees, at every instant of a run in MuJoCo."""
+    physics = run.trajectory.physics
+    assert physics is not None  # what is unseen is of a plant in MuJoCo
+    return each.of(physics)
 
 
 def _outputs(results: Sequence[RunResult]) -> Iterator[_Panel]:

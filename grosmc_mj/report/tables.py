@@ -15,6 +15,8 @@ from rich.text import Text
 WIDTH, _NAME = 100, 20
 # Units for people.
 _SHOWN = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
+# By the powers of a thousand below one.
+_PREFIXES = ("", "m", "µ")
 
 Cell = str | Text
 
@@ -91,6 +93,19 @@ def table(
             *(escape(cell) if isinstance(cell, str) else cell for cell in cells), style=style
         )
     return shown
+
+
+def prefixed(unit: str, value: float) -> tuple[str, float]:
+    """The unit in which a number of this size is easily read, and the factor to it.
+
+    Args:
+        unit: Such as rad.
+        value: Not negative; of 1 and above, zero and what is not finite the unit stays.
+    """
+    if not (value > 0 and math.isfinite(value)):
+        return unit, 1.0
+    power = min(2, max(0, math.ceil(-math.log10(value) / 3 - 1e-9)))
+    return _PREFIXES[power] + unit, 1000.0**power
 
 
 def number(value: float | None) -> str:

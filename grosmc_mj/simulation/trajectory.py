@@ -20,6 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
+from grosmc_mj.simulation.machine.unseen import UnseenState
 from grosmc_mj.versions import versions
 
 
@@ -64,6 +65,8 @@ class Trajectory:
         valid_until: Time up to which each run is valid [s], () or (nsim,).
         seen: What sensors and estimators told of x at the last sample, (..., N, n); None for a
             law that knows it.
+        unseen: What of ``physics`` no law sees, such as twists and currents of a machine; of a
+            batch one such tuple for each run.
     """
 
     system: System
@@ -79,6 +82,7 @@ class Trajectory:
     status: NDArray[np.object_]
     valid_until: Array
     seen: Array | None = None
+    unseen: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
         """What it is, without its rows."""
@@ -115,10 +119,10 @@ class Trajectory:
         """Write one run as ``.parquet``, ``.npz`` or ``.csv``, by the ending.
 
         A column is a signal with its unit: ``time``, each state by its name, the inputs as they
-        were applied and as they were asked for, ``s``, ``v``, memory, forces and torques; a unit
-        that nothing here knows is left empty. A row is an instant; what is held over an interval
-        stands at its beginning, and the last row has none. The first two formats keep all of the
-        run, for ``load_trajectory``.
+        were applied and as they were asked for, ``s``, ``v``, memory, forces and torques, what of
+        a machine no law sees; a unit that nothing here knows is left empty. A row is an instant;
+        what is held over an interval stands at its beginning, and the last row has none. The first
+        two formats keep all of the run, for ``load_trajectory``.
 
         Args:
             path: The file.
@@ -151,6 +155,9 @@ class Trajectory:
             ("wrench", _wrench_names(system) if self.wrench is not None else [], self.wrench),
             ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
         ]
+        if self.physics is not None and self.unseen:
+            rows = np.stack([each.of(self.physics) for each in self.unseen], axis=1)
+            groups.append(("unseen", [(each.name, each.unit) for each in self.unseen], rows))
         if self.seen is not None:
             names = [(f"{each.name} seen", each.unit) for each in system.states]
             groups.insert(1, ("seen", names, self.seen))
@@ -172,6 +179,7 @@ class Trajectory:
             "controlled": list(system.controlled),
             "bodies": list(system.bodies),
             "groups": named,
+            "unseen": [astuple(each) for each in self.unseen],
             "memory": {
                 name: list(self.memory.dtype[name].shape)
                 for name in self.memory.dtype.names or ()
@@ -215,6 +223,7 @@ class Trajectory:
             status=self.status[run],
             valid_until=self.valid_until[run],
             seen=None if self.seen is None else self.seen[run, : end - 1],
+            unseen=self.unseen[run],
         )
 
 
@@ -293,6 +302,8 @@ def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajector
         for group in ("state", "command", "input", "sliding", "weighed", "wrench", "physics")
     }
     given["seen"] = rows("seen") if "seen" in groups else None
+    # Files of earlier versions have none.
+    given["unseen"] = tuple(UnseenState(*each) for each in about.get("unseen", ()))
     ended: Any = Status[about["status"]]
     until: Any = np.float64(about["valid_until"])
     return Trajectory(

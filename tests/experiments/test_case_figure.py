@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
@@ -145,6 +146,46 @@ def test_a_rate_that_is_not_known_exactly_is_drawn_as_it_is_and_as_it_is_seen(
             np.testing.assert_array_equal(seen.get_ydata(), run.trajectory.seen[:, i])
     below = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
     assert below == {"LQR, MuJoCo", "reference"}
+
+
+def test_what_no_law_sees_of_a_machine_has_panels_where_there_is_any() -> None:
+    """The twist first, with its backlash, then the current; each in a unit that reads well."""
+    experiment = Experiment.load("cart_pendulum/machine").varied(duration=0.2)
+    figure, runs = figure_of(experiment), list(experiment.runs())
+    shown = [axes for axes in figure.axes if "not seen" in axes.get_ylabel()]
+    assert [axes.get_ylabel() for axes in shown] == [
+        "slider twist,\nnot seen [mm]", "force winding,\nnot seen [A]",
+        "slider friction bristle,\nnot seen [µm]",
+    ]  # fmt: skip
+    lqr = next(run.trajectory for run in runs if run.key.endswith("physics/lqr"))
+    assert lqr.physics is not None
+    line = next(line for line in shown[0].lines if str(line.get_label()).startswith("LQR"))
+    drawn = np.asarray(line.get_ydata(), float)
+    if len(drawn) == len(lqr.time):
+        np.testing.assert_allclose(drawn, 1e3 * lqr.unseen[0].of(lqr.physics))
+    (play,) = shown[0].patches
+    assert (play.get_label(), not shown[1].patches) == ("backlash", True)
+    np.testing.assert_allclose(play.get_window_extent().height, _height(shown[0], 0.1), rtol=1e-6)
+    rigid = experiment.varied(edits=())
+    assert not [name for name in labels(figure_of(rigid)) if "not seen" in name]
+
+
+def _height(axes: Axes, values: float) -> float:
+    """Of so much on the y-axis, in pixels."""
+    (_, low), (_, high) = axes.transData.transform([(0, 0), (0, values)])
+    return float(high - low)
+
+
+def test_of_many_joints_the_one_that_twists_most_is_shown(tmp_path: Path) -> None:
+    experiment = Experiment.load("two_link_arm/machine").varied(duration=0.3)
+    run = experiment.run(law="lqr").trajectory
+    assert run.physics is not None
+    twists = [each for each in run.unseen if each.kind == "twist"]
+    sizes = [np.abs(each.of(run.physics)).max() for each in twists]
+    figure = Figure()
+    draw_experiment(figure, [experiment.run(law="lqr")])
+    largest = twists[int(np.argmax(sizes))].name
+    assert [name.split(",")[0] for name in labels(figure) if "twist" in name] == [largest]
 
 
 def test_a_run_that_ends_at_once_has_a_figure(tmp_path: Path) -> None:

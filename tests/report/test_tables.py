@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.console import Console
 from rich.table import Table
 
-from grosmc_mj.report.tables import WIDTH, names, number, numbers, table, text, words
+from grosmc_mj.report.tables import WIDTH, names, number, numbers, prefixed, table, text, words
 
 
 def lines(shown: Table) -> list[str]:
@@ -48,3 +50,10 @@ def test_a_number_has_six_characters_at_most() -> None:
         "0", "0.0123", "12.3", "9999", "1.2e4", "-1.2e-7", "-inf",
     ]  # fmt: skip
     assert number(None) == "-"
+
+
+def test_a_unit_has_the_prefix_that_its_number_is_read_with() -> None:
+    assert prefixed("rad", 2.0) == prefixed("rad", 0.0) == prefixed("rad", math.inf) == ("rad", 1)
+    assert prefixed("rad", 0.2) == ("mrad", 1e3)
+    assert prefixed("m", 1e-3) == ("mm", 1e3)
+    assert prefixed("m", 3e-5) == prefixed("m", 3e-9) == ("µm", 1e6)

@@ -228,7 +228,7 @@ def test_what_no_law_sees_is_named_with_its_unit() -> None:
         ),
     )
     found = {each.name: each.unit for each in plant.unseen}
-    assert found == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "rad"}
+    assert found == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
     law = find_experiment("cart_pendulum", "nominal").law("physics", "lqr")
     run = simulate(plant, law, [0, 0.1, 0, 0], duration=0.05, control_period=1e-3)
     assert run.physics is not None

@@ -12,6 +12,7 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj import cli
+from grosmc_mj.columns import read_columns, write_columns
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
@@ -60,6 +61,50 @@ def test_every_column_says_its_unit(tmp_path: Path) -> None:
     written = pq.read_schema(run.save(tmp_path / "run.parquet"))
     assert written.field("s").metadata[b"unit"].decode() == "rad/s"
     assert json.loads(written.metadata[b"grosmc_mj"])["versions"]["grosmc_mj"] == gm.__version__
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".npz", ".csv"])
+def test_what_of_a_machine_no_law_sees_is_saved_by_name(ending: str, tmp_path: Path) -> None:
+    run = result("cart_pendulum/machine", duration=0.05)
+    file = run.save(tmp_path / f"run{ending}")
+    units = {"slider twist": "m", "force winding": "A", "slider friction bristle": "m"}
+    units["hinge friction bristle"] = "rad"
+    if ending == ".csv":
+        header, *rows = csv.reader(file.read_text(encoding="utf-8").splitlines())
+        found = {name: [float(row[header.index(f"{name} [{units[name]}]")]) for row in rows]
+                 for name in units}  # fmt: skip
+    else:
+        columns = {each.name: each for each in read_columns(file)[0]}
+        assert {name: columns[name].unit for name in units} == units
+        found = {name: columns[name].values for name in units}
+        assert gm.load_trajectory(file).unseen == run.trajectory.unseen
+    state, physics = run.trajectory.state, run.trajectory.physics
+    assert physics is not None
+    # The motor's coordinate comes after slider and hinge.
+    np.testing.assert_array_equal(found["slider twist"], physics[:, 3] - state[:, 0])
+    assert np.abs(found["force winding"]).max() > 1.0
+
+
+def test_a_batch_of_unlike_machines_keeps_what_each_one_has() -> None:
+    """The current of a motor of twice the torque constant is a half for the same force."""
+    plain, law = gm.MujocoPlant.load("servo"), result("servo/nominal", duration=0.01).controller
+    motors = [gm.simulation.Motor("current", k, 1.0, bandwidth=100.0) for k in (0.1, 0.2)]
+    batch = gm.simulate([plain.edited(each) for each in motors], law, [0.5, 0.0], duration=0.1)
+    first, second = batch[0], batch[1]
+    weak, strong = (run.to_arrow()["current winding"].to_numpy() for run in (first, second))
+    # The current loop leaves a billionth of the back-EMF.
+    np.testing.assert_allclose(weak[1:], 2 * strong[1:], rtol=1e-6)
+    assert np.abs(weak).max() > 0.1
+
+
+def test_a_file_of_before_machines_can_be_read(tmp_path: Path) -> None:
+    run = result("servo/case1", duration=0.01)
+    columns, about = read_columns(run.save(tmp_path / "run.npz"))
+    del about["unseen"]
+    write_columns(tmp_path / "old.npz", columns, about)
+    found = gm.load_trajectory(tmp_path / "old.npz")
+    assert found.unseen == ()
+    np.testing.assert_array_equal(found.state, run.trajectory.state)
 
 
 def test_a_csv_is_for_others(tmp_path: Path) -> None:

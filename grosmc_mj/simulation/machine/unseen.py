@@ -16,7 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.machine.building import motor_joint
 from grosmc_mj.simulation.machine.motors import amperes
-from grosmc_mj.simulation.machine.parts import MachinePart, Motor
+from grosmc_mj.simulation.machine.parts import MachinePart, Motor, Transmission
 
 
 @dataclass(frozen=True)
@@ -26,16 +26,21 @@ class UnseenState:
     Attributes:
         name: Such as ``shaft motor``.
         unit: Of it.
+        kind: ``twist``, ``load``, ``winding``, ``temperature``, ``bristle``, or what else MuJoCo's
+            actuators remember.
         column: Where it stands in mjSTATE_FULLPHYSICS.
         scale: Factor from there to the unit.
         minus: The column that is taken off, for a motor's twist against its joint.
+        play: Within which a twist meets no spring, the whole of it; 0 for all others.
     """
 
     name: str
     unit: str
+    kind: str
     column: int
     scale: float = 1.0
     minus: int | None = None
+    play: float = 0.0
 
     def of(self, physics: Array) -> Array:
         """Its values in rows of mjSTATE_FULLPHYSICS, (..., size) to (...)."""
@@ -92,16 +97,19 @@ def unseen_states(
         gears: Torque of the model's ideal inputs for one unit, by their names.
     """
     n, found = system.degrees_of_freedom, []
+    plays = {part.joint: part.backlash for part in parts if isinstance(part, Transmission)}
     for extra in range(n, model.njnt):
         name = model.joint(extra).name
         of = [i for i, joint in enumerate(system.joints) if name == motor_joint(joint)]
-        slides = model.jnt_type[extra] == mujoco.mjtJoint.mjJNT_SLIDE
-        unit = "m" if slides else "rad"
+        unit, column = _unit(model, extra), 1 + extra
         if of:
-            twist = f"{system.joints[of[0]]} twist"
-            found.append(UnseenState(twist, unit, 1 + extra, minus=1 + of[0]))
+            joint = system.joints[of[0]]
+            minus, play = 1 + of[0], plays.get(joint, 0.0)
+            found.append(
+                UnseenState(f"{joint} twist", unit, "twist", column, minus=minus, play=play)
+            )
         else:
-            found.append(UnseenState(name, unit, 1 + extra))
+            found.append(UnseenState(name, unit, "load", column))
     first = 1 + model.nq + model.nv
     motors = {part.input: part for part in parts if isinstance(part, Motor)}
     for i in range(len(model.actuator_actnum)):
@@ -124,9 +132,15 @@ def _activation(
         kinds = [f"activation {i + 1}" for i in range(count)]
     kind, motor = kinds[slot], motors.get(name)
     if kind == "current" and motor is not None:
-        return UnseenState(f"{name} winding", "A", column, amperes(motor, gears[name]))
-    unit = {"bristle": "rad", "temperature": "K"}.get(kind, "1")
-    return UnseenState(f"{name} {kind}", unit, column)
+        scale = amperes(motor, gears[name])
+        return UnseenState(f"{name} winding", "A", "winding", column, scale)
+    unit = {"bristle": _unit(model, int(model.actuator_trnid[index, 0])), "temperature": "K"}
+    return UnseenState(f"{name} {kind}", unit.get(kind, "1"), kind, column)
+
+
+def _unit(model: mujoco.MjModel, joint: int) -> str:
+    """Of a joint's coordinate."""
+    return "m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
 
 
 def _kinds(model: mujoco.MjModel, index: int) -> list[str]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from grosmc_mj.report.tables import number
+from grosmc_mj.report.tables import number, prefixed
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 from grosmc_mj.studies.tolerance.measure import Tolerance
 
 # Amounts that are shown are about so many times the bench's, but for limits.
 _TYPICAL = 100.0
-# By the powers of a thousand below one.
-_PREFIXES = ("", "m", "µ")
 
 
 def weakness(row: Tolerance) -> float:
@@ -30,8 +28,7 @@ def unit_and_scale(imperfection: Imperfection) -> tuple[str, float]:
     value = abs(first.value) * (1.0 if first.limits else _TYPICAL)
     if not unit:
         return "%", 100.0
-    power = 0 if value == 0 else min(2, max(0, math.ceil(-math.log10(value) / 3 - 1e-9)))
-    return _PREFIXES[power] + unit, 1000.0**power
+    return prefixed(unit, value)
 
 
 def amount_text(imperfection: Imperfection, factor: float) -> str:
