@@ -63,7 +63,12 @@ def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> N
     camera = names.index("fixed") if "fixed" in names else 0
     axes = data.cam_xmat[camera].reshape(3, 3).T
     eye = data.cam_xpos[camera] + np.array(place(model, camera, [data], _WINDOW)) @ axes
-    moving = [body for body in range(1, model.nbody) if model.body_weldid[body] != 0]
+    # Motors of a machine move without anything to see.
+    moving = [
+        body
+        for body in range(1, model.nbody)
+        if model.body_weldid[body] != 0 and model.body_geomnum[body]
+    ]
     depth = -float(axes[2] @ (data.xipos[moving].mean(axis=0) - eye))
     forward = -axes[2]
     fields = (model.cam_fovy[camera], model.vis.global_.fovy)

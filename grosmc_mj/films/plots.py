@@ -162,7 +162,7 @@ def slidings(axes: Axes, film: Film, times: tuple[float, float]) -> list[Any]:
     most = max((s.shape[1] for _, s in signals if s.ndim > 1), default=1)
     name = "s₁ dark, s₂ pale" if most > 1 else "sliding variable s"
     if most > FEW:
-        name = "largest sliding variable |s|"
+        name = "largest |s|" if _looped(film) else "largest sliding variable |s|"
         signals = [(take, np.abs(s).max(axis=1)) for take, s in signals]
     name += ", as the law sees it" if _looped(film) else ""
     axes.set_title(f"{name} [{', '.join(units)}]" if units else name)

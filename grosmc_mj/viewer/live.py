@@ -15,6 +15,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
 from grosmc_mj.simulation.engines.python_step import ClosedLoop
+from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.trajectory import Status, why_ended
 
@@ -201,9 +202,9 @@ class Live:
 
 def _moves(plant: Plant, x0: Array, body: str) -> bool:
     """Whether a force along x at the body's centre accelerates anything."""
-    model, n = plant.model, plant.system.degrees_of_freedom
+    model = plant.model
     data, accelerations = mujoco.MjData(model), []
-    data.qpos[:], data.qvel[:] = x0[:n], x0[n:]
+    data.qpos[:], data.qvel[:] = (rows[0] for rows in starts(model, plant.system, x0[None]))
     for force in (0.0, 1.0):
         data.xfrc_applied[model.body(body).id, 0] = force
         mujoco.mj_forward(model, data)

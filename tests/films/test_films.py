@@ -131,6 +131,22 @@ def ghosted(backend: str) -> Shot:
     return shoot(lone_film("cart_pendulum", "case1", LOOK, ghost=True), backend)
 
 
+@cache
+def geared_film() -> Film:
+    """A cart behind a belt, with a load that swings below it."""
+    parts = (
+        gm.simulation.Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3),
+        gm.simulation.SwingingLoad("cart", 0.2, 0.3),
+    )
+    case = replace(find_case("cart_pendulum", "nominal"), edits=parts)
+    return film_of([run_case(case, "physics", "lqr", Settings())], LOOK)
+
+
+@pytest.fixture(scope="module")
+def geared(backend: str) -> Shot:
+    return shoot(without_ghost(geared_film()), backend)
+
+
 @pytest.fixture(scope="module")
 def loaded(backend: str) -> Shot:
     """The servo about the 3 s of its load torque: 9.0, 9.5, ... 13.5 s."""
@@ -404,7 +420,7 @@ def drawn_tip(picture: np.ndarray, hinge: np.ndarray) -> np.ndarray:
     return hinge + along * (((pixels - hinge) @ along).max() + 0.5)
 
 
-@pytest.mark.parametrize("which", ["nominal", "edited"])
+@pytest.mark.parametrize("which", ["nominal", "edited", "geared"])
 def test_the_drawn_tip_is_where_the_recorded_state_puts_it(
     which: str, request: pytest.FixtureRequest
 ) -> None:
@@ -427,6 +443,14 @@ def patch(picture: np.ndarray, middle: np.ndarray, radius: int = 1) -> np.ndarra
     column, row = middle.astype(int)
     rows = slice(row - radius, row + radius + 1)
     return picture[rows, column - radius : column + radius + 1].mean(axis=(0, 1))
+
+
+def test_the_ghost_of_a_machine_differs_in_the_controlled_coordinate_alone(backend: str) -> None:
+    board = shoot(geared_film(), backend).board
+    own, ghost = (pose(board, ONE_SECOND, ghost=each) for each in (False, True))
+    moved = np.flatnonzero(own.qpos != ghost.qpos)
+    assert moved.tolist() == list(board.controlled) == [1]
+    assert len(own.qpos) == 4
 
 
 def test_the_ghost_stands_where_the_optimum_is(ghosted: Shot, edited: Shot) -> None:

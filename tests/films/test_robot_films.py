@@ -24,6 +24,8 @@ from grosmc_mj.films.layout import Layout
 from grosmc_mj.films.marks import add_trace, trace_site
 from grosmc_mj.films.plots import distances, loads
 from grosmc_mj.films.storyboard import storyboard
+from grosmc_mj.simulation.machine import Transmission
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 
 pytestmark = pytest.mark.slow
@@ -124,8 +126,12 @@ def test_two_joints_keep_their_own_curves() -> None:
 
 def test_all_that_is_written_fits_beside_its_neighbours() -> None:
     """Curves change nothing outside the axes, where titles and numbers are."""
-    for mjcf in (chain(LIMITED), chain(last="slide")):
-        chart = draw_chart(film(mjcf), Layout(480, 320, 2))
+    looped = film(chain(LIMITED))
+    runs = [replace(take.run, seen=take.run.state[:-1]) for take in looped.takes]
+    takes = [replace(take, run=run) for take, run in zip(looped.takes, runs, strict=True)]
+    looped = replace(looped, takes=tuple(takes))
+    for shown in (film(chain(LIMITED)), film(chain(last="slide")), looped):
+        chart = draw_chart(shown, Layout(480, 320, 2))
         changed = np.any(chart.empty != chart.drawn, axis=2)
         assert changed.any()
         for area in chart.areas:
@@ -147,6 +153,22 @@ def test_the_trace_is_where_the_recorded_states_put_the_tip() -> None:
         np.testing.assert_allclose(scene.trace.been, been, rtol=0, atol=1e-14)
         np.testing.assert_allclose(scene.trace.wanted, wanted, rtol=0, atol=1e-14)
         assert scene.trace.colour == take.colour
+
+
+def test_the_trace_of_a_robot_with_gears_that_give_way_is_its_links() -> None:
+    gears = tuple(Transmission(f"j{i}", 0.05, stiffness=2e3) for i in range(1, N + 1))
+    first = results(chain(LIMITED))[1]
+    assert isinstance(first.true, MujocoPlant)
+    plant = first.true.edited(*gears)
+    shown = film_of([run_on(first.case, "physics", first.controller, plant, PYTHON)], SMALL)
+    (scene,), (take,) = storyboard(shown).scenes, shown.takes
+    assert plant.model.nq == 2 * N
+    assert scene.trace is not None
+    assert scene.trace.wanted is not None
+    rows = shown.rows(take)
+    been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghosts[rows])
+    np.testing.assert_allclose(scene.trace.been, been, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(scene.trace.wanted, wanted, rtol=0, atol=1e-14)
 
 
 def drawn(trace: Trace, frame: int) -> list[tuple[int, Array]]:

@@ -26,6 +26,14 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.films.camera import aim, visible_height
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.machine import (
+    LuGre,
+    MachinePart,
+    SlidingLoad,
+    Stop,
+    SwingingLoad,
+    Transmission,
+)
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -122,6 +130,43 @@ def test_the_live_loop_is_the_engines_bit_by_bit(system: str, name: str) -> None
         row = round(live.time / 1e-3)
         np.testing.assert_array_equal(live.state, physics_of(run)[row])
         np.testing.assert_array_equal(live.x, run.state[row])
+
+
+def machine(*parts: MachinePart) -> LiveRun:
+    """A pendulum that moves already, with parts of a machine."""
+    plant = MujocoPlant.load("cart_pendulum", edits=parts)
+    law = nominal_controller("cart_pendulum", "lqr", "corrected")
+    return LiveRun(plant, law, [0.3, -0.1, 0.2, 0.0], duration=0.3)
+
+
+MACHINES = (
+    (Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3), Stop("slider", -0.5, 0.5)),
+    (SwingingLoad("cart", 0.1, 0.3), SlidingLoad("pole", 0.1, 50.0), LuGre("slider", 0.5)),
+)
+
+
+@pytest.mark.parametrize("parts", MACHINES)
+def test_a_machine_is_live_and_replayed_with_what_no_law_sees(
+    parts: tuple[MachinePart, ...],
+) -> None:
+    what = machine(*parts)
+    live, states = Live(what), physics_of(recorded(what))
+    replay = RecordedRun(what.plant.model, recorded(what))
+    for row in (0, 50, 250):
+        for motion in (live, replay):
+            motion.advance(row * 1e-3 - motion.time)
+            np.testing.assert_array_equal(motion.state, states[row])
+    assert len(live.state) > 1 + 4
+
+
+def test_a_push_moves_a_machine_as_its_rigid_twin() -> None:
+    """Whatever hangs on it, and wherever its motors are."""
+    for parts in MACHINES:
+        what = machine(*parts)
+        push, rigid = (Push(each, np.array(what.x0)) for each in (what.plant, what.plant.rigid))
+        assert (push.body, push.unit) == (rigid.body, rigid.unit) == ("pole", "N")
+    servo = MujocoPlant.load("servo", edits=(Transmission("shaft", 0.01, stiffness=100.0),))
+    assert Push(servo, np.array([0.5, 0.0])).unit == "N m"
 
 
 def test_a_slower_law_is_held_between_its_samples() -> None:
@@ -383,6 +428,18 @@ def test_the_window_follows_the_cart() -> None:
             model, data, option, None, free, mujoco.mjtCatBit.mjCAT_STATIC.value, scene
         )
     assert free.lookat[0] == pytest.approx(3.0, abs=1e-3)
+
+
+def test_the_window_looks_at_what_is_seen_of_a_machine() -> None:
+    """Its motors are at the origin of the world, without anything to see."""
+    found = []
+    for parts in ((), (Transmission("joint", 0.01, stiffness=100.0),)):
+        model, free = MujocoPlant.load("arm", edits=parts).model, mujoco.MjvCamera()
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        aim(free, model, data)
+        found.append([*free.lookat, free.distance, free.azimuth, free.elevation])
+    np.testing.assert_allclose(*found, rtol=1e-12)
 
 
 @pytest.mark.parametrize("system", ["servo", "arm", "two_link_arm"])
