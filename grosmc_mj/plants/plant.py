@@ -148,6 +148,11 @@ class Plant(ABC):
             ModelError: If it has no such bodies, joints or parameters.
         """
 
+    @cached_property
+    def rigid(self) -> Self:
+        """The same without the parts of a machine: what equations can say of it."""
+        return self
+
     def undrawn(self) -> Self:
         """The same plant without what is only drawn."""
         return self

@@ -64,7 +64,8 @@ def balance(
 
     Args:
         law: A controller with error coordinates.
-        true: The plant that it meets; for a robot's law the one in MuJoCo.
+        true: The plant that it meets; for a robot's law the one in MuJoCo. Of a machine it is the
+            rigid one, since x does not tell what its parts do.
         t: Time [s]; the reference depends on it.
         x: State, (n,).
         w: Wrenches, (6 * bodies,).
@@ -74,7 +75,7 @@ def balance(
     error, p = law.designed.error, law.parameters
     z, optimum = np.array(error.state(t, x, p)), law.designed.lqr
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
-    drift, gain = error.moved(t, x, p, true, w, u)
+    drift, gain = error.moved(t, x, p, true.rigid, w, u)
     wanted, limit = -(p.K @ z), getattr(p, "limit", math.inf)
     # What the surface supposes of the input, v_0 of the law.
     v_0 = np.clip(wanted, -limit, limit)

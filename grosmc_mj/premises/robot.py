@@ -134,6 +134,8 @@ def _rate(result: RunResult, points: Points) -> Premise:
     alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
     unit = per_second(law.designed.sliding_unit)
     printed = hasattr(p, "epsilon")
+    assert result.true is not None
+    machine = ", the parts of its machine" if result.true.rigid is not result.true else ""
     found = Premise(
         "epsilon" if printed else "switching gain",
         "Theorem 3: ε >= (a_m + d_m) ‖GB‖" if printed else "Assumptions 4 and 6, eqs. (12), (37)",
@@ -144,8 +146,8 @@ def _rate(result: RunResult, points: Points) -> Premise:
         note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
         f"(at t = {t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
         f"{alone}; in the push are the edits, the wrenches, and friction, joint limits and "
-        "contacts as MuJoCo has them under the applied torque; not in it: that the law is "
-        "sampled, and torque that was cut off",
+        f"contacts as MuJoCo has them under the applied torque; not in it: that the law is "
+        f"sampled{machine}, and torque that was cut off",
     )
     if found.holds:
         return found

@@ -32,6 +32,7 @@ from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises
 from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.simulation.machine import Stop, Transmission
 from grosmc_mj.simulation.models import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
@@ -136,6 +137,23 @@ def test_the_true_plant_that_is_the_nominal_one_asks_for_nothing() -> None:
     assert along(result, "input gain").margin == pytest.approx(1.0)
     assert [each.name for each in audited(result).premises] == list(KEPT)
     assert all(each.holds for each in audited(result).premises)
+
+
+def test_of_a_machine_its_rigid_plant_is_looked_at_and_the_note_says_so() -> None:
+    """Gears whose inertia was the joints' own push nothing that the law does not know."""
+    gears = [
+        Transmission(joint, 0.15, stiffness=5e3, added=False) for joint in ("shoulder", "elbow")
+    ]
+    geared = run(law(), *gears, Stop("elbow", -1.0, 0.0))
+    assert required(geared).max() < 1e-10
+    assert along(geared, "input gain").margin == pytest.approx(1.0)
+    assert along(geared, "joint limits").margin > 0.3
+    assert "not in it: that the law is sampled, the parts of its machine, and" in _note(geared)
+    assert "machine" not in _note(run(law()))
+
+
+def _note(result: RunResult) -> str:
+    return premise(result, "epsilon").note
 
 
 def test_a_payload_raises_the_required_rate_and_leaves_less_of_the_configured_one() -> None:
