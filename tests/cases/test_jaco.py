@@ -14,6 +14,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.films.marks import trace_site
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -138,3 +139,12 @@ def test_a_film_finds_its_tip_where_the_fingers_meet() -> None:
     assert model.site(tip).name == "jaco_hand/tip"
     assert model.site_bodyid[tip] == model.site(arms.TIP).bodyid
     np.testing.assert_array_equal(model.site_pos[tip], model.site(arms.TIP).pos)
+
+
+def test_its_machine_divides_each_armature_between_motor_and_joint() -> None:
+    plant = Experiment.load("jaco/machine").plant("physics")
+    assert isinstance(plant, MujocoPlant)
+    kept, motors = np.split(plant.model.dof_armature, 2)
+    np.testing.assert_allclose(kept, 0.1)
+    np.testing.assert_allclose(kept + motors, arm().plant.model.dof_armature)
+    assert [each.name for each in plant.unseen] == [f"{joint} twist" for joint in arms.JOINTS]
