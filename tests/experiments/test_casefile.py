@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from shipped import PENDULUM_DISTURBANCE, cases, find_case
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file import schema
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files, starter
 from grosmc_mj.experiments.file.units import number_in
@@ -188,14 +190,41 @@ def test_every_shipped_case_can_be_prepared():
         assert experiment.limits, f"{path} requires nothing"
 
 
-def test_the_starter_explains_every_key():
-    from grosmc_mj.experiments.file import schema
+MACHINE = {
+    "transmission": schema.TransmissionTable,
+    "lugre": schema.LuGreTable,
+    "stop": schema.StopTable,
+    "motor": schema.MotorTable,
+    "swinging_load": schema.SwingingLoadTable,
+    "sliding_load": schema.SlidingLoadTable,
+    "wall": schema.WallTable,
+}
 
+
+def test_the_starter_explains_every_key():
     text = starter().lower()
     # What the starter leaves out is for a robot or another kind of profile, and is in its comments.
-    for table in (schema.RunTable, schema.RequirementTable, schema.DisturbanceTable):
+    tables = (schema.RunTable, schema.RequirementTable, schema.DisturbanceTable, schema.EditTable)
+    for table in (*tables, *MACHINE.values()):
         for key in table.model_fields:
-            assert key in text, f"{table.__name__}.{key}"
+            assert re.search(rf"\b{key}\b", text), f"{table.__name__}.{key}"
+    for name, table in MACHINE.items():
+        (part,) = re.findall(rf"# \[\[{name}\]\](.*?)\n(?:# \[\[|\n)", text, re.DOTALL)
+        for key in table.model_fields:
+            assert re.search(rf"\b{key}\b", part), f"[[{name}]] without {key}"
+
+
+def test_the_starters_machine_is_one(tmp_path):
+    """Without its comment signs, and with what stands behind them left out."""
+    before, machine, after = re.split(
+        r"(# ---- The machine.*?)(?=# ---- The laws)", starter(), flags=re.DOTALL
+    )
+    lines = [line for line in machine.splitlines() if re.match(r"# (\[\[|\w+ = )", line)]
+    file = tmp_path / "mine.toml"
+    file.write_text("\n".join([before, *(line[2:] for line in lines), "", after]))
+    plant = Experiment.load(file).plant("physics")
+    assert [part.kind for part in plant.parts] == [name.replace("_", " ") for name in MACHINE]
+    assert {each.kind for each in plant.unseen} == {"twist", "load", "bristle"}
 
 
 def test_shipped_cases_are_those_of_the_chapter():
