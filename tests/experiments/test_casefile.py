@@ -17,6 +17,7 @@ from grosmc_mj.experiments.file.shipped import shipped_files, starter
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
 from grosmc_mj.simulation.models import load_model
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SOUND = """
 title = "sound"
@@ -223,6 +224,7 @@ def test_the_starters_machine_is_one(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("\n".join([before, *(line[2:] for line in lines), "", after]))
     plant = Experiment.load(file).plant("physics")
+    assert isinstance(plant, MujocoPlant)
     assert [part.kind for part in plant.parts] == [name.replace("_", " ") for name in MACHINE]
     assert {each.kind for each in plant.unseen} == {"twist", "load", "bristle"}
 
