@@ -111,7 +111,8 @@ MACHINES := servo cart_pendulum arm two_link_arm
 
 ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
 	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) &&) true
-	$(BIN)/python -m grosmc_mj.studies.ladder.page docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json)
+	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
+	$(BIN)/python -m grosmc_mj.studies.ladder.page docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md
