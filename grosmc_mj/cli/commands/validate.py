@@ -221,10 +221,12 @@ class _Validation:
 
 def _whole(selected: Sequence[Case]) -> list[str]:
     """The systems all of whose cases are selected."""
-    from grosmc_mj.experiments.catalogue import find_experiments
+    from grosmc_mj.cli.targets import recorded_experiments
 
     systems = dict.fromkeys(case.system for case in selected)
-    return [name for name in systems if all(one.case in selected for one in find_experiments(name))]
+    return [
+        name for name in systems if all(one.case in selected for one in recorded_experiments(name))
+    ]
 
 
 def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
