@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.cli.exit_codes import DIFFERS as DIFFERS
@@ -59,6 +59,16 @@ def say_files(to: Console, *files: Path) -> None:
     words = ", ".join(map(str, files))
     for line in [words] if len(words) <= WIDTH else map(str, files):
         to.print(line, soft_wrap=True, markup=False)
+
+
+@contextlib.contextmanager
+def kept_on_interrupt(write: Callable[[], Sequence[Path]]) -> Iterator[None]:
+    """Write what is there and say where, if what is done within is interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say_files(console(), *write())
+        raise
 
 
 def brief_table(

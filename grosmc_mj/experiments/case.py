@@ -18,6 +18,7 @@ from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
 from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.simulation.machine import MachinePart
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,11 @@ class Case:
     disturbances: tuple[Disturbance, ...] = ()
     loop: Loop | None = None
     design: str = ""
+
+    @property
+    def parts(self) -> tuple[MachinePart, ...]:
+        """What of the edits makes a machine as built."""
+        return tuple(edit for edit in self.edits if isinstance(edit, MachinePart))
 
     @property
     def controllers(self) -> str:

@@ -37,7 +37,6 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.engines.inputs import require_answer
 from grosmc_mj.simulation.loop import Loop, in_loop
-from grosmc_mj.simulation.machine import MachinePart
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP, stride_of
 from grosmc_mj.simulation.problem import Plant
 
@@ -91,7 +90,7 @@ class Experiment:
     @property
     def on_machine(self) -> bool:
         """Whether its plant has parts of a machine as built."""
-        return any(isinstance(edit, MachinePart) for edit in self.case.edits)
+        return bool(self.case.parts)
 
     @property
     def controllers(self) -> list[str]:

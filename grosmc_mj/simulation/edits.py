@@ -13,13 +13,11 @@ from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, shown, unknown_name
 from grosmc_mj.simulation.machine.building import build
-from grosmc_mj.simulation.machine.inertias import write_inertia
 from grosmc_mj.simulation.machine.parts import MachinePart
+from grosmc_mj.simulation.machine.writing import draw_ball, linear, write_inertia
 from grosmc_mj.simulation.models import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
-# How a load is drawn: a sphere of the density of stone, in a colour of its own.
-_LOAD_DENSITY, _LOAD_COLOUR = 2500.0, (0.85, 0.33, 0.1, 1.0)
 
 
 @dataclass(frozen=True)
@@ -298,16 +296,7 @@ def _add_load(body: mujoco.MjsBody, model: mujoco.MjModel, edit: AddedMass) -> N
     mujoco.mju_eig3(principal, vectors, turn, about_new.ravel())
     write_inertia(body, total, model, index)
     body.inertia, body.ipos, body.iquat = principal, new_centre, turn
-    radius = (3 * edit.mass / (4 * math.pi * _LOAD_DENSITY)) ** (1 / 3)
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[radius, 0, 0],
-        pos=edit.position,
-        rgba=_LOAD_COLOUR,
-        contype=0,
-        conaffinity=0,
-        mass=0,
-    )
+    draw_ball(body, edit.mass, pos=edit.position)
 
 
 def _steiner(offset: Array) -> Array:
@@ -322,8 +311,7 @@ def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
         raise ModelError(unknown_name("joint", edit.joint, names))
     joint = spec.joint(edit.joint)
     if edit.damping is not None:
-        # A polynomial in the speed, the linear coefficient first.
-        joint.damping = edit.damping * np.eye(np.size(joint.damping))[0]
+        joint.damping = linear(edit.damping, joint.damping)
     if edit.friction is not None:
         joint.frictionloss = edit.friction
     if edit.armature is not None:

@@ -31,7 +31,6 @@ from grosmc_mj.simulation.machine import (
 from grosmc_mj.studies.ladder import measure
 from grosmc_mj.studies.ladder.answers import (
     first_failed,
-    highest,
     of_law,
     reason,
     share_text,
@@ -255,9 +254,7 @@ def test_a_law_climbs_from_equations_that_are_true() -> None:
                  "nominal")  # fmt: skip
     assert way == WAY[1:]
     assert first_failed(way) is WAY[3]
-    assert highest(way) is WAY[2]
     assert first_failed(way[:2]) is None
-    assert highest(way[2:]) is None
     assert of_law(WAY, "lqr", "case1") == []
 
 

@@ -43,17 +43,16 @@ MARGIN = "margin "
 # Columns of the results, beside the uncertain numbers.
 RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended")
 # What a physical plant has above zero, and what it has not below zero.
-_POSITIVE = (
+_POSITIVE = frozenset({
     "mass_scale", "length_scale", "scale", "time_constant", "slope", "bandwidth", "load", "limit",
-    "rate_limit", "inertia", "stiffness", "coulomb", "stribeck", "duration", "constant",
-    "resistance", "ratio", "efficiency", "voltage", "current", "cogging_periods", "mass", "length",
-    "radius",
-)  # fmt: skip
-_NOT_NEGATIVE = (
+    "rate_limit",
+}).union(*(part.positive for part in MACHINE_PARTS.values()))  # fmt: skip
+_NOT_NEGATIVE = frozenset({
     "added_mass", "damping", "friction", "armature", "delay", "jitter", "missed", "resolution",
-    "noise", "period", "lag", "dead_zone", "backlash", "static", "restitution", "inductance",
-    "cogging", "thermal_resistance", "heat_capacity",
-)  # fmt: skip
+    "noise", "period", "lag", "dead_zone",
+}).union(*(
+    MACHINE_UNITS[kind].keys() - part.signed for kind, part in MACHINE_PARTS.items()
+)) - _POSITIVE  # fmt: skip
 # What is a share of one, and whether it may be all of it.
 _SHARES = {"missed": False, "restitution": False, "efficiency": True}
 # Rates of turning that nobody gives in degrees.
@@ -128,7 +127,7 @@ class Quantity:
     def largest_scale(self) -> float:
         """The factor on distances from the nominal value up to which all values are physical."""
         least, most = self.distribution.support
-        if self.quantity not in (*_POSITIVE, *_NOT_NEGATIVE):
+        if self.quantity not in _POSITIVE | _NOT_NEGATIVE:
             return math.inf
         below = self.nominal / (self.nominal - least) if least < self.nominal else math.inf
         if self.quantity not in _SHARES or most <= self.nominal:

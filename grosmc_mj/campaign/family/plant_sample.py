@@ -9,7 +9,7 @@ from typing import Any
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
-from grosmc_mj.experiments.file.tables.machine import MACHINE_PARTS
+from grosmc_mj.experiments.file.tables.machine import table_of
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
@@ -107,5 +107,5 @@ def _edited(edit: Edit) -> tuple[str, str] | None:
     if isinstance(edit, BodyEdit):
         return "body", edit.body
     if isinstance(edit, MachinePart):
-        return next(kind for kind, made in MACHINE_PARTS.items() if type(edit) is made), edit.of
+        return table_of(edit), edit.of
     return ("joint", edit.joint) if isinstance(edit, JointEdit) else None

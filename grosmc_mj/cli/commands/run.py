@@ -258,9 +258,7 @@ def _in_loop(experiment: Experiment) -> list[str]:
 
 def _on_its_machine(experiment: Experiment) -> list[str]:
     """What the machine has that neither laws nor equations know."""
-    from grosmc_mj.simulation.machine import MachinePart
-
-    parts = [str(edit) for edit in experiment.case.edits if isinstance(edit, MachinePart)]
+    parts = [str(part) for part in experiment.case.parts]
     return ["on its machine, in physics alone; no law knows of:", *parts] if parts else []
 
 

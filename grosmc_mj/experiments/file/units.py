@@ -63,15 +63,17 @@ def number_in(value: Any, unit: str) -> float:
         raise ValueError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
     if not written:
         raise ValueError(f'"{text}" has no unit: write "{text} {unit}"')
+    from pint import DimensionalityError
+
     try:
         quantity = _registry().Quantity(number, _registry().parse_units(written))
         converted = float(quantity.to(unit).magnitude)
+    except DimensionalityError:
+        raise ValueError(
+            f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
+        ) from None
     # pint has no common class for what it cannot read.
-    except Exception as error:
-        if type(error).__name__ == "DimensionalityError":
-            raise ValueError(
-                f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
-            ) from None
+    except Exception:
         raise ValueError(
             f'"{text}": {shown(written)} is no unit; write it as in "{example}"'
         ) from None

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.machine.bounces import IMPEDANCE, TEETH, solref
-from grosmc_mj.simulation.machine.inertias import write_inertia
 from grosmc_mj.simulation.machine.motors import write_motor
+from grosmc_mj.simulation.machine.names import motor_joint, transmission_of
 from grosmc_mj.simulation.machine.parts import (
     LuGre,
     MachinePart,
@@ -22,21 +23,22 @@ from grosmc_mj.simulation.machine.parts import (
     Transmission,
     Wall,
 )
+from grosmc_mj.simulation.machine.writing import (
+    COLOUR,
+    ball_radius,
+    draw_ball,
+    drawn,
+    linear,
+    write_inertia,
+)
+from grosmc_mj.simulation.models import compile_spec
 
 # How far from an axis a centre is on it [m].
 _ON_AXIS = 1e-9
 # MuJoCo wants mass and inertia on every body that moves: what is too little to matter.
 _TOKEN = 1e-12
-# How parts that are not in the model are drawn.
-_COLOUR = (0.85, 0.33, 0.1, 1.0)
-_DENSITY = 2500.0
 # The back-EMF of a motor that is there for its friction only is nothing.
 _NO_MOTOR = (1e-12, 0.0)
-
-
-def motor_joint(joint: str) -> str:
-    """Name of the coordinate of a motor behind a transmission."""
-    return f"{joint} motor"
 
 
 def build(spec: mujoco.MjSpec, parts: Sequence[MachinePart]) -> None:
@@ -58,30 +60,10 @@ def build(spec: mujoco.MjSpec, parts: Sequence[MachinePart]) -> None:
         if (type(part), part.of) in seen and not several:
             raise ModelError(f"{part.of!r} has two of a {part.kind}: leave one out")
         seen.add((type(part), part.of))
-    for part in parts:
-        if isinstance(part, Stop):
-            _stop(spec, part)
-        elif isinstance(part, SwingingLoad):
-            _swinging(spec, part)
-        elif isinstance(part, SlidingLoad):
-            _sliding(spec, part)
-        elif isinstance(part, Wall):
-            _wall(spec, part)
-    # Motors drive what transmissions leave to them, and come before actuators that law has none of.
-    for kind in (Transmission, Motor, LuGre):
+    for kind, write in _WRITERS.items():
         for part in parts:
-            if isinstance(part, kind):
-                _driven(spec, part)
-
-
-def _driven(spec: mujoco.MjSpec, part: MachinePart) -> None:
-    """A part between an input and its joint."""
-    if isinstance(part, Transmission):
-        _transmission(spec, part)
-    elif isinstance(part, Motor):
-        write_motor(spec, part)
-    elif isinstance(part, LuGre):
-        _lugre(spec, part)
+            if type(part) is kind:
+                write(spec, part)
 
 
 def _transmission(spec: mujoco.MjSpec, part: Transmission) -> None:
@@ -105,15 +87,14 @@ def _transmission(spec: mujoco.MjSpec, part: Transmission) -> None:
         frictionloss=part.friction,
         ref=joint.ref,
     )
-    tendon = spec.add_tendon(name=f"{part.joint} transmission")
+    tendon = spec.add_tendon(name=transmission_of(part.joint))
     tendon.wrap_joint(part.joint, -1.0)
     tendon.wrap_joint(name, 1.0)
     half = part.backlash / 2
-    size = np.size(tendon.damping)
-    tendon.damping = part.damping * np.eye(size)[0]
+    tendon.damping = linear(part.damping, tendon.damping)
     tendon.springlength = [-half, half]
     if math.isfinite(part.stiffness):
-        tendon.stiffness = part.stiffness * np.eye(np.size(tendon.stiffness))[0]
+        tendon.stiffness = linear(part.stiffness, tendon.stiffness)
     else:
         tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         tendon.range = [-half, half]
@@ -127,7 +108,7 @@ def _take_off(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, part: Transmission) -
     if joint.armature >= part.inertia:
         joint.armature -= part.inertia
         return
-    model = spec.copy().compile()
+    model = compile_spec(spec)
     at = model.joint(part.joint).id
     index = int(model.jnt_bodyid[at])
     axis, body = model.jnt_axis[at], spec.body(model.body(index).name)
@@ -190,36 +171,19 @@ def _load(spec: mujoco.MjSpec, part: SwingingLoad | SlidingLoad, kind: str) -> m
 def _swinging(spec: mujoco.MjSpec, part: SwingingLoad) -> None:
     load = _load(spec, part, "swing")
     load.ipos = [0.0, 0.0, -part.length]
-    load.add_joint(
-        name=load.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, -1.0, 0.0],
-        damping=_linear(part.damping, load),
-    )  # fmt: skip
-    radius = _radius(part.mass)
-    _drawn(load, mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], pos=load.ipos)
-    _drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, [radius / 4, 0, 0], fromto=[0, 0, 0, *load.ipos])
+    hinge = load.add_joint(name=load.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, -1.0, 0.0])
+    hinge.damping = linear(part.damping, hinge.damping)
+    draw_ball(load, part.mass, pos=load.ipos)
+    rod = [ball_radius(part.mass) / 4, 0.0, 0.0]
+    drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, rod, fromto=[0, 0, 0, *load.ipos])
 
 
 def _sliding(spec: mujoco.MjSpec, part: SlidingLoad) -> None:
     load = _load(spec, part, "slide")
-    load.add_joint(
-        name=load.name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0],
-        stiffness=_linear(part.stiffness, load), damping=_linear(part.damping, load),
-    )  # fmt: skip
-    _drawn(load, mujoco.mjtGeom.mjGEOM_SPHERE, [_radius(part.mass), 0, 0])
-
-
-def _linear(coefficient: float, body: mujoco.MjsBody) -> list[float]:
-    """A polynomial in the speed or the deflection, the linear coefficient first."""
-    return [coefficient, 0.0, 0.0]
-
-
-def _radius(mass: float) -> float:
-    return float((3 * mass / (4 * math.pi * _DENSITY)) ** (1 / 3))
-
-
-def _drawn(body: mujoco.MjsBody, kind: mujoco.mjtGeom, size: list[float], **place: object) -> None:
-    """A geom that is seen and neither weighs nor touches."""
-    body.add_geom(type=kind, size=size, rgba=_COLOUR, contype=0, conaffinity=0, mass=0, **place)
+    slide = load.add_joint(name=load.name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
+    slide.stiffness = linear(part.stiffness, slide.stiffness)
+    slide.damping = linear(part.damping, slide.damping)
+    draw_ball(load, part.mass)
 
 
 def _wall(spec: mujoco.MjSpec, part: Wall) -> None:
@@ -239,7 +203,19 @@ def _wall(spec: mujoco.MjSpec, part: Wall) -> None:
     plane.quat = turn
     ball = spec.body(part.body).add_geom(
         name=f"bumper {number}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[part.radius, 0, 0],
-        pos=part.at, rgba=_COLOUR, contype=0, conaffinity=0, mass=0,
+        pos=part.at, rgba=COLOUR, contype=0, conaffinity=0, mass=0,
     )  # fmt: skip
     pair = spec.add_pair(geomname1=plane.name, geomname2=ball.name, condim=1)
     pair.solref, pair.solimp = solref(part.restitution, part.duration), IMPEDANCE
+
+
+# In this order: motors drive what transmissions leave to them, and come before those without input.
+_WRITERS: dict[type, Callable[[mujoco.MjSpec, Any], None]] = {
+    Stop: _stop,
+    SwingingLoad: _swinging,
+    SlidingLoad: _sliding,
+    Wall: _wall,
+    Transmission: _transmission,
+    Motor: write_motor,
+    LuGre: _lugre,
+}

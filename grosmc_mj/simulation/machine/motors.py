@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.simulation.machine.names import driven_joint
 from grosmc_mj.simulation.machine.parts import Motor
 
 # A current loop's resistance over its winding's: what the back-EMF does falls by this factor.
@@ -27,10 +28,31 @@ def _resistance(motor: Motor) -> float:
     return motor.resistance * (_STIFF if motor.bandwidth else 1.0)
 
 
+def volts_for(torque: float, ratio: float, constant: float, resistance: float) -> float:
+    """c: the voltage for one unit of an input that asks for a torque at the joint [V].
+
+    Args:
+        torque: For one unit of the input [N m or N].
+        ratio: Of the gear.
+        constant: K [N m/A].
+        resistance: R [ohm].
+    """
+    return torque * resistance / (ratio * constant)
+
+
+def in_units_of(c: float, constant: float, resistance: float) -> tuple[float, float]:
+    """K and R where a voltage is told as c times smaller a number."""
+    return constant / c, resistance / c**2
+
+
+def _constant(motor: Motor) -> float:
+    """What MuJoCo has for both constants, of torque and of back-EMF [N m/A]."""
+    return math.sqrt(motor.efficiency) * motor.constant
+
+
 def _scale(motor: Motor, gear: float) -> float:
-    """c: MuJoCo's voltage for one unit of the input, whose torque at the joint is the gear."""
-    constant = math.sqrt(motor.efficiency) * motor.constant
-    return abs(gear) * _resistance(motor) / (motor.ratio * constant)
+    """c of a motor in the place of an input whose torque at the joint is the gear."""
+    return volts_for(abs(gear), motor.ratio, _constant(motor), _resistance(motor))
 
 
 def amperes(motor: Motor, gear: float) -> float:
@@ -54,15 +76,16 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
     if not ideal or gear == 0:
         raise ModelError(f"motor: input {motor.input!r} is no ideal motor on a joint")
-    c, constant = _scale(motor, gear), math.sqrt(motor.efficiency) * motor.constant
+    c = _scale(motor, gear)
+    constant, resistance = in_units_of(c, _constant(motor), _resistance(motor))
     # What the winding sees is more by what the efficiency takes.
     low, high = _limits(actuator, motor, c / math.sqrt(motor.efficiency))
     share = motor.resistance / _resistance(motor)
     heated = motor.thermal_resistance > 0
     try:
         actuator.set_to_dcmotor(
-            motorconst=[constant / c, 0.0],
-            resistance=_resistance(motor) / c**2,
+            motorconst=[constant, 0.0],
+            resistance=resistance,
             saturation=[motor.efficiency * motor.constant * motor.current, 0.0, 0.0]
             if math.isfinite(motor.current)
             else [0.0, 0.0, 0.0],
@@ -85,10 +108,9 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
 
 def _at_joint(spec: mujoco.MjSpec, name: str, motor: Motor) -> None:
     """Give a joint its motor's inertia, or take off what the model has of motor and back-EMF."""
-    own = name
-    if behind := _is_motor_joint(spec, name):
-        own = name.removesuffix(" motor")
-    inertia = 0.0 if behind else motor.inertia * motor.ratio**2
+    own = driven_joint(spec, name)
+    # A transmission's motor has its inertia itself.
+    inertia = motor.inertia * motor.ratio**2 if own == name else 0.0
     joint = spec.joint(own)
     if motor.added:
         joint.armature += inertia
@@ -103,12 +125,6 @@ def _at_joint(spec: mujoco.MjSpec, name: str, motor: Motor) -> None:
     damping[0] = max(0.0, damping[0] - motor.emf_damping)
     joint.damping = damping
     joint.armature = max(0.0, joint.armature - inertia)
-
-
-def _is_motor_joint(spec: mujoco.MjSpec, name: str) -> bool:
-    """Whether a joint is a motor's own, which a transmission gave its inertia."""
-    own = f"{name.removesuffix(' motor')} transmission"
-    return any(tendon.name == own for tendon in spec.tendons)
 
 
 def _limits(actuator: mujoco.MjsActuator, motor: Motor, c: float) -> tuple[float, float]:

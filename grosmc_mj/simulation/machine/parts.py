@@ -7,83 +7,18 @@ the gear ratio: a motor's inertia there is its own times the square of the ratio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from dataclasses import dataclass
 
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require
-from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.arguments import reals
+from grosmc_mj.simulation.machine.part import LEAST, Part
 
 _Place = tuple[float, float, float]
-# Sizes of numbers, in any unit: beyond them is a slip, and squares leave what floats hold.
-_LEAST, _MOST = 1e-15, 1e15
 
 
 @dataclass(frozen=True)
-class _MachinePart:
-    """What all parts have: one thing that they are of, and numbers with bounds."""
-
-    kind: ClassVar[str]
-    owner: ClassVar[str]
-    # Numbers that must be more than zero, and those that may be infinite.
-    positive: ClassVar[frozenset[str]] = frozenset()
-    infinite: ClassVar[frozenset[str]] = frozenset()
-    signed: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        require(self.owner, self.of, str, f"the name of {_a(self.owner)}", ModelError)
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name == self.owner or isinstance(item.default, tuple):
-                continue
-            if isinstance(item.default, bool):
-                require(item.name, value, bool, "True or False", ModelError)
-                continue
-            self._require(item.name, value)
-        self._check()
-
-    @property
-    def of(self) -> str:
-        """Name of the joint, body or input that it is of."""
-        return getattr(self, self.owner)
-
-    def _require(self, name: str, value: Any) -> None:
-        number = real(value)
-        if name in self.signed:
-            fine, wanted = math.isfinite(number), "finite"
-        elif name in self.positive:
-            fine, wanted = number > 0, "positive"
-        else:
-            fine, wanted = number >= 0, "not negative"
-        # A whole number beyond floats is no infinity.
-        if math.isinf(number) and not (name in self.infinite and isinstance(value, float)):
-            fine, wanted = False, f"finite and {wanted}"
-        elif name in self.positive and 0 < number < _LEAST:
-            fine, wanted = False, f"at least {_LEAST:g}"
-        elif math.isfinite(number) and abs(number) > _MOST:
-            fine, wanted = False, f"at most {_MOST:g}" if number > 0 else f"at least {-_MOST:g}"
-        if not fine:
-            self._refuse(f"{name} = {shown(value)} must be {wanted}")
-
-    def _refuse(self, said: str) -> None:
-        raise ModelError(f"{self.kind} of {shown(self.of)}: {said}")
-
-    def _require_place(self, name: str) -> None:
-        place = reals(getattr(self, name))
-        if place.shape != (3,) or not np.all(np.isfinite(place)):
-            self._refuse(f"{name} = {shown(getattr(self, name))} must be three finite numbers")
-
-    def _check(self) -> None:
-        """Refuse numbers that do not go together."""
-
-
-def _a(noun: str) -> str:
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
-
-
-@dataclass(frozen=True)
-class Transmission(_MachinePart):
+class Transmission(Part):
     """A gear, belt or shaft that gives way between a motor and its joint.
 
     The motor has a coordinate of its own, seen at the joint, with its kinetic energy about its own
@@ -116,7 +51,7 @@ class Transmission(_MachinePart):
 
     def _check(self) -> None:
         if math.isinf(self.stiffness) and not self.backlash:
-            self._refuse("it is rigid: give a stiffness, a backlash or both")
+            self.refuse("it is rigid: give a stiffness, a backlash or both")
 
     def __str__(self) -> str:
         said = []
@@ -128,7 +63,7 @@ class Transmission(_MachinePart):
 
 
 @dataclass(frozen=True)
-class LuGre(_MachinePart):
+class LuGre(Part):
     """Friction of a joint by bristles, as MuJoCo's motors have it.
 
     C. Canudas de Wit, H. Olsson, K. J. Astrom and P. Lischinsky, "A new model for control of
@@ -156,7 +91,7 @@ class LuGre(_MachinePart):
 
     def _check(self) -> None:
         if 0 < self.static < self.coulomb:
-            self._refuse(
+            self.refuse(
                 f"static = {self.static:g} must be at least coulomb = {self.coulomb:g}, or 0 for it"
             )
 
@@ -165,7 +100,7 @@ class LuGre(_MachinePart):
 
 
 @dataclass(frozen=True)
-class Stop(_MachinePart):
+class Stop(Part):
     """Two ends of a joint's way, which throw it back.
 
     Attributes:
@@ -188,7 +123,7 @@ class Stop(_MachinePart):
 
     def _check(self) -> None:
         if not self.low < self.high:
-            self._refuse(f"low = {self.low:g} must be below high = {self.high:g}")
+            self.refuse(f"low = {self.low:g} must be below high = {self.high:g}")
         _require_restitution(self)
 
     def __str__(self) -> str:
@@ -196,7 +131,7 @@ class Stop(_MachinePart):
 
 
 @dataclass(frozen=True)
-class Motor(_MachinePart):
+class Motor(Part):
     """A DC motor with its gear and amplifier where the model has an ideal input.
 
     MuJoCo's own ``dcmotor``. What the law asks for is converted so that a motor at rest gives it;
@@ -249,13 +184,13 @@ class Motor(_MachinePart):
 
     def _check(self) -> None:
         if self.efficiency > 1:
-            self._refuse(f"efficiency = {self.efficiency:g} must be at most 1")
+            self.refuse(f"efficiency = {self.efficiency:g} must be at most 1")
         if bool(self.thermal_resistance) != bool(self.heat_capacity):
-            self._refuse("heating needs both thermal_resistance and heat_capacity")
-        if 0 < self.time_constant < _LEAST:
-            self._refuse(f"its current follows in {self.time_constant:.2g} s: leave that out")
+            self.refuse("heating needs both thermal_resistance and heat_capacity")
+        if 0 < self.time_constant < LEAST:
+            self.refuse(f"its current follows in {self.time_constant:.2g} s: leave that out")
         if self.bandwidth and math.isfinite(self.voltage):
-            self._refuse(
+            self.refuse(
                 "a current loop's own limit of voltage is not in MuJoCo's motor: give a voltage "
                 "amplifier its voltage, or a current loop its bandwidth and current"
             )
@@ -284,7 +219,7 @@ class Motor(_MachinePart):
 
 
 @dataclass(frozen=True)
-class SwingingLoad(_MachinePart):
+class SwingingLoad(Part):
     """A point mass that hangs on a body by a massless rod and begins at rest below it.
 
     Attributes:
@@ -305,14 +240,14 @@ class SwingingLoad(_MachinePart):
     positive = frozenset({"mass", "length"})
 
     def _check(self) -> None:
-        self._require_place("at")
+        self.require_place("at")
 
     def __str__(self) -> str:
         return f"{self.body}: {self.mass:.3g} kg swing on {self.length:.3g} m"
 
 
 @dataclass(frozen=True)
-class SlidingLoad(_MachinePart):
+class SlidingLoad(Part):
     """A point mass that slides on a body along its x-axis, held by a spring.
 
     Attributes:
@@ -333,14 +268,14 @@ class SlidingLoad(_MachinePart):
     positive = frozenset({"mass", "stiffness"})
 
     def _check(self) -> None:
-        self._require_place("at")
+        self.require_place("at")
 
     def __str__(self) -> str:
         return f"{self.body}: {self.mass:.3g} kg slide on {self.stiffness:.3g} N/m"
 
 
 @dataclass(frozen=True)
-class Wall(_MachinePart):
+class Wall(Part):
     """A plane that a ball on a body can touch, without friction: a table, the end of a room.
 
     Attributes:
@@ -366,9 +301,9 @@ class Wall(_MachinePart):
 
     def _check(self) -> None:
         for name in ("at", "point", "normal"):
-            self._require_place(name)
+            self.require_place(name)
         if not np.any(reals(self.normal)):
-            self._refuse("normal = [0, 0, 0] must point somewhere")
+            self.refuse("normal = [0, 0, 0] must point somewhere")
         _require_restitution(self)
 
     def __str__(self) -> str:
@@ -379,9 +314,7 @@ class Wall(_MachinePart):
 def _require_restitution(part: Stop | Wall) -> None:
     """Refuse a bounce that gains, or that loses nothing."""
     if not part.restitution < 1:
-        raise ModelError(
-            f"{part.kind} of {part.of!r}: restitution = {part.restitution:g} must be below 1"
-        )
+        part.refuse(f"restitution = {part.restitution:g} must be below 1")
 
 
 MachinePart = Transmission | LuGre | Stop | Motor | SwingingLoad | SlidingLoad | Wall

@@ -15,6 +15,7 @@ import numpy as np
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.simulation.machine.bounces import TEETH, spring_and_damper
+from grosmc_mj.simulation.machine.names import transmission_of
 from grosmc_mj.simulation.machine.parts import (
     LuGre,
     MachinePart,
@@ -53,7 +54,8 @@ def refuse_unstable(model: mujoco.MjModel, name: str, parts: Sequence[MachinePar
     """
     h = float(model.opt.timestep)
     integrator = mujoco.mjtIntegrator(model.opt.integrator)
-    for each in _oscillators(model, parts):
+    oscillators = list(_oscillators(model, parts))
+    for each in oscillators:
         if _growth(each, h, integrator) <= 1 + 1e-9:
             continue
         longest = _SAFE * _longest(each, h, integrator)
@@ -71,7 +73,7 @@ def refuse_unstable(model: mujoco.MjModel, name: str, parts: Sequence[MachinePar
     implicit = integrator in (
         mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtIntegrator.mjINT_IMPLICIT
     )  # fmt: skip
-    for each in _oscillators(model, parts):
+    for each in oscillators:
         slowed = h * each.damping
         if isinstance(each.part, LuGre) and implicit and slowed > _SLOWED:
             raise ModelError(
@@ -84,7 +86,7 @@ def refuse_unstable(model: mujoco.MjModel, name: str, parts: Sequence[MachinePar
 def _oscillators(model: mujoco.MjModel, parts: Sequence[MachinePart]) -> Iterator[_Oscillator]:
     for part in parts:
         if isinstance(part, Transmission) and math.isfinite(part.stiffness):
-            weight = float(model.tendon_invweight0[model.tendon(f"{part.joint} transmission").id])
+            weight = float(model.tendon_invweight0[model.tendon(transmission_of(part.joint)).id])
             yield _Oscillator(part, part.stiffness * weight, part.damping * weight)
         elif isinstance(part, Transmission):
             yield _Oscillator(part, *spring_and_damper(*TEETH), constrained=True)
@@ -112,10 +114,9 @@ def _growth(each: _Oscillator, h: float, integrator: mujoco.mjtIntegrator) -> fl
         z = h * A
         step = np.eye(2) + z @ (np.eye(2) + z @ (np.eye(2) / 2 + z @ (np.eye(2) / 6 + z / 24)))
     else:
-        kept = 1.0 - h * d
-        if integrator != mujoco.mjtIntegrator.mjINT_EULER and not each.constrained:
-            kept = 1.0 / (1.0 + h * d)
-        push = -h * square * (1.0 if kept == 1.0 - h * d else kept)
+        implicit = integrator != mujoco.mjtIntegrator.mjINT_EULER and not each.constrained
+        divided = 1.0 / (1.0 + h * d) if implicit else 1.0
+        kept, push = divided if implicit else 1.0 - h * d, -h * square * divided
         step = np.array([[1.0 + h * push, h * kept], [push, kept]])
     return float(np.abs(np.linalg.eigvals(step)).max())
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.machine.building import motor_joint
 from grosmc_mj.simulation.machine.motors import amperes
+from grosmc_mj.simulation.machine.names import motor_joint
 from grosmc_mj.simulation.machine.parts import MachinePart, Motor, Transmission
 
 
@@ -113,29 +113,17 @@ def unseen_states(
     first = 1 + model.nq + model.nv
     motors = {part.input: part for part in parts if isinstance(part, Motor)}
     for i in range(len(model.actuator_actnum)):
-        address, count = int(model.actuator_actadr[i]), int(model.actuator_actnum[i])
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)
-        found += [
-            _activation(model, i, name, slot, count, first + address + slot, motors, gears)
-            for slot in range(count)
-        ]
+        for column, kind in enumerate(_kinds(model, i), first + int(model.actuator_actadr[i])):
+            if kind == "current" and name in motors:
+                scale = amperes(motors[name], gears[name])
+                found.append(UnseenState(f"{name} winding", "A", "winding", column, scale))
+                continue
+            unit = {"temperature": "K"}.get(kind, "1")
+            if kind == "bristle":
+                unit = _unit(model, int(model.actuator_trnid[i, 0]))
+            found.append(UnseenState(f"{name} {kind}", unit, kind, column))
     return tuple(found)
-
-
-def _activation(
-    model: mujoco.MjModel, index: int, name: str, slot: int, count: int, column: int,
-    motors: dict[str, Motor], gears: dict[str, float],
-) -> UnseenState:  # fmt: skip
-    """An activation of an actuator: of a motor a temperature, bristle or current, in this order."""
-    kinds = _kinds(model, index)
-    if len(kinds) != count:
-        kinds = [f"activation {i + 1}" for i in range(count)]
-    kind, motor = kinds[slot], motors.get(name)
-    if kind == "current" and motor is not None:
-        scale = amperes(motor, gears[name])
-        return UnseenState(f"{name} winding", "A", "winding", column, scale)
-    unit = {"bristle": _unit(model, int(model.actuator_trnid[index, 0])), "temperature": "K"}
-    return UnseenState(f"{name} {kind}", unit.get(kind, "1"), kind, column)
 
 
 def _unit(model: mujoco.MjModel, joint: int) -> str:
@@ -144,12 +132,13 @@ def _unit(model: mujoco.MjModel, joint: int) -> str:
 
 
 def _kinds(model: mujoco.MjModel, index: int) -> list[str]:
-    """What the activations of one of MuJoCo's motors are."""
-    kind = mujoco.mjtDyn(int(model.actuator_dyntype[index]))
+    """What the activations of an actuator are: of a motor in MuJoCo's order."""
+    kind, found = mujoco.mjtDyn(int(model.actuator_dyntype[index])), list[str]()
     if kind in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
-        return ["lag"]
-    if kind != mujoco.mjtDyn.mjDYN_DCMOTOR:
-        return []
-    numbers = model.actuator_dynprm[index]
-    present = (("temperature", numbers[2]), ("bristle", numbers[5]), ("current", numbers[0]))
-    return [kind for kind, number in present if number > 0]
+        found = ["lag"]
+    if kind == mujoco.mjtDyn.mjDYN_DCMOTOR:
+        numbers = model.actuator_dynprm[index]
+        present = (("temperature", numbers[2]), ("bristle", numbers[5]), ("current", numbers[0]))
+        found = [name for name, number in present if number > 0]
+    count = int(model.actuator_actnum[index])
+    return found if len(found) == count else [f"activation {i + 1}" for i in range(count)]

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.simulation.machine.motors import in_units_of, volts_for
 
 _TRANSMISSIONS = {
     mujoco.mjtTrn.mjTRN_JOINTINPARENT: "acts on a joint in its parent's frame",
@@ -244,9 +245,9 @@ def _build(motor: mujoco.MjsActuator, own: Mapping[str, Any], drive: Drive) -> N
         setattr(motor, name, value)
     gear, gain = float(own["gear"][0]), np.array(own["gainprm"], float)
     if own["gaintype"] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        # Volts for one unit of torque, and currents in that unit: see ``machine.motors``.
-        c = float(gain[0] / (gain[1] * gear))
-        gain[0], gain[1] = gain[0] / c**2, abs(gain[1] / c)
+        c = volts_for(1.0, gear, constant=float(gain[1]), resistance=float(gain[0]))
+        constant, gain[0] = in_units_of(c, constant=float(gain[1]), resistance=float(gain[0]))
+        gain[1] = abs(constant)
         dynamics = np.array(own["dynprm"], float)
         dynamics[1] *= abs(c)
         motor.dynprm = dynamics

@@ -37,19 +37,15 @@ class Robot:
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
-        built: The same with actuators that do more than the laws believe: lags, delays, DC motors.
-            Of a model without them it is the nominal one.
         converted: What differs from the model as it was given, in sentences.
+        as_built: The same with actuators that do more than the laws believe: lags, delays, DC
+            motors; None of a model without them.
     """
 
     plant: MujocoPlant
     converted: tuple[str, ...] = ()
-    built: MujocoPlant = None  # pyright: ignore[reportAssignmentType]
+    as_built: MujocoPlant | None = None
     _coordinates: dict[ReferenceFunction, RobotCoordinates] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.built is None:
-            object.__setattr__(self, "built", self.plant)
 
     @classmethod
     def from_mjcf(
@@ -83,6 +79,11 @@ class Robot:
         if own is None:
             return cls(plant, converted)
         return cls(plant, converted, replace(plant, spec=own))
+
+    @property
+    def built(self) -> MujocoPlant:
+        """The robot with its true actuators; the nominal one, if those are ideal."""
+        return self.plant if self.as_built is None else self.as_built
 
     @property
     def joints(self) -> int:

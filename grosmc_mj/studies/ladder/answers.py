@@ -22,16 +22,6 @@ def of_law(rows: Sequence[Standing], law: str, condition: str) -> list[Standing]
     ]
 
 
-def highest(rows: Sequence[Standing]) -> Standing | None:
-    """The last rung up to which all is kept from the first on; None if the first fails."""
-    found = None
-    for row in rows:
-        if not row.kept:
-            break
-        found = row
-    return found
-
-
 def first_failed(rows: Sequence[Standing]) -> Standing | None:
     """The first rung on which something is not kept; None if all is kept on all."""
     return next((row for row in rows if not row.kept), None)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import mujoco
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.simulation.machine import MachinePart, Motor, Stop
+from grosmc_mj.simulation.machine import Motor, Stop
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # Levels [V] and the time at each [s], of the laboratory's own test.
@@ -45,12 +45,8 @@ MEASURED: Sequence[Bump] = (
 def simulated() -> dict[str, Bump]:
     """The bump test of the servo's machine, rigid and as built."""
     machine = Experiment.load("servo/machine")
-    motor = next(edit for edit in machine.case.edits if isinstance(edit, Motor))
-    parts = [
-        edit
-        for edit in machine.case.edits
-        if isinstance(edit, MachinePart) and not isinstance(edit, Stop)
-    ]
+    motor = next(part for part in machine.case.parts if isinstance(part, Motor))
+    parts = [part for part in machine.case.parts if not isinstance(part, Stop)]
     plant = machine.nominal.plant
     assert isinstance(plant, MujocoPlant)
     fine = MujocoPlant(plant.system, plant.spec, (), machine.settings.timestep)

@@ -13,7 +13,6 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements import judge
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.simulation.loop import in_loop
-from grosmc_mj.simulation.machine import MachinePart
 from grosmc_mj.studies.ladder.oscillation import Oscillation, chatter, oscillation
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.studied import (
@@ -102,7 +101,7 @@ def ladder(target: str, chosen: Sequence[str] = (), *, loaded: bool = False) -> 
     machine = next((each for each in found if each.case.name == MACHINE), found[0])
     if not machine.file.requirement:
         raise ArgumentError(f"{machine.path}: nothing is required: give it a [[requirement]]")
-    own = tuple(edit for edit in machine.case.edits if not isinstance(edit, MachinePart))
+    own = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
     bare = machine.varied(loop=None, edits=own)
     climbing, alone = rungs_of(machine)
     if not alone:

@@ -82,7 +82,7 @@ def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[Ma
             yield "delay", Loop(loop.computing, seed=seed), ()
         if loop.actuators:
             yield "actuator", Loop(actuators=loop.actuators, seed=seed), ()
-    parts = [edit for edit in machine.case.edits if isinstance(edit, MachinePart)]
+    parts = machine.case.parts
     transmissions = [part for part in parts if isinstance(part, Transmission)]
     loose = [replace(each, stiffness=math.inf) for each in transmissions if each.backlash]
     flexible = [each for each in transmissions if math.isfinite(each.stiffness)]

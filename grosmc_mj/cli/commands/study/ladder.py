@@ -65,17 +65,15 @@ class LadderCommand(Command):
             for rung in rungs
         ]
         rows: list[Standing] = []
-        try:
-            with screen.progress(len(studied.laws) * len(ways), "rungs") as advance:
-                for law in studied.laws:
-                    for rung, together, condition in ways:
-                        advance(law.name, 0)
-                        rows.append(standing(studied, law, rung, condition, together=together))
-                        advance(law.name, 1)
-        except KeyboardInterrupt:
-            if rows:
-                screen.say_files(screen.console(), *self._write(studied, rows, complete=False))
-            raise
+        with (
+            screen.kept_on_interrupt(lambda: self._write(studied, rows, complete=False)),
+            screen.progress(len(studied.laws) * len(ways), "rungs") as advance,
+        ):
+            for law in studied.laws:
+                for rung, together, condition in ways:
+                    advance(law.name, 0)
+                    rows.append(standing(studied, law, rung, condition, together=together))
+                    advance(law.name, 1)
         files = self._write(studied, rows, complete=True)
         if filmed is not None:
             files = (*files, self._film(studied, filmed, rows))
@@ -88,11 +86,13 @@ class LadderCommand(Command):
     def _write(
         self, studied: Ladder, rows: Sequence[Standing], *, complete: bool
     ) -> tuple[Path, ...]:
-        """Write document and figure; returns where they are."""
+        """Write document and figure; returns where they are, nowhere without a row."""
         from grosmc_mj.report.document import write_json
         from grosmc_mj.studies.ladder.figure import write_ladder_figure
         from grosmc_mj.studies.ladder.report import ladder_document
 
+        if not rows:
+            return ()
         base = self.out / f"ladder_{result_name(studied.machine.path)}"
         target = base.with_suffix(".json")
         write_json(target, ladder_document(studied, rows, complete=complete))

@@ -64,17 +64,14 @@ class ToleranceCommand(Command):
         studied = setting(self.target, self.laws)
         rows: list[Tolerance] = []
         each_has = len(studied.imperfections) * len(studied.conditions)
-        try:
-            with screen.progress(len(studied.laws) * each_has, "answers") as advance:
-                for law in studied.laws:
-                    advance(law.name, 0)
-                    rows += tolerances(studied, law, self.seeds, every=self.every_end)
-                    advance(law.name, each_has)
-        except KeyboardInterrupt:
-            if rows:
-                files = self._write(studied, rows, complete=False)
-                screen.say_files(screen.console(), *files)
-            raise
+        with (
+            screen.kept_on_interrupt(lambda: self._write(studied, rows, complete=False)),
+            screen.progress(len(studied.laws) * each_has, "answers") as advance,
+        ):
+            for law in studied.laws:
+                advance(law.name, 0)
+                rows += tolerances(studied, law, self.seeds, every=self.every_end)
+                advance(law.name, each_has)
         files = self._write(studied, rows, complete=True)
         console = screen.console()
         _answer(console, studied, rows, full=self.verbose)
@@ -85,11 +82,13 @@ class ToleranceCommand(Command):
     def _write(
         self, studied: Setting, rows: Sequence[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
-        """Write document and figure; returns where they are."""
+        """Write document and figure; returns where they are, nowhere without a row."""
         from grosmc_mj.report.document import write_json
         from grosmc_mj.studies.tolerance.document import tolerance_document
         from grosmc_mj.studies.tolerance.figure import write_tolerance_figure
 
+        if not rows:
+            return ()
         base = self.out / f"tolerance_{result_name(studied.experiment.path)}"
         target = base.with_suffix(".json")
         write_json(target, tolerance_document(studied, rows, self.seeds, complete=complete))

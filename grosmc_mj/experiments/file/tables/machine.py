@@ -5,21 +5,18 @@ The numbers of each table are those of the value of the same name, with their un
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.machine import (
-    LuGre,
-    MachinePart,
-    Motor,
-    SlidingLoad,
-    Stop,
-    SwingingLoad,
-    Transmission,
-    Wall,
-)
+from grosmc_mj.simulation.machine import MachinePart
+
+
+def table_of(part: MachinePart | type[MachinePart]) -> str:
+    """What a part's table is called."""
+    return part.kind.replace(" ", "_")
+
 
 # The numbers of each kind of part with their units: {x} is that of the joint's coordinate, {f} of
 # its force or torque, {m} of its inertia.
@@ -61,13 +58,7 @@ MACHINE_UNITS: dict[str, dict[str, str]] = {
 # What is no number with a unit.
 _AS_WRITTEN = frozenset({"at", "point", "normal", "added"})
 MACHINE_PARTS: dict[str, type[MachinePart]] = {
-    "transmission": Transmission,
-    "lugre": LuGre,
-    "stop": Stop,
-    "motor": Motor,
-    "swinging_load": SwingingLoad,
-    "sliding_load": SlidingLoad,
-    "wall": Wall,
+    table_of(made): made for made in get_args(MachinePart)
 }
 
 
