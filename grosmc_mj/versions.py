@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 
 __version__ = "0.1.0"
 
@@ -27,6 +26,9 @@ def versions(of: Iterable[str] = _REPORTED) -> dict[str, str]:
 
 def _version(name: str) -> str:
     """The version of one."""
+    # Here, for it loads slowly, and the number of this package is asked for first.
+    from importlib.metadata import PackageNotFoundError, version
+
     own = {"python": platform.python_version(), "grosmc_mj": __version__}
     try:
         return own.get(name) or version(name)

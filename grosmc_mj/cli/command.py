@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import tyro
 
 
 @dataclass(frozen=True, kw_only=True)
-class Command(ABC):
+class Command:
     """A command whose docstring is its help and whose fields are its options.
 
     Modules of commands import what they need when they are carried out: --help is quick.
@@ -21,10 +20,16 @@ class Command(ABC):
 
     verbose: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
-    @abstractmethod
+    @property
+    def simulates(self) -> bool:
+        """Whether it needs MuJoCo."""
+        return True
+
+    # No abstract class: tyro would import typeguard to see that a command is none.
     def execute(self) -> int:
         """Carry it out; returns the exit code.
 
         Raises:
             GrosmcError: If something is wrong.
         """
+        raise NotImplementedError

@@ -41,6 +41,8 @@ def execute(arguments: Sequence[str]) -> int:
         GrosmcError: If something is wrong with them, or on the way.
     """
     command = parse(arguments)
+    if not command.simulates:
+        return command.execute()
     _import_mujoco()
     from grosmc_mj.simulation.quiet import warnings_counted_only
 

@@ -13,7 +13,7 @@ from grosmc_mj.control.task import AS_PRINTED, Realization, require_analytic
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.file.shipped import case_order, shipped_files
 from grosmc_mj.plants import SYSTEMS, AnalyticPlant, find_system
 
 
@@ -31,13 +31,7 @@ def find_experiments(target: str) -> list[Experiment]:
     found = [name for name in files if name.split("/")[0] == target]
     if not found:
         return [_shipped(files[target]) if target in files else Experiment.load(target)]
-    return [_shipped(files[name]) for name in sorted(found, key=_order)]
-
-
-def _order(name: str) -> tuple[bool, bool, str]:
-    """The nominal case first; bench and machine last."""
-    built = ("/bench", "/machine")
-    return not name.endswith("/nominal"), name.endswith(built), name
+    return [_shipped(files[name]) for name in sorted(found, key=case_order)]
 
 
 def find_experiment(system: str, case: str) -> Experiment:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import Specification, campaign_files, specification_of
+from grosmc_mj.campaign.family.specification import Specification, specification_of
 from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.simulation.models import load_model
 
 # Of 256 arms drawn with seed 7, those of which GROSMC keeps more under implicitfast at 1 ms.

@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from shipped import PENDULUM_DISTURBANCE, cases, find_case
 
 from grosmc_mj.errors import ArgumentError
@@ -14,7 +16,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file import schema
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files, starter
-from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
 from grosmc_mj.simulation.models import load_model
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
@@ -71,6 +73,13 @@ def written(folder: Path, text: str) -> Path:
 def test_units_are_converted(value: object, unit: str, number: float):
     # A conversion is one product or two, of factors that are rounded once.
     assert number_in(value, unit) == pytest.approx(number, rel=4e-16)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(sorted(_KNOWN)))
+def test_known_factors_convert_as_pint_does(number: float, units: tuple[str, str]) -> None:
+    written, unit = units
+    converted = float(_registry().Quantity(number, written).to(unit).magnitude)
+    assert number_in(f"{number!r} {written}", unit) == converted
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 from mutation import mutant
 from trial import TIMES, trial
 
-from grosmc_mj.campaign.family.specification import campaign_files
-from grosmc_mj.experiments.file.shipped import CASES, shipped_files
+from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 
 pytestmark = pytest.mark.slow
 

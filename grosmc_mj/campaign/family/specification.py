@@ -12,11 +12,10 @@ from grosmc_mj.campaign.family.sampling import SAMPLERS
 from grosmc_mj.errors import ArgumentError, Mistakes, SetupError, shown, unknown_name
 from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
-from grosmc_mj.experiments.file.shipped import find_file, shipped_files
+from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
 from grosmc_mj.simulation.mujoco_plant import Integrator
 
 # The package's own campaigns, one for each system.
-CAMPAIGNS = Path(__file__).resolve().parents[2] / "campaigns"
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
 SHARD = 512
 _MOST_RUNS, _MOST_PARTS = 10**12, 10**7
@@ -201,11 +200,6 @@ def specification_of(target: str, **asked: Any) -> Specification:
         return replace(specification, name=name)
     except ArgumentError as error:
         raise ArgumentError(f"{path}: {error}") from None
-
-
-def campaign_files() -> dict[str, Path]:
-    """The package's own campaigns, by the name of their system."""
-    return {path.stem: path for path in sorted(CAMPAIGNS.glob("*.toml"))}
 
 
 def _found(target: str) -> Path:

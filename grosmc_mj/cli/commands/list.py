@@ -32,14 +32,22 @@ class ListCommand(Command):
     """
 
     target: Annotated[
-        Positional[str | None],
+        Positional[str],
         arg(metavar=f"[{TARGET}]", name="target", help_behavior_hint="(default: everything)"),
-    ] = None
+    ] = ""
+
+    @property
+    def simulates(self) -> bool:
+        """The names of everything stand in files."""
+        return bool(self.target) or self.verbose
 
     def execute(self) -> int:
-        """Systems, cases, controllers; with their titles, plants and names, if asked for."""
-        if self.target is None:
-            return self._everything()
+        """Systems, cases, laws; with their titles, plants and names, if asked for."""
+        if not self.target:
+            _say_everything(screen.console())
+            if self.verbose:
+                _say_more(screen.wide_console())
+            return screen.DONE
         from grosmc_mj.experiments.catalogue import find_experiments
 
         experiments, console = find_experiments(self.target), screen.wide_console()
@@ -49,42 +57,53 @@ class ListCommand(Command):
         _say_names(console, experiments[0])
         return screen.DONE
 
-    def _everything(self) -> int:
-        from grosmc_mj.campaign.family.specification import campaign_files
-        from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.experiments.file.reading import read_case_file
-        from grosmc_mj.experiments.file.shipped import shipped_files
-        from grosmc_mj.experiments.laws import FURTHER
-        from grosmc_mj.plants import SYSTEMS
 
-        files, console = shipped_files(), screen.console()
-        campaigns = campaign_files()
-        others = [name for name in files if name.partition("/")[0] not in SYSTEMS]
-        console.print(f"{len(SYSTEMS)} systems, {len(files)} case files.")
-        for name, system in SYSTEMS.items():
-            experiments = find_experiments(name)
-            laws = [*experiments[0].controllers, *FURTHER.get(name, ())]
-            console.print(f"[bold]{name}[/]  {system.title}")
-            console.print(f"  cases        {', '.join(one.case.name for one in experiments)}")
-            console.print(f"  controllers  {', '.join(laws)}")
-            if name in campaigns:
-                console.print(f"  campaign     {read_case_file(campaigns[name]).title}")
-        console.print("[bold]Other case files[/]")
-        console.print(f"  {', '.join(others)}")
-        console.print("A target is SYSTEM, SYSTEM/CASE such as servo/case1, or FILE.toml.")
-        if not self.verbose:
-            return screen.DONE
-        wide = screen.wide_console()
-        for name in SYSTEMS:
-            wide.print(f"\n[bold]{name}[/]")
-            _say_cases(wide, find_experiments(name))
-            _say_names(wide, find_experiments(name)[0])
-            if further := FURTHER.get(name, ()):
-                wide.print(f"  further      {', '.join(further)}  [dim](not run by validate)[/]")
-        wide.print("\n[bold]Case files of the package[/]")
-        for name, path in files.items():
-            wide.print(f"  {name:<26} {read_case_file(path).title}")
-        return screen.DONE
+def _say_everything(console: Console) -> None:
+    """What there is, by the names in the files: nothing is built for it."""
+    from grosmc_mj.experiments.file.shipped import (
+        base_file,
+        campaign_files,
+        case_order,
+        content,
+        shipped_files,
+    )
+
+    files, campaigns = shipped_files(), campaign_files()
+    folders: dict[str, list[str]] = {}
+    for name in files:
+        folders.setdefault(name.split("/")[0], []).append(name)
+    bases = {name: base for name in folders if (base := base_file(name)) is not None}
+    console.print(f"{len(bases)} systems, {len(files)} case files.")
+    for name, base in bases.items():
+        cases = sorted(folders[name], key=case_order)
+        console.print(f"[bold]{name}[/]")
+        console.print(f"  cases        {', '.join(each.split('/')[1] for each in cases)}")
+        console.print(f"  laws         {', '.join(content(base)['laws'])}")
+        if name in campaigns:
+            console.print(f"  campaign     {content(campaigns[name])['title']}")
+    others = [name for folder in folders if folder not in bases for name in folders[folder]]
+    console.print("[bold]Other case files[/]")
+    console.print(f"  {', '.join(others)}")
+    console.print("A target is SYSTEM, SYSTEM/CASE such as servo/case1, or FILE.toml.")
+
+
+def _say_more(console: Console) -> None:
+    """Titles, plants and the names of their parts."""
+    from grosmc_mj.experiments.catalogue import find_experiments
+    from grosmc_mj.experiments.file.shipped import content, shipped_files
+    from grosmc_mj.experiments.laws import FURTHER
+    from grosmc_mj.plants import SYSTEMS
+
+    for name, system in SYSTEMS.items():
+        console.print(f"\n[bold]{name}[/]  {system.title}")
+        experiments = find_experiments(name)
+        _say_cases(console, experiments)
+        _say_names(console, experiments[0])
+        if further := FURTHER.get(name, ()):
+            console.print(f"  further      {', '.join(further)}  [dim](not run by validate)[/]")
+    console.print("\n[bold]Case files of the package[/]")
+    for name, path in shipped_files().items():
+        console.print(f"  {name:<26} {content(path)['title']}", markup=False)
 
 
 def _say_cases(console: Console, experiments: Sequence[Experiment]) -> None:

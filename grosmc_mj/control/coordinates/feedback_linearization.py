@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.optimize
 import sympy as sp
 from numpy.typing import NDArray
 
@@ -225,6 +224,9 @@ class FeedbackLinearization(Chains):
         try:
             part = _newton(residual, slope, x[free], scale)
             if part is None:
+                # Here, for it is a part of scipy that little needs.
+                import scipy.optimize
+
                 # Damped: Newton's own steps from afar can leave for another branch.
                 part = scipy.optimize.least_squares(
                     residual,

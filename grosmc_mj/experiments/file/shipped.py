@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
+from typing import Any
 
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 # A folder for each system.
-CASES = Path(__file__).resolve().parents[2] / "cases"
+_PACKAGE = Path(__file__).resolve().parents[2]
+CASES = _PACKAGE / "cases"
 _BASE, _OWN = "base.toml", "own_plant"
 
 
@@ -18,6 +21,22 @@ def shipped_files() -> dict[str, Path]:
         for path in sorted(CASES.glob("*/*.toml"))
         if path.name != _BASE
     }
+
+
+def campaign_files() -> dict[str, Path]:
+    """The campaigns of the package by the names of their systems."""
+    return {path.stem: path for path in sorted((_PACKAGE / "campaigns").glob("*.toml"))}
+
+
+def case_order(name: str) -> tuple[bool, bool, str]:
+    """The nominal case first; bench and machine last."""
+    built = ("/bench", "/machine")
+    return not name.endswith("/nominal"), name.endswith(built), name
+
+
+def content(path: Path) -> dict[str, Any]:
+    """What a file of the package says, without what it extends."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def find_file(name: str) -> Path:

@@ -17,6 +17,16 @@ if TYPE_CHECKING:
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
 # Units with powers of one digit: nothing that takes long to compute.
 _UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s*(?:\*\*|\^))){1,40}")
+# Factors of what files mostly have, which need not wait for pint: (written, wanted).
+_KNOWN = {
+    ("us", "s"): 1e-6,
+    ("ms", "s"): 1e-3,
+    ("mm", "m"): 1e-3,
+    ("cm", "m"): 1e-2,
+    ("g", "kg"): 1e-3,
+    ("mrad", "rad"): 1e-3,
+    ("deg", "rad"): math.pi / 180,
+}
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 
 
@@ -63,6 +73,9 @@ def number_in(value: Any, unit: str) -> float:
         raise ValueError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
     if not written:
         raise ValueError(f'"{text}" has no unit: write "{text} {unit}"')
+    factor = 1.0 if written == unit else _KNOWN.get((written, unit))
+    if factor is not None:
+        return _finite(number * factor, value)
     from pint import DimensionalityError
 
     try:

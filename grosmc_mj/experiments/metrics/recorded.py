@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -264,9 +263,9 @@ def _costs(run: Trajectory, controller: Controller, comparison: Comparison) -> d
     """J over the run with the continuous part of the input, with the whole, and the least J*."""
     design = controller.designed.lqr
     time, z = comparison.time, comparison.z
-    of_state = trapezoid(np.einsum("ti,ij,tj->t", z, design.Q, z), time)
+    of_state = np.trapezoid(np.einsum("ti,ij,tj->t", z, design.Q, z), time)
     continuous = -(z @ design.K.T)
-    of_continuous = trapezoid(np.einsum("ti,ij,tj->t", continuous, design.R, continuous), time)
+    of_continuous = np.trapezoid(np.einsum("ti,ij,tj->t", continuous, design.R, continuous), time)
     # The whole input is held between samples: its integral is a sum.
     whole = run.weighed.reshape(len(run.weighed), -1)
     of_whole = float(np.einsum("ti,ij,tj->t", whole, design.R, whole) @ np.diff(time))
