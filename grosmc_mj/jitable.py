@@ -9,6 +9,10 @@ from numba.extending import register_jitable
 
 Function = TypeVar("Function")
 
+# Nobody calls these from outside of compiled code: wrappers for that would take a sixth of the time
+# of a compilation.
+_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 
 def jitable(function: Function) -> Function:
     """Let compiled code call ``function``; it stays an ordinary Python function.
@@ -26,9 +30,9 @@ def jitable(function: Function) -> Function:
     function = source_of(function)
     register = cast(Any, register_jitable)
     if not is_own(function):
-        return register(function)
+        return register(**_INNER)(function)
     _check_helpers(function)
-    return register(boundscheck=True)(function)
+    return register(boundscheck=True, **_INNER)(function)
 
 
 def source_of(function: Any) -> Any:
