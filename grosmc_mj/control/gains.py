@@ -14,7 +14,6 @@ from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError, GainError, shown, unknown_name
-from grosmc_mj.plants import AnalyticPlant
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
@@ -92,18 +91,21 @@ class SwitchingGains(NamedTuple):
 
 
 class _Believed(NamedTuple):
-    """A state, and (G_r E)^-1, |G_r E| and u_0 of the law's model there."""
+    """States, and what the law's model says there.
+
+    Attributes:
+        z: Error states, (N, size).
+        x: The plant's states, (N, n).
+        inverse: (G_r E)^-1, (N, m, m).
+        size: |G_r E|, (N,).
+        u_0: The continuous law's input, (N, m).
+    """
 
     z: Array
     x: Array
     inverse: Array
-    size: float
+    size: Array
     u_0: Array
-
-    @classmethod
-    def at(cls, z: Array, x: Array, steered: Array, u_0: Array) -> _Believed:
-        """What the many plants of a family ask of one state."""
-        return cls(z, x, np.linalg.inv(steered), float(np.linalg.norm(steered)), u_0)
 
 
 def surface_rate(
@@ -115,17 +117,23 @@ def surface_rate(
     reaches s through the rows without an input counts too, if G looks at them.
 
     Args:
-        motion: (drift, gain) of z' = drift + gain u, as ``ErrorCoordinates.moved`` gives it.
-        z: Error state, (size,).
+        motion: (drift, gain) of z' = drift + gain u, as ``ErrorCoordinates.moved`` gives it, of
+            one state or of many: (..., size) and (..., size, m).
+        z: Error state, (..., size).
         G: Projection of the surface, (m, size).
         S: G (A - B K), (m, size).
-        u: The continuous law's input, (m,).
+        u: The continuous law's input, (..., m).
 
     Returns:
-        push (m,) and steered (m, m).
+        push (..., m) and steered (..., m, m).
     """
     drift, gain = motion
-    return G @ (drift + gain @ u) - S @ z, G @ gain
+    return _times(G, drift + _times(gain, u)) - _times(S, z), G @ gain
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """The product, of one or of many."""
+    return np.einsum("...ij,...j->...i", matrix, vector)
 
 
 def switching_gains(
@@ -174,73 +182,80 @@ def switching_gains(
             the reference moves, for which the formula has no room.
     """
     _refuse_unknown(error, nominal, uncertainty)
-    chains, origin = error.linearization, np.zeros(error.size)
+    chains = error.linearization
     A, B = (chains.A, chains.B) if linearizing else error.jacobian(nominal)
     G_r, S = G[:, list(chains.last_rows)], G @ (A - B @ K)
     gamma0, gamma1, least = 0.0, 0.0, math.inf
 
-    def believed(z: Array, x: Array) -> _Believed:
-        """What the law's model says at an error state and the plant's state there."""
+    def believed(z: Array) -> _Believed:
+        """What the law's model says at error states, (N, size)."""
+        x = np.array([error.place(0.0, each, nominal) for each in z])
+        u_0, steered = -_times(K, z), np.broadcast_to(G @ B, (len(z), *(G @ B).shape))
         if linearizing:
-            alpha, E = error.dynamics(0.0, x, nominal)
-            return _Believed.at(z, x, G_r @ E, np.linalg.solve(E, -(K @ z) - alpha))
-        return _Believed.at(z, x, G @ B, -(K @ z))
+            models = [error.dynamics(0.0, each, nominal) for each in x]
+            E = np.array([E for _, E in models])
+            steered, free = G_r @ E, u_0 - np.array([alpha for alpha, _ in models])
+            u_0 = np.linalg.solve(E, free[..., None])[..., 0]
+        size = np.linalg.norm(steered, axis=(-2, -1))
+        return _Believed(z, x, np.linalg.inv(steered), size, u_0)
 
-    def rate(at: _Believed, plant: AnalyticPlant) -> tuple[Array, Array]:
-        """s' under u_0 on a true plant, and how its inputs steer s."""
-        return surface_rate(error.moved(0.0, at.x, nominal, plant), at.z, G, S, at.u_0)
-
-    states = [believed(z, error.place(0.0, z, nominal)) for z in _states(uncertainty.region)]
-    at_rest = believed(origin, error.place(0.0, origin, nominal))
+    # At rest, a step along each axis next to it, and the grid.
+    at = believed(np.array([np.zeros(error.size), *_states(uncertainty.region)]))
+    distance = np.linalg.norm(at.z[1:], axis=-1)
+    slopes = error.slopes(at.x, nominal)
     units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
-        slopes, true = [], AnalyticPlant(error.system, plant)
-        held, _ = rate(at_rest, true)
-        for at in states:
-            found, steered = rate(at, true)
-            R = steered @ at.inverse
-            r = min(authority(R), authority_together(R))
-            if not r > 1e-9:
-                raise GainError(
-                    f"{error.system.name}: the input gain of a declared plant is {r:g} of the "
-                    f"nominal one at z = {at.z}; no switching gain can make up for that"
-                )
-            reach = r * at.size
-            share = (found - held) / (reach * float(np.linalg.norm(at.z)))
-            if len(slopes) < len(at.z):
-                slopes.append(share)
-            gamma1 = max(gamma1, float(np.linalg.norm(share)))
-            pushed = np.abs(held)
-            for w in units:
-                pushed = pushed + np.abs(G @ error.pushed(at.x, nominal, plant, w))
-            gamma0, least = max(gamma0, float(np.linalg.norm(pushed)) / reach), min(least, r)
+        motion = error.moved_along(at.x, nominal, plant, slopes)
+        (held, *rest), steered = surface_rate(motion, at.z, G, S, at.u_0)
+        R = (steered @ at.inverse)[1:]
+        r = np.minimum(authority(R), authority_together(R))
+        if not np.all(r > 1e-9):
+            worst = int(np.argmin(np.where(np.isnan(r), -np.inf, r)))
+            raise GainError(
+                f"{error.system.name}: the input gain of a declared plant is {r[worst]:g} of the "
+                f"nominal one at z = {at.z[1 + worst]}; no switching gain can make up for that"
+            )
+        reach = r * at.size[1:]
+        shares = (np.array(rest) - held) / (reach * distance)[:, None]
+        pushed = np.abs(held) + np.zeros_like(shares)
+        for w in units:
+            pushed += np.abs(_times(G, error.pushed_along(at.x, plant, w, slopes)))[1:]
+        gamma0 = max(gamma0, float((np.linalg.norm(pushed, axis=-1) / reach).max()))
         # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.
-        gamma1 = max(gamma1, float(np.linalg.norm(slopes, 2)))
+        near = float(np.linalg.norm(shares[: error.size], 2))
+        gamma1 = max(gamma1, near, float(np.linalg.norm(shares, axis=-1).max()))
+        least = min(least, float(r.min()))
     # Rounding is no mismatch.
     gamma0, gamma1 = (value if value > _ROUNDING else 0.0 for value in (gamma0, gamma1))
     return SwitchingGains(uncertainty.reaching_rate / least, gamma0, gamma1, least)
 
 
-def authority(R: Array) -> float:
+def authority(R: Array) -> Any:
     """What a true input gain leaves of a switching term: the least row of R, by dominance.
 
     With s' = push - rho R sgn(s), each entry of s is driven back by
     rho (R_ii - sum_j |R_ij|) at least. For one input it is r = E*/E.
 
     Args:
-        R: (G_r E*) (G_r E)^-1, of the true plant and of the law's model, (m, m).
+        R: (G_r E*) (G_r E)^-1, of the true plant and of the law's model, (..., m, m).
+
+    Returns:
+        One number for each matrix, (...).
     """
-    diagonal = np.diag(R)
-    return float((diagonal - (np.abs(R).sum(axis=1) - np.abs(diagonal))).min())
+    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
+    return (diagonal - (np.abs(R).sum(axis=-1) - np.abs(diagonal))).min(axis=-1)
 
 
-def authority_together(R: Array) -> float:
+def authority_together(R: Array) -> Any:
     """The same of a term along s/|s| instead of one for each entry: s' R s >= r |s|^2.
 
     Args:
-        R: As above, (m, m).
+        R: As above, (..., m, m).
+
+    Returns:
+        One number for each matrix, (...).
     """
-    return float(np.linalg.eigvalsh((R + R.T) / 2).min())
+    return np.linalg.eigvalsh((R + np.swapaxes(R, -2, -1)) / 2).min(axis=-1)
 
 
 def _refuse_unknown(error: ErrorCoordinates, nominal: Any, uncertainty: Uncertainty) -> None:

@@ -234,7 +234,12 @@ class OutputCoordinates(ABC):
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""
-        rows = [self.reference(t, parameters) for t in np.asarray(time, float).tolist()]
+        times = np.asarray(time, float)
+        if not getattr(self.reference, "moves", True):
+            return np.tile(
+                np.array(self.reference(0.0, parameters))[list(self._lower)], (len(times), 1)
+            )
+        rows = [self.reference(t, parameters) for t in times.tolist()]
         return np.array(rows)[:, self._lower]
 
     def raised(self, t: float, p: Any) -> Array:

@@ -147,11 +147,32 @@ class ErrorCoordinates(OutputCoordinates):
         slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(f)))
         return self.sign * (slope @ f - self.raised(t, p)), self.sign * slope @ g
 
-    def pushed(self, x: Array, p: Any, plant: Any, w: ArrayLike) -> Array:
-        """What a wrench on a true plant does to z', as the law sees it, (size,)."""
-        d = np.array(self.system.equations.disturbance(x, np.asarray(w, float), plant))
-        slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(d)))
-        return self.sign * slope @ d
+    def slopes(self, x: Array, p: Any) -> Array:
+        """The Jacobians of T by the law's model, at states (N, n); returns (N, size, n)."""
+        rows = [self.linearization.slope(each, p.plant) for each in x.tolist()]
+        return np.reshape(rows, (len(x), self.size, -1))
+
+    def moved_along(self, x: Array, p: Any, plant: Any, slopes: Array) -> tuple[Array, Array]:
+        """``moved`` at states (N, n) and t = 0 by a true plant's parameters, with their ``slopes``.
+
+        Returns:
+            (N, size) and (N, size, m).
+        """
+        equations, states = self.system.equations, x.tolist()
+        f = np.array([equations.drift(each, plant) for each in states])
+        g = np.reshape([equations.input_matrix(each, plant) for each in states], (*f.shape, -1))
+        drift = np.einsum("nij,nj->ni", slopes, f) - self.raised(0.0, p)
+        return self.sign * drift, self.sign * (slopes @ g)
+
+    def pushed_along(self, x: Array, plant: Any, w: Array, slopes: Array) -> Array:
+        """What a wrench on a true plant does to z' at states (N, n), as the law sees it.
+
+        Returns:
+            (N, size).
+        """
+        wrench = w.tolist()
+        d = [self.system.equations.disturbance(each, wrench, plant) for each in x.tolist()]
+        return self.sign * np.einsum("nij,nj->ni", slopes, np.array(d))
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +16,17 @@ CASES = _PACKAGE / "cases"
 _BASE, _OWN = "base.toml", "own_plant"
 
 
-def shipped_files() -> dict[str, Path]:
+def shipped_files() -> Mapping[str, Path]:
     """The case files of the package by their names, ``system/case``; bases are none."""
+    return _files_in(CASES)
+
+
+@cache
+def _files_in(folder: Path) -> Mapping[str, Path]:
+    """Found once: claims ask for cases by name a thousand times."""
     return {
-        "/".join(path.relative_to(CASES).with_suffix("").parts): path
-        for path in sorted(CASES.glob("*/*.toml"))
+        "/".join(path.relative_to(folder).with_suffix("").parts): path
+        for path in sorted(folder.glob("*/*.toml"))
         if path.name != _BASE
     }
 
