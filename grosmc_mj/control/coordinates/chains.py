@@ -22,12 +22,12 @@ class Chains:
 
     relative_degree: tuple[int, ...]
 
-    @property
+    @cached_property
     def last_rows(self) -> tuple[int, ...]:
         """Rows of z' in which the inputs appear."""
         return tuple((np.cumsum(self.relative_degree) - 1).tolist())
 
-    @property
+    @cached_property
     def first_rows(self) -> tuple[int, ...]:
         """Entries of z that are outputs."""
         return tuple(r - d + 1 for r, d in zip(self.last_rows, self.relative_degree, strict=True))

@@ -126,8 +126,9 @@ class ErrorCoordinates(OutputCoordinates):
 
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
-        alpha = np.array(self.nonlinearity(t, x, p))
-        return alpha, np.reshape(self.decoupling_matrix(x, p), (self.inputs, self.inputs))
+        alpha = np.array(_at(x, lambda at: self.nonlinearity(t, at, p)))
+        E = _at(x, lambda at: self.decoupling_matrix(at, p))
+        return alpha, np.reshape(E, (self.inputs, self.inputs))
 
     def moved(
         self,
@@ -140,16 +141,18 @@ class ErrorCoordinates(OutputCoordinates):
     ) -> tuple[Array, Array]:
         """As for every coordinates, by the true plant's own equations."""
         equations, true = plant.system.equations, plant.parameters
-        f = np.array(equations.drift(x, true))
+        f = np.array(_at(x, lambda at: equations.drift(at, true)))
         if w is not None:
-            f = f + np.array(equations.disturbance(x, np.asarray(w, float), true))
-        g = np.reshape(equations.input_matrix(x, true), (len(f), -1))
-        slope = np.reshape(self.linearization.slope(x, p.plant), (self.size, len(f)))
+            wrench = np.asarray(w, float).tolist()
+            f = f + np.array(_at(x, lambda at: equations.disturbance(at, wrench, true)))
+        g = np.reshape(_at(x, lambda at: equations.input_matrix(at, true)), (len(f), -1))
+        (slope,) = self.slopes(np.asarray(x, float)[None], p)
         return self.sign * (slope @ f - self.raised(t, p)), self.sign * slope @ g
 
     def slopes(self, x: Array, p: Any) -> Array:
         """The Jacobians of T by the law's model, at states (N, n); returns (N, size, n)."""
-        rows = [self.linearization.slope(each, p.plant) for each in x.tolist()]
+        slope = self.linearization.slope
+        rows = [_at(each, lambda at: slope(at, p.plant)) for each in x]
         return np.reshape(rows, (len(x), self.size, -1))
 
     def moved_along(self, x: Array, p: Any, plant: Any, slopes: Array) -> tuple[Array, Array]:
@@ -158,11 +161,11 @@ class ErrorCoordinates(OutputCoordinates):
         Returns:
             (N, size) and (N, size, m).
         """
-        equations, states = self.system.equations, x.tolist()
-        f = np.array([equations.drift(each, plant) for each in states])
-        g = np.reshape([equations.input_matrix(each, plant) for each in states], (*f.shape, -1))
-        drift = np.einsum("nij,nj->ni", slopes, f) - self.raised(0.0, p)
-        return self.sign * drift, self.sign * (slopes @ g)
+        drift, matrix = self.system.drift, self.system.input_matrix
+        f = np.array([_at(each, lambda at: drift(at, plant)) for each in x])
+        g = np.reshape([_at(each, lambda at: matrix(at, plant)) for each in x], (*f.shape, -1))
+        moved = np.einsum("nij,nj->ni", slopes, f) - self.raised(0.0, p)
+        return self.sign * moved, self.sign * (slopes @ g)
 
     def pushed_along(self, x: Array, plant: Any, w: Array, slopes: Array) -> Array:
         """What a wrench on a true plant does to z' at states (N, n), as the law sees it.
@@ -170,8 +173,8 @@ class ErrorCoordinates(OutputCoordinates):
         Returns:
             (N, size).
         """
-        wrench = w.tolist()
-        d = [self.system.equations.disturbance(each, wrench, plant) for each in x.tolist()]
+        wrench, disturbance = w.tolist(), self.system.disturbance
+        d = [_at(each, lambda at: disturbance(at, wrench, plant)) for each in x]
         return self.sign * np.einsum("nij,nj->ni", slopes, np.array(d))
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
@@ -179,7 +182,7 @@ class ErrorCoordinates(OutputCoordinates):
         x, chains = np.asarray(x, float), self.linearization
         if chains.plain is not None:
             return x[:, chains.plain]
-        return np.array([chains.transformation(row, plant) for row in x])
+        return np.array([_at(row, lambda at: chains.transformation(at, plant)) for row in x])
 
     def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
         """A state with this error, with all else at rest or as it is near, (n,)."""
@@ -221,3 +224,15 @@ class ErrorCoordinates(OutputCoordinates):
         A[rows] = of_K @ np.linalg.inv(of_T)
         B[rows] = self.dynamics(0.0, x, p)[1]
         return A, B
+
+
+def _at(x: Any, values: Callable[[Any], tuple[float, ...]]) -> tuple[float, ...]:
+    """What a generated function gives at a state.
+
+    In Python's floats it is computed several times as fast as in NumPy's, which are for where the
+    former have no value, as 1/0.
+    """
+    try:
+        return values(np.asarray(x, float).tolist())
+    except ArithmeticError:
+        return values(x)
