@@ -12,8 +12,8 @@ ARGS ?=
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 FAST = $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
 
-# What numbers come from: the rest writes, draws and asks.
-COMPUTING := plants control simulation experiments premises chapter campaign cases environments studies
+# What numbers come from: the rest runs, judges and writes what these compute.
+COMPUTING := plants control simulation premises
 # The file says what it emulates, and how.
 OLDER := nehalem haswell
 AS := $(BIN)/python tests/emulated_machine.py
