@@ -71,13 +71,12 @@ class Problem:
         return all(is_known(each.profile) for items in self.disturbances for each in items)
 
     @cached_property
-    def pushed_by_callback(self) -> bool:
-        """Whether the native engine's control callback makes the wrenches, without a table.
+    def pushed_in_compiled_code(self) -> bool:
+        """Whether the native engine makes the wrenches as it goes, without a table.
 
         A recorded run needs the table all the same.
         """
-        physics = self.plants[0].kind == "physics"
-        return physics and self.disturbed and self.profiles_known and not self.record
+        return self.disturbed and self.profiles_known and not self.record
 
     @cached_property
     def wrenches(self) -> Array | None:

@@ -116,7 +116,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
 
 def _kept_wrenches(problem: Problem) -> Array | None:
     """Disturbances of each simulation in the kept timesteps, (nsim, rows, 6 * bodies), or None."""
-    if problem.pushed_by_callback:
+    if problem.pushed_in_compiled_code:
         wrenches = problem.wrenches_at(np.array([problem.steps - 1]))
     else:
         wrenches = problem.wrenches

@@ -16,11 +16,12 @@ from grosmc_mj.plants import System
 from grosmc_mj.records import record_dtype
 from grosmc_mj.simulation.engines.compilation import compile_c, pointer
 from grosmc_mj.simulation.engines.inputs import written_inputs
+from grosmc_mj.simulation.engines.native_pushes import write_wrenches
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.trajectory import Status
 
-_SIGNATURE = (*(numba.int64,) * 4, *(numba.float64,) * 2, *(numba.int64,) * 9)
+_SIGNATURE = (*(numba.int64,) * 5, *(numba.float64,) * 2, *(numba.int64,) * 10)
 
 
 def analytic_kernel(problem: Problem) -> Callable[..., None]:
@@ -51,10 +52,13 @@ def _kernel(
     diverged, completed = Status.DIVERGED.value, Status.COMPLETED.value
     undefined_input = Status.UNDEFINED_INPUT.value
 
+    # Wrenches come from a table with a row for each step, if disturbed, or else from pushes, if
+    # there are some: they write the one row that there is.
     def loop(
         steps: int,
         stride: int,
         disturbed: int,
+        pushes: int,
         recorded: int,
         h: float,
         control_period: float,
@@ -63,6 +67,7 @@ def _kernel(
         law_: int,
         plant_: int,
         wrench_: int,
+        pushes_: int,
         xs_: int,
         us_: int,
         memories_: int,
@@ -93,6 +98,7 @@ def _kernel(
                 if not finite:
                     end[0], end[1] = i, undefined_input
                     return
+            write_wrenches(pushes, pushes_, wrench_, i * h)
             step(x, u, wrenches[i if disturbed else 0], plant, h, slope, stage, total)
             for j in range(n):
                 if not abs(x[j]) < largest:

@@ -50,7 +50,7 @@ class NativeBatch:
         self._dtype = userdata_dtype(problem)
         with compiling(problem.controller):
             self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
-        pushes = most_pushes(problem.disturbances) if problem.pushed_by_callback else 0
+        pushes = most_pushes(problem.disturbances) if problem.pushed_in_compiled_code else 0
         size, nsim = self._dtype.itemsize // 8 + PUSH * pushes, len(problem.x0)
         if not problem.record:
             size = _ROOM * math.ceil(size / _ROOM)
@@ -92,7 +92,7 @@ class NativeBatch:
             memory, workspace = controller.begin()
             self._kept_alive.append(workspace)
             row[self._memory :] = np.concatenate([pack(memory), pack(controller.parameters)])
-        if not problem.pushed_by_callback:
+        if not problem.pushed_in_compiled_code:
             return flat
         pushes = packed(problem.disturbances, self._bodies)
         header["pushes"] = pushes.shape[1]
@@ -129,7 +129,7 @@ class NativeBatch:
     @property
     def _tabled(self) -> bool:
         """Whether wrenches come from a table, step by step."""
-        return self._problem.disturbed and not self._problem.pushed_by_callback
+        return self._problem.disturbed and not self._problem.pushed_in_compiled_code
 
     def _run_recorded(self, record: Record, first: int, steps: int) -> None:
         """Run the steps of one chunk and write all their rows."""

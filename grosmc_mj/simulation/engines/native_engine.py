@@ -13,6 +13,7 @@ from grosmc_mj.records import pack
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.native_analytic import analytic_kernel
 from grosmc_mj.simulation.engines.native_batch import NativeBatch
+from grosmc_mj.simulation.engines.native_pushes import packed
 from grosmc_mj.simulation.engines.python_engine import run_python
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError, compiling
 from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
@@ -52,21 +53,21 @@ def _run_analytic(problem: Problem) -> Record:
     with compiling(problem.controller):
         kernel = analytic_kernel(problem)
     record = Record.empty(problem)
-    nothing = np.zeros(6 * len(problem.system.bodies))
+    pushed, bodies = problem.pushed_in_compiled_code, problem.system.bodies
+    rows = {name: row for row, name in enumerate(bodies)}
+    pushes = packed(problem.disturbances if pushed else [()], rows)
 
     def run_one(run: int) -> None:
-        plant, controller, wrench = (
-            problem.plants[run],
-            problem.controllers[run],
-            problem.wrench(run),
-        )
+        plant, controller = problem.plants[run], problem.controllers[run]
+        wrench = None if pushed else problem.wrench(run)
         memory, _kept_alive = controller.begin()
         arrays = (
             problem.x0[run].copy(),
             pack(memory),
             pack(controller.parameters),
             pack(plant.parameters),
-            np.ascontiguousarray(nothing if wrench is None else wrench),
+            np.zeros(6 * len(bodies)) if wrench is None else np.ascontiguousarray(wrench),
+            pushes[min(run, len(pushes) - 1)],
             record.x[run],
             record.u[run],
             record.memory[run],
@@ -77,6 +78,7 @@ def _run_analytic(problem: Problem) -> Record:
             problem.steps,
             problem.stride,
             int(wrench is not None),
+            pushes.shape[1],
             int(problem.record),
             problem.timestep,
             problem.control_period,

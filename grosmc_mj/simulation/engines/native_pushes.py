@@ -1,6 +1,7 @@
-"""Disturbances as numbers in mjData.userdata, which the control callback turns into wrenches.
+"""Disturbances as numbers, which compiled code turns into wrenches as it goes.
 
-So the disturbances of thousands of runs need no table, and no run comes back to Python for them.
+In MuJoCo they lie in mjData.userdata, where the control callback finds them; a loop on equations is
+given them. So the disturbances of thousands of runs need no table, and no run comes back to Python.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from grosmc_mj.simulation.engines.compilation import pointer
 
 # A push is [body, kind, a, b, c, force, torque]: whose, and the formula with its numbers.
 PUSH = 11
-# Rows of xfrc_applied.
+# Rows of xfrc_applied, and of the wrenches of equations.
 _ROW = 6 * np.dtype(np.float64).itemsize
 
 
@@ -38,11 +39,12 @@ def most_pushes(lists: Sequence[Sequence[Disturbance]]) -> int:
 def packed(lists: Sequence[Sequence[Disturbance]], bodies: Mapping[str, int]) -> Array:
     """The pushes of every list, (lists, most, PUSH), all of known profiles.
 
-    Shorter lists are filled up with wrenches of zero on the world, which does not move.
+    Shorter lists are filled up with wrenches of zero on row 0: in MuJoCo the world, which does not
+    move.
 
     Args:
         lists: Disturbances.
-        bodies: Ids of the bodies in the model by name.
+        bodies: By name, the row of each body among those that wrenches are written to.
     """
     pushes = np.zeros((len(lists), most_pushes(lists), PUSH))
     for row, disturbances in zip(pushes, lists, strict=True):
@@ -61,19 +63,19 @@ def _numbers(profile: Profile) -> tuple[float, float, float, float]:
 
 
 @jitable
-def write_wrenches(count: int, pushes_: int, xfrc_applied: int, t: float) -> None:
+def write_wrenches(count: int, pushes_: int, wrenches_: int, t: float) -> None:
     """Write the wrenches of ``count`` pushes at t [s]; both arrays are given by address.
 
     The wrenches on a body are added up in the order of the list, from zero, as in
-    ``wrench_table``: both give the same bits. Without pushes xfrc_applied stays as it is.
+    ``wrench_table``: both give the same bits. Rows without pushes stay as they are.
     """
     pushes = numba.carray(pointer(pushes_), (count, PUSH), np.float64)
     for k in range(count):
-        row = numba.carray(pointer(xfrc_applied + _ROW * int(pushes[k, 0])), (6,), np.float64)
+        row = numba.carray(pointer(wrenches_ + _ROW * int(pushes[k, 0])), (6,), np.float64)
         for i in range(6):
             row[i] = 0.0
     for k in range(count):
-        row = numba.carray(pointer(xfrc_applied + _ROW * int(pushes[k, 0])), (6,), np.float64)
+        row = numba.carray(pointer(wrenches_ + _ROW * int(pushes[k, 0])), (6,), np.float64)
         value = course(pushes[k, 1], t, pushes[k, 2], pushes[k, 3], pushes[k, 4])
         for i in range(6):
             row[i] += value * pushes[k, 5 + i]
