@@ -91,6 +91,30 @@ def test_where_replicates_agree_no_share_is_shown(
     assert run(*asked, "--out", tmp_path / "random", "--sampler", "random") == cli.DONE
 
 
+def test_it_says_who_judged_and_why_equations_did_not(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ("campaign", file, "--no-figures")
+    out = tmp_path / "auto"
+    assert run(*asked, "--runs", "512", "--out", out) == cli.DONE
+    said = " ".join(capsys.readouterr().out.split())
+    judged = json.loads((out / "results.json").read_text())["judged"]["lqr"]
+    assert judged["runs"] == 512
+    assert 0 < judged["by_equations"] < 412
+    assert f"{judged['by_equations']} of 512 runs judged by the equations, " in said
+    assert "; no verdict overturned." in said
+    table = pq.read_table(out / "parts" / "part-0000000.parquet")
+    number = str(table["judged_by"].to_pylist().index("equations"))
+    assert run("campaign", out, "--replay", number, "--no-figures") == cli.DONE
+    assert "campaign stored by the equations, bit for bit" in capsys.readouterr().out
+    some = ("--runs", "8", "--integrator", "implicitfast", "--out", tmp_path / "physics")
+    assert run(*asked, *some) == cli.DONE
+    answer = capsys.readouterr()
+    why = "equations are stepped by RK4, the model by implicitfast"
+    assert f"No run is screened by equations: {why}." in answer.err
+    assert "by the equations" not in answer.out
+
+
 def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
     assert run("campaign", file, "--runs", "8", "--out", tmp_path) == cli.DONE
     for name in ("margins.png", "margins.svg", "map.png", "map.svg"):
@@ -105,6 +129,7 @@ def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
         (("--sampler", "sobel"), "unknown sampler 'sobel': did you mean 'sobol'?"),
         (("--sampler", "corners", "--runs", "5"), "--runs 5: there are 4 corners"),
         (("--executor", "slurm"), "unknown executor 'slurm'"),
+        (("--screen", "equation"), "unknown screen 'equation': did you mean 'equations'?"),
         (("--executor", "batch", "--workers", "2"), "workers"),
         (("--axes", "load amplitude", "mass"), "unknown uncertain number 'mass'"),
         (("--axes", "load amplitude", "load amplitude"), "twice: name two different numbers"),

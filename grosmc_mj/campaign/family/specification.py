@@ -18,6 +18,8 @@ from grosmc_mj.simulation.mujoco_plant import Integrator
 # The package's own campaigns, one for each system.
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
 SHARD = 512
+# Whether equations judge runs: where they agree with MuJoCo, wherever there are some, or nowhere.
+SCREENS = ("auto", "equations", "none")
 _MOST_RUNS, _MOST_PARTS = 10**12, 10**7
 # Of one run [s]: eleven days.
 _LONGEST = 1e6
@@ -34,6 +36,7 @@ _TYPES: dict[str, tuple[type, ...]] = {
     "duration": (float, int, type(None)),
     "integrator": (str, type(None)),
     "shard": (int,),
+    "screen": (str,),
 }
 _WORDS = {
     str: "a text",
@@ -60,6 +63,8 @@ class Specification:
         duration: Instead of the file's [s].
         integrator: Instead of the file's: ``implicitfast`` is several times as fast as ``RK4``.
         shard: Plants of one part.
+        screen: ``auto``, ``equations`` or ``none``: whether runs are made on the equations, and in
+            MuJoCo only those that need it.
     """
 
     name: str
@@ -73,6 +78,7 @@ class Specification:
     duration: float | None = None
     integrator: str | None = None
     shard: int = SHARD
+    screen: str = "auto"
 
     def __post_init__(self) -> None:
         mistakes = Mistakes()
@@ -93,6 +99,8 @@ class Specification:
             mistakes.note(unknown_name("sampler", self.sampler, SAMPLERS))
         if self.integrator is not None and self.integrator not in get_args(Integrator):
             mistakes.note(unknown_name("integrator", self.integrator, get_args(Integrator)))
+        if self.screen not in SCREENS:
+            mistakes.note(unknown_name("screen", self.screen, SCREENS))
         for name in ("control_period", "duration"):
             value = getattr(self, name)
             if value is not None and not (0 < value <= _LONGEST):
@@ -177,7 +185,8 @@ class Specification:
             raise SetupError(
                 "the specification of this campaign cannot be read: controllers must be texts"
             )
-        return cls(**{**content, "controllers": tuple(controllers)})
+        # Older versions had all runs in MuJoCo.
+        return cls(**{"screen": "none", **content, "controllers": tuple(controllers)})
 
 
 def specification_of(target: str, **asked: Any) -> Specification:

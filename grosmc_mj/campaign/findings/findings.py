@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.basis import Basis
+from grosmc_mj.campaign.findings.judges import Judges, judges_of
 from grosmc_mj.campaign.findings.pairing import PairedDifference, paired
 from grosmc_mj.campaign.findings.sensitivity import Sensitivity, sensitivities
 from grosmc_mj.campaign.findings.statistics import (
@@ -53,6 +54,7 @@ class Findings:
             of the limit.
         worst: By law: numbers of its worst runs, the worst first.
         units: Of margins, by requirement.
+        judges: By law: by what its runs were judged; empty where none was to be screened.
     """
 
     sampled: Basis
@@ -65,6 +67,7 @@ class Findings:
     sensitivities: Mapping[str, list[Sensitivity]]
     worst: Mapping[str, list[int]]
     units: Mapping[str, str]
+    judges: Mapping[str, Judges] = field(default_factory=dict)
 
 
 def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
@@ -87,6 +90,8 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     sampled = Basis(runs, specification.runs, specification.sampler, specification.seed, replicates)
     first = range(min(specification.shards, -(-MOST // specification.shard)))
     asked = [margin_column(each.key) for each in campaign.requirements]
+    if specification.screen != "none":
+        asked += ["overturned", "band"]
     columns = folder.columns(campaign, ["id", "relative", *campaign.family.names, *asked], first)
     draws = sampled.draws(next(iter(columns.values()))["id"])
     causes: dict[str, list[Sensitivity]] = {}
@@ -120,6 +125,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
         sensitivities=causes,
         worst=worst,
         units={ALL: "of the limit", **{each.words: each.unit for each in campaign.requirements}},
+        judges=judges_of(counts, columns),
     )
 
 

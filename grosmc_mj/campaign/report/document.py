@@ -34,6 +34,7 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
             for (requirement, law), rate in found.rates.items()
         ],
         "ended_early": dict(found.cut_short),
+        "judged": {law: each._asdict() for law, each in found.judges.items()},
         "margins": [
             {
                 "requirement": requirement,
@@ -124,6 +125,7 @@ def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict
         **_origin(campaign),
         "engine": engine,
         "controller": found.outcome.controller,
+        "judged_by": found.outcome.judged_by[0],
         "uncertain": dict(found.values),
         "status": found.outcome.status[0],
         "ended": found.outcome.ended[0],

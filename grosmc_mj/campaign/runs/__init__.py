@@ -1,1 +1,1 @@
-"""Running a family: parts, their folder and manifest, the meters, and the replay of one run."""
+"""Running a family: its parts, screened or not, their folder and manifest, and replays."""

@@ -220,6 +220,7 @@ def _configuration(campaign: Campaign) -> dict[str, Any]:
         "sampler": specification.sampler,
         **({_REPLICATES: number} if number else {}),
         "shard": specification.shard,
+        **({"screen": specification.screen} if specification.screen != "none" else {}),
         "controllers": list(campaign.laws),
         "control_period": campaign.control_period,
         "duration": campaign.duration,

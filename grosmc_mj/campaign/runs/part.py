@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.family import MARGIN
+from grosmc_mj.campaign.family.family import MARGIN, SCREENING
 from grosmc_mj.campaign.runs.manifest import SCHEMA_VERSION
-from grosmc_mj.campaign.runs.shard import Outcomes
+from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.metrics.running import METRICS
 
@@ -28,6 +28,8 @@ _TEXTS, _TEXT = 2**14, 2**7
 COMPLETES = "completes"
 # The count of runs that keep everything.
 EVERYTHING = "everything"
+# The counts of runs that equations judged, and of those that MuJoCo judged otherwise than they.
+SCREENED, OVERTURNED = "screened", "overturned"
 # Counts by controller and requirement.
 Counts = Mapping[str, Mapping[str, int]]
 # The same of each replicate, (replicates,).
@@ -66,6 +68,9 @@ def part_table(
             list(each.status),
             each.ended,
         ]
+        if campaign.specification.screen != "none":
+            band = [each.band] * len(ids)
+            arrays += [list(each.judged_by), each.screened, each.overturned, band]
         typed = [pa.array(values, kind) for values, kind in zip(arrays, schema.types, strict=True)]
         tables.append(pa.Table.from_arrays(typed, schema=schema))
     table = pa.concat_tables(tables)
@@ -151,9 +156,20 @@ def _kept(campaign: Campaign, table: pa.Table) -> dict[str, dict[str, NDArray[np
                 for each in campaign.requirements
                 if law in each.of
             },
+            **_screened(rows),
         }
         for law in campaign.laws
         for rows in [rows_of(campaign, table, law)]
+    }
+
+
+def _screened(rows: pa.Table) -> dict[str, NDArray[np.bool_]]:
+    """Which runs the equations judged, and of which MuJoCo overturned a verdict of theirs."""
+    if "judged_by" not in rows.column_names:
+        return {}
+    return {
+        SCREENED: np.array(rows["judged_by"].to_pylist()) == EQUATIONS,
+        OVERTURNED: rows["overturned"].to_numpy() > 0,
     }
 
 
@@ -192,6 +208,9 @@ def _schema(campaign: Campaign) -> pa.Schema:
     columns += [(name, real, units.get(unit, unit)) for name, unit in METRICS.items()]
     columns += [(margin_column(each.key), real, each.unit) for each in campaign.requirements]
     columns += [("relative", real, "1"), ("status", text, ""), ("ended", real, "s")]
+    if campaign.specification.screen != "none":
+        kinds = ((text, ""), (real, "1"), (pa.int64(), "1"), (real, "1"))
+        columns += [(name, *kind) for name, kind in zip(SCREENING, kinds, strict=True)]
     return pa.schema(
         [pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns]
     )

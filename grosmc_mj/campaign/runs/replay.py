@@ -13,6 +13,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE
+from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.campaign.runs.folder import ONE_SEQUENCE, Folder
 from grosmc_mj.campaign.runs.manifest import (
     manifest_of,
@@ -21,11 +22,12 @@ from grosmc_mj.campaign.runs.manifest import (
     read_manifest,
 )
 from grosmc_mj.campaign.runs.part import margin_column
-from grosmc_mj.campaign.runs.shard import Outcomes, laws_with_meters, outcomes, plants_of
+from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes, laws_with_meters, outcomes, plants_of
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
 WORST, RADIUS = "worst.json", "radius.json"
@@ -38,8 +40,8 @@ class ReplayedRun:
     """A run that was repeated.
 
     Attributes:
-        result: The run, recorded.
-        outcome: What its meters say.
+        result: The run, recorded, in MuJoCo where there is a model.
+        outcome: What the meters say of it, on the equations if these judged it in the campaign.
         values: The uncertain numbers, by name.
         differences: Of the stored row, a line each; empty if it is the same bit by bit.
         stored: Whether there was a row to compare with.
@@ -75,8 +77,13 @@ def replay(
         values = found_values(campaign, folder.path, which, name)
     else:
         values = _sampled(campaign, folder, number, name)
-    result, outcome = _run(campaign, name, values, which, number or 0, engine)
+    plant_sample = campaign.plant_sample(values, number or 0)
+    (plant,) = plants_of(campaign, [plant_sample], drawn=True)
+    result, outcome = _run(campaign, name, values, plant_sample, plant, which, engine)
     stored = None if number is None else _stored(campaign, folder, number, name)
+    if stored is not None and stored.get("judged_by") == EQUATIONS:
+        equations = plant.analytic()
+        _, outcome = _run(campaign, name, values, plant_sample, equations, which, engine)
     return ReplayedRun(
         result=result,
         outcome=outcome,
@@ -141,12 +148,17 @@ def found_values(campaign: Campaign, folder: Path, which: str, controller: str) 
 
 
 def _run(
-    campaign: Campaign, controller: str, values: Array, which: str, number: int, engine: Engine
+    campaign: Campaign,
+    controller: str,
+    values: Array,
+    plant_sample: PlantSample,
+    plant: Plant,
+    which: str,
+    engine: Engine,
 ) -> tuple[RunResult, Outcomes]:
-    """The run, recorded, on the plant as it is drawn."""
-    plant_sample, law = campaign.plant_sample(values, number), campaign.laws[controller]
+    """The run, recorded, on a plant."""
+    law = campaign.laws[controller]
     (measured,) = laws_with_meters(campaign, law, [plant_sample])
-    (plant,) = plants_of(campaign, [plant_sample], drawn=True)
     settings, ended = campaign.experiment.settings, ""
     try:
         run = simulate(
@@ -167,7 +179,8 @@ def _run(
     experiment = replace(campaign.experiment, case=case)
     result = RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant)
     ends = (run.memory[-1:], run.state[-1:], [run.status], [run.valid_until])
-    return result, outcomes(campaign, controller, values[None], [plant_sample], *ends)
+    rows = outcomes(campaign, controller, values[None], [plant_sample], *ends, plant.kind)
+    return result, rows
 
 
 def _sampled(campaign: Campaign, folder: Folder, number: int, controller: str) -> Array:
@@ -185,7 +198,10 @@ def _stored(
 ) -> Mapping[str, Any] | None:
     """The row of a run; None if its part is not there."""
     names = [*METRICS, *(margin_column(each.key) for each in campaign.requirements)]
-    return _row(campaign, folder, [*names, "relative", "ended", "status"], number, controller)
+    names += ["relative", "ended", "status"]
+    if campaign.specification.screen != "none":
+        names.append("judged_by")
+    return _row(campaign, folder, names, number, controller)
 
 
 def _row(
@@ -207,6 +223,7 @@ def _differences(campaign: Campaign, stored: Mapping[str, Any], found: Outcomes)
         "relative": found.relative,
         "ended": found.ended,
         "status": found.status,
+        "judged_by": found.judged_by,
     }
     return tuple(
         f"{name}: {stored[name]} was stored, {own[name][0]} is found"

@@ -9,6 +9,7 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.runs.executors import Executor, Notice
 from grosmc_mj.campaign.runs.folder import Folder, add
 from grosmc_mj.campaign.runs.part import EVERYTHING
+from grosmc_mj.campaign.runs.screening import UNSCREENED, screening_of
 from grosmc_mj.campaign.runs.work import ShardReport, shards_of
 
 # Number of runs done and, by law, the share of these that keeps everything so far.
@@ -29,7 +30,7 @@ def run_missing(
         campaign: The campaign.
         folder: Where it is kept, begun.
         executor: What runs them.
-        notice: Told of workers that died.
+        notice: Told of workers that died, and why nothing is screened.
         advance: Told after each part.
 
     Returns:
@@ -38,10 +39,14 @@ def run_missing(
     Raises:
         GrosmcError: If a part cannot be run; those that were finished stay.
     """
-    work = shards_of(campaign, folder, executor.threads_per_worker)
+    parts = missing(campaign, folder)
+    screening = screening_of(campaign) if parts else UNSCREENED
+    if screening.why_not:
+        notice(f"No run is screened by equations: {screening.why_not}.")
+    work = shards_of(campaign, folder, executor.threads_per_worker, screening)
     total: dict[str, dict[str, int]] = {}
     again = 0
-    with closing(executor.run(work, missing(campaign, folder), notice)) as done:
+    with closing(executor.run(work, parts, notice)) as done:
         for finished in done:
             report: ShardReport = finished.report
             again += finished.attempts - 1

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,13 @@ from grosmc_mj.experiments.metrics.definitions import Recording
 from grosmc_mj.experiments.metrics.running import METRICS, metered, said_by
 from grosmc_mj.experiments.requirements import afters, costs_wanted, margins_of
 from grosmc_mj.plants import Plant
+from grosmc_mj.plants.plant import Kind
 from grosmc_mj.simulation.loop import relooped, room_of
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
+
+# What a run is judged by.
+EQUATIONS, PHYSICS = "equations", "physics"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,11 @@ class Outcomes:
         ended: Up to when it is valid [s], (n,).
         relative: The least margin in parts of its limit, (n,): at most 1, which is all of a limit;
             -inf for runs that ended early.
+        judged_by: What each run was made on, ``EQUATIONS`` or ``PHYSICS``, (n,).
+        screened: ``relative`` by the equations of those that were screened, (n,); NaN of others.
+        overturned: How many verdicts MuJoCo overturned of a run that was screened, (n,).
+        band: How near to its limit a screened margin is confirmed, in parts of the limit; 0 where
+            nothing was screened.
     """
 
     controller: str
@@ -44,11 +54,47 @@ class Outcomes:
     status: Sequence[str]
     ended: Array
     relative: Array
+    judged_by: Sequence[str]
+    screened: Array
+    overturned: NDArray[np.int64]
+    band: float = 0.0
 
     @property
     def kept(self) -> NDArray[np.bool_]:
         """Which runs keep everything, (n,)."""
         return self.relative >= 0
+
+    def rows(self, rows: NDArray[np.intp]) -> Outcomes:
+        """Some of the runs."""
+        return self._with(lambda column, _: column[rows], self)
+
+    def with_rows(self, rows: NDArray[np.intp], others: Outcomes) -> Outcomes:
+        """The runs, some of them replaced by others."""
+
+        def replaced(column: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+            new = column.copy()
+            new[rows] = other
+            return new
+
+        return self._with(replaced, others)
+
+    def _with(
+        self, change: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]], others: Outcomes
+    ) -> Outcomes:
+        """The same with each column changed, beside the same column of others."""
+
+        def changed(own: Any, other: Any) -> Any:
+            if isinstance(own, Mapping):
+                return {name: change(own[name], other[name]) for name in own}
+            if isinstance(own, np.ndarray):
+                return change(own, other)
+            return change(np.array(own, object), np.array(other, object)).tolist()
+
+        names = ("values", "metrics", "margins", "status", "ended", "relative", "judged_by")
+        names = (*names, "screened", "overturned")
+        return replace(
+            self, **{name: changed(getattr(self, name), getattr(others, name)) for name in names}
+        )
 
 
 def evaluate(campaign: Campaign, controller: str, values: Array, threads: int = 0) -> Outcomes:
@@ -77,24 +123,45 @@ def evaluate_all(
         campaign.plant_sample(row, run) for row, run in zip(values, numbers, strict=True)
     ]
     plants = plants_of(campaign, plant_samples)
-    found = []
-    for controller in controllers:
-        law = campaign.laws[controller]
-        run = simulate(
-            plants,
-            laws_with_meters(campaign, law, plant_samples),
-            np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
-            duration=campaign.duration,
-            control_period=campaign.control_period,
-            timestep=campaign.experiment.settings.timestep,
-            disturbances=[list(plant_sample.case.disturbances) for plant_sample in plant_samples],
-            engine=campaign.experiment.settings.engine_for(law),
-            record=False,
-            threads=threads,
-        )
-        ends = (run.memory[:, -1], run.state[:, -1], run.status, run.valid_until)
-        found.append(outcomes(campaign, controller, values, plant_samples, *ends))
-    return found
+    return [
+        run_on(plants, campaign, controller, values, plant_samples, threads)
+        for controller in controllers
+    ]
+
+
+def run_on(
+    plants: Sequence[Plant],
+    campaign: Campaign,
+    controller: str,
+    values: Array,
+    plant_samples: Sequence[PlantSample],
+    threads: int = 0,
+) -> Outcomes:
+    """Run n plants under one controller as a batch, with nothing recorded.
+
+    Args:
+        plants: In MuJoCo or as equations, n of them.
+        campaign: The campaign.
+        controller: Name of the controller.
+        values: The uncertain numbers, (n, d).
+        plant_samples: What these make of the case, n of them.
+        threads: 0 for all cores.
+    """
+    law = campaign.laws[controller]
+    run = simulate(
+        plants,
+        laws_with_meters(campaign, law, plant_samples),
+        np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
+        duration=campaign.duration,
+        control_period=campaign.control_period,
+        timestep=campaign.experiment.settings.timestep,
+        disturbances=[list(plant_sample.case.disturbances) for plant_sample in plant_samples],
+        engine=campaign.experiment.settings.engine_for(law),
+        record=False,
+        threads=threads,
+    )
+    ends = (run.memory[:, -1], run.state[:, -1], run.status, run.valid_until)
+    return outcomes(campaign, controller, values, plant_samples, *ends, plants[0].kind)
 
 
 def outcomes(
@@ -106,6 +173,7 @@ def outcomes(
     last: Array,
     status: Iterable[Any],
     valid_until: Any,
+    kind: Kind = "physics",
 ) -> Outcomes:
     """What the meters of n runs say.
 
@@ -118,6 +186,7 @@ def outcomes(
         last: Their last states, (n, states).
         status: How each ended, ``Status`` values, (n,).
         valid_until: Up to when each is valid [s], (n,).
+        kind: Of the plants.
     """
     meters, duration = memory["meters"], campaign.duration
     recording = Recording.sampled(
@@ -151,6 +220,9 @@ def outcomes(
         status=words,
         ended=ended,
         relative=np.where(completed, np.min(shares, axis=0), -np.inf),
+        judged_by=[PHYSICS if kind == "physics" else EQUATIONS] * len(values),
+        screened=nothing,
+        overturned=np.zeros(len(values), np.int64),
     )
 
 
@@ -169,17 +241,23 @@ def plants_of(
 def laws_with_meters(
     campaign: Campaign, law: Controller, plant_samples: Sequence[PlantSample]
 ) -> list[Controller]:
-    """A law in the loop of each run, with the meters that the requirements need around it."""
+    """A law in the loop of each run, with the meters that the requirements need around it.
+
+    Runs without a loop whose disturbances begin together have the same one.
+    """
     loops = [plant_sample.case.loop for plant_sample in plant_samples]
     varied = [loop for loop in loops if loop is not None]
     room = room_of(law, varied) if varied else None
+
+    def made(looped: Controller, onset: float) -> Controller:
+        wanted = afters(campaign.requirements), onset
+        costs = costs_wanted(campaign.requirements)
+        return metered(looped, campaign.control_period, *wanted, costs=costs)
+
+    alike = cache(partial(made, law))
     return [
-        metered(
-            law if loop is None else relooped(law, loop, plant_sample.run, room),
-            campaign.control_period,
-            afters(campaign.requirements),
-            plant_sample.case.onset,
-            costs=costs_wanted(campaign.requirements),
-        )
+        alike(plant_sample.case.onset)
+        if loop is None
+        else made(relooped(law, loop, plant_sample.run, room), plant_sample.case.onset)
         for loop, plant_sample in zip(loops, plant_samples, strict=True)
     ]

@@ -24,7 +24,8 @@ from grosmc_mj.campaign.runs.manifest import (
     refuse_other_code,
 )
 from grosmc_mj.campaign.runs.part import Counts, counts_of, part_table
-from grosmc_mj.campaign.runs.shard import evaluate_all
+from grosmc_mj.campaign.runs.screened import screened_all
+from grosmc_mj.campaign.runs.screening import UNSCREENED, Screening
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.reading import read_text, resolved_text
 from grosmc_mj.experiments.file.user_code import named_in
@@ -54,21 +55,36 @@ class ShardReport:
     process: int
 
 
-def shards_of(campaign: Campaign, folder: Folder, threads: int) -> partial[ShardReport]:
+def shards_of(
+    campaign: Campaign, folder: Folder, threads: int, screening: Screening = UNSCREENED
+) -> partial[ShardReport]:
     """The work of each part of a campaign that was begun in a folder, by its number.
 
     Args:
         campaign: The campaign.
         folder: Where it was begun.
         threads: Of each worker; 0 for all cores.
+        screening: How far equations may judge its runs.
     """
     bound_to = read_manifest(folder.path)["hash"]
     path = str(folder.path.resolve())
-    return partial(run_shard, path, campaign.specification, bound_to, threads=threads)
+    return partial(
+        run_shard,
+        path,
+        campaign.specification,
+        bound_to,
+        threads=threads,
+        screening=screening,
+    )
 
 
 def run_shard(
-    folder: str, specification: Specification, bound_to: str, index: int, threads: int = 0
+    folder: str,
+    specification: Specification,
+    bound_to: str,
+    index: int,
+    threads: int = 0,
+    screening: Screening = UNSCREENED,
 ) -> ShardReport:
     """Run a part and write it.
 
@@ -78,6 +94,7 @@ def run_shard(
         bound_to: Hash of its manifest, which the folder's must have.
         index: Number of the part.
         threads: 0 for all cores.
+        screening: How far equations may judge its runs.
 
     Raises:
         GrosmcError: If the folder is not that of the campaign, or cannot be written.
@@ -85,7 +102,7 @@ def run_shard(
     began = time.perf_counter()
     campaign = open_campaign(folder, specification, bound_to)
     ids = specification.ids(index)
-    found = evaluate_all(campaign, campaign.laws, campaign.values(ids), threads, ids)
+    found = screened_all(campaign, screening, campaign.laws, campaign.values(ids), threads, ids)
     table = part_table(campaign, bound_to, index, found)
     Folder(Path(folder)).write(index, table)
     seconds = time.perf_counter() - began

@@ -70,6 +70,7 @@ def _rate(rate: PassRate) -> str:
 def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
     """The requirements that fail most first, what drives the margins, and what was sampled."""
     from grosmc_mj.campaign.findings.findings import ALL
+    from grosmc_mj.campaign.findings.judges import judged_words
     from grosmc_mj.campaign.report.tables import rate_interval
     from grosmc_mj.report.tables import number
 
@@ -96,6 +97,8 @@ def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
         if requirement == ALL
     ]
     screen.say_lines(console, [*pairs, *drivers], "", all=False)
+    if judged := judged_words(found.judges):
+        console.print(judged, style="dim", markup=False)
     console.print(f"{found.sampled.words}. {found.sampled.footnote}", style="dim", markup=False)
 
 

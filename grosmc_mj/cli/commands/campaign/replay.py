@@ -31,6 +31,7 @@ def replay_run(command: CampaignCommand, which: str) -> int:
     from grosmc_mj.campaign.report.document import replay_document
     from grosmc_mj.campaign.runs.folder import Folder
     from grosmc_mj.campaign.runs.replay import replay
+    from grosmc_mj.campaign.runs.shard import EQUATIONS
     from grosmc_mj.campaign.runs.work import read_campaign
     from grosmc_mj.experiments import tables
     from grosmc_mj.simulation.simulate import Engine
@@ -51,7 +52,10 @@ def replay_run(command: CampaignCommand, which: str) -> int:
     base = (command.out or folder / "replays") / name
     unwritten = _written(command, base, replay_document(campaign, found, command.engine))
     if found.stored and not found.differences:
-        words = f"Run {which} is what the campaign stored, bit for bit; engine {command.engine}."
+        by = " by the equations" if found.outcome.judged_by[0] == EQUATIONS else ""
+        words = (
+            f"Run {which} is what the campaign stored{by}, bit for bit; engine {command.engine}."
+        )
         screen.say_verdict(console, words, good=True)
     elif found.stored:
         screen.say_verdict(console, f"Run {which} is not what the campaign stored.", good=False)

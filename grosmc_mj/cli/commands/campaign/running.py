@@ -62,7 +62,7 @@ def run_parts(asked: Campaign, folder: Folder, executor: Executor) -> list[str]:
     repeated = f"; {again} parts were run again" if again else ""
     lines.append(
         f"{left} runs of {asked.duration:g} s in {seconds:.1f} s: {left / seconds:.3g} runs and "
-        f"{steps / seconds:.3g} physics steps a second{repeated}."
+        f"{steps / seconds:.3g} timesteps a second{repeated}."
     )
     return lines
 

@@ -1,0 +1,164 @@
+"""Whether a campaign can be screened by equations: measured on a sample of its family."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.sampling import unit_points
+from grosmc_mj.campaign.runs.shard import Outcomes, plants_of, run_on
+from grosmc_mj.errors import ModelError
+from grosmc_mj.plants import AnalyticPlant, Plant
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.studies.agreement.measure import AGREEMENT_BOUND, acceleration_difference
+
+# Runs of the sample, and how many of its plants are asked for accelerations, in how many states.
+SAMPLE, _PLANTS, _STATES = 32, 8, 32
+# A margin by the equations is confirmed within this many times the largest difference found...
+FACTOR = 10.0
+# ...and within what rounding may come to on another machine, in parts of a limit.
+LEAST_BAND = 1e-9
+# Beyond it equations would judge little: ``auto`` leaves all to MuJoCo.
+LARGEST_BAND = 0.1
+# With fewer runs the sample and the confirmed ones are most of them.
+FEWEST = 512
+
+
+@dataclass(frozen=True)
+class Screening:
+    """How the runs of a campaign are screened by the equations, plain values that travel.
+
+    Attributes:
+        bands: By controller: how near to its limit a margin is confirmed in MuJoCo, in parts of
+            the limit. Empty if nothing is screened.
+        why_not: Why nothing is that could be, for people.
+    """
+
+    bands: Mapping[str, float]
+    why_not: str = ""
+
+
+UNSCREENED = Screening({})
+
+
+def screening_of(campaign: Campaign, threads: int = 0) -> Screening:
+    """Measure how far equations and MuJoCo agree on a family, as far as it is asked for.
+
+    Args:
+        campaign: The campaign.
+        threads: 0 for all cores.
+    """
+    wanted, runs = campaign.specification.screen, campaign.specification.runs
+    if wanted == "none" or campaign.plant.kind != "physics":
+        return UNSCREENED
+    if lacking := _lacking(campaign):
+        return Screening({}, lacking)
+    if wanted == "auto" and runs < FEWEST:
+        return Screening({}, f"{runs} runs are too few to gain by it, {FEWEST} are enough")
+    dimensions, seed = len(campaign.family.quantities), campaign.specification.seed
+    # Of another seed: the campaign's own first runs would be judged twice.
+    values = campaign.family.values(unit_points("random", dimensions, seed + 1, 0, SAMPLE))
+    samples = [campaign.plant_sample(row, run) for run, row in enumerate(values)]
+    physics = plants_of(campaign, samples)
+    try:
+        equations = equations_of(physics)
+    except ModelError as error:
+        return Screening({}, str(error))
+    if different := _accelerations_differ(physics, equations):
+        return Screening({}, different)
+    bands: dict[str, float] = {}
+    for controller in campaign.laws:
+        ours, theirs = (
+            run_on(plants, campaign, controller, values, samples, threads)
+            for plants in (equations, physics)
+        )
+        overturned = int((verdicts_overturned(ours, theirs) > 0).sum())
+        bands[controller] = band_for(campaign, ours, theirs)
+        if wanted == "auto" and (overturned or bands[controller] > LARGEST_BAND):
+            difference = bands[controller] / FACTOR
+            return Screening(
+                {},
+                f"under {controller} margins differ from MuJoCo's by up to {difference:.2g} of a "
+                f"limit on {SAMPLE} plants, verdicts on {overturned}",
+            )
+    return Screening(bands)
+
+
+def equations_of(plants: Sequence[Plant]) -> list[AnalyticPlant]:
+    """The equations of plants with the numbers of their models, each plant's read once.
+
+    Raises:
+        ModelError: If a plant has what its equations have no term for.
+    """
+    made = {plant: plant.analytic() for plant in dict.fromkeys(plants)}
+    return [made[plant] for plant in plants]
+
+
+def band_for(
+    campaign: Campaign, ours: Outcomes, theirs: Outcomes, band: float = LEAST_BAND
+) -> float:
+    """How near to a limit the equations cannot be believed, in parts of the limit.
+
+    It is ``FACTOR`` times the largest difference of a margin, and beyond every margin of a run
+    that MuJoCo judges otherwise.
+
+    Args:
+        campaign: The campaign.
+        ours: Runs on the equations.
+        theirs: The same runs in MuJoCo.
+        band: The least that it can be.
+    """
+    for one, other in zip(shares(campaign, ours), shares(campaign, theirs), strict=True):
+        both = np.isfinite(one) & np.isfinite(other)
+        band = max(band, FACTOR * float(np.abs(one[both] - other[both]).max(initial=0.0)))
+        apart = np.isfinite(one) & ((one >= 0) != (other >= 0))
+        band = max(band, FACTOR * float(np.abs(one)[apart].max(initial=0.0)))
+    return band
+
+
+def shares(campaign: Campaign, found: Outcomes) -> list[Array]:
+    """Margins in parts of their limits, of each requirement of the controller, (n,)."""
+    asked = [each for each in campaign.requirements if found.controller in each.of]
+    return [found.margins[each.key] / each.value for each in asked]
+
+
+def verdicts_overturned(ours: Outcomes, theirs: Outcomes) -> Array:
+    """On how many verdicts two judges of the same runs differ, each requirement's one, (n,)."""
+    differ = (np.array(ours.status) == "completed") != (np.array(theirs.status) == "completed")
+    count = differ.astype(np.int64)
+    for key, margins in ours.margins.items():
+        count += (margins >= 0) != (theirs.margins[key] >= 0)
+    return count
+
+
+def _lacking(campaign: Campaign) -> str:
+    """What no equations of the plant can have; empty if they may have everything."""
+    plant = campaign.plant
+    if plant.system.read_parameters is None or not plant.system.symbolic:
+        return f"{plant.system.name} has no equations in symbols"
+    nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
+    if plant.parts or (isinstance(nominal, MujocoPlant) and nominal.parts):
+        return "equations lack the machine as built"
+    if plant.stepped_by != "RK4":
+        return f"equations are stepped by RK4, the model by {plant.stepped_by}"
+    if np.isfinite(plant.input_limits).any():
+        return f"equations lack the limits of {plant.system.name}'s inputs"
+    return ""
+
+
+def _accelerations_differ(physics: Sequence[Plant], equations: Sequence[AnalyticPlant]) -> str:
+    """Why equations do not say what MuJoCo does, at random states of some plants; or nothing."""
+    random = np.random.default_rng(0)
+    for plant, twin in list(zip(physics, equations, strict=True))[:_PLANTS]:
+        assert isinstance(plant, MujocoPlant)
+        found = acceleration_difference(plant, twin, random, _STATES)
+        if not found <= AGREEMENT_BOUND:
+            return (
+                f"accelerations differ from MuJoCo's by {found:.1e} of the largest term, more than "
+                f"{AGREEMENT_BOUND:.0e}, so that equations lack something"
+            )
+    return ""

@@ -1,0 +1,276 @@
+"""Runs screened by equations: the verdicts are MuJoCo's, and few runs are made there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from campaign_cases import DEVIATION, FALL, LQR, bits, campaign, case, pair, servo, specification
+
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.specification import Specification
+from grosmc_mj.campaign.findings.findings import findings
+from grosmc_mj.campaign.findings.judges import Judges, judged_words
+from grosmc_mj.campaign.runs import screened, shard
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.replay import replay
+from grosmc_mj.campaign.runs.screened import WORST, screened_all
+from grosmc_mj.campaign.runs.screening import (
+    FACTOR,
+    LEAST_BAND,
+    SAMPLE,
+    Screening,
+    equations_of,
+    screening_of,
+)
+from grosmc_mj.campaign.runs.shard import EQUATIONS, PHYSICS, Outcomes, evaluate_all
+from grosmc_mj.campaign.whole import run_campaign
+from grosmc_mj.errors import ArgumentError
+
+POLE = """
+[[uncertain]]
+body = "pole"
+mass_scale = [1, 4]
+[[uncertain]]
+body = "pole"
+length_scale = [1, 4]
+[[uncertain]]
+start = "pole angle"
+value = ["-15 deg", "15 deg"]
+"""
+LINK = """
+[[uncertain]]
+body = "link"
+mass_scale = [1, 2]
+[[uncertain]]
+disturbance = "push"
+amplitude = [-1, 1]
+"""
+PUSH = """
+[[disturbance]]
+body = "link"
+torque = ["0 N m", "0.5 N m", "0 N m"]
+profile = "sine"
+frequency = "5 Hz"
+label = "push"
+"""
+GROSMC = '[[controller]]\nlaw = "grosmc"\n'
+FL = '[[controller]]\nlaw = "fl-lqr"\n'
+LIMIT = '[[requirement]]\ndeviation_below = "{}"\n'
+ARM_START = '{ "joint angle" = "0.5 rad" }'
+
+
+def fallen() -> str:
+    """Pendulums, of which some leave the region where their law is defined."""
+    return case("cart_pendulum", FALL, laws=FL, limits=LIMIT.format("0.2 rad"), duration=0.3)
+
+
+def pushed() -> str:
+    """Arms under GROSMC, whose sign switching amplifies rounding."""
+    limits = LIMIT.format("0.12 mrad")
+    return case(
+        "arm", LINK, laws=GROSMC, disturbances=PUSH, limits=limits, start=ARM_START, duration=0.2
+    )
+
+
+def asked(text: str, **changed: Any) -> Campaign:
+    return campaign(text, **{"runs": 2048, "shard": 512, **changed})
+
+
+def by(found: Outcomes) -> np.ndarray:
+    return np.array(found.judged_by)
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Runs that were made, by the kind of their plants."""
+    count = {"physics": 0, "corrected": 0}
+
+    def counted(plants: Any, *arguments: Any, **options: Any) -> Any:
+        count[plants[0].kind] += len(plants)
+        return simulate(plants, *arguments, **options)
+
+    simulate = shard.simulate
+    monkeypatch.setattr(shard, "simulate", counted)
+    return count
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [pair(), fallen(), pushed()])
+def test_verdicts_are_those_of_mujoco(text: str) -> None:
+    """Of 2,048 runs; some keep the limit and some do not, and equations judge most."""
+    whole = asked(text)
+    screening = screening_of(whole)
+    assert screening.bands
+    for index in range(whole.specification.shards):
+        ids = whole.specification.ids(index)
+        values = whole.values(ids)
+        ours = screened_all(whole, screening, whole.laws, values, 0, ids)
+        theirs = evaluate_all(whole, whole.laws, values, 0, ids)
+        for one, other in zip(ours, theirs, strict=True):
+            assert list(one.status) == list(other.status)
+            np.testing.assert_array_equal(one.kept, other.kept)
+            for key, margins in one.margins.items():
+                np.testing.assert_array_equal(margins >= 0, other.margins[key] >= 0)
+            assert 0 < one.kept.sum() < len(ids)
+            confirmed = by(one) == PHYSICS
+            np.testing.assert_array_equal(one.relative[confirmed], other.relative[confirmed])
+            assert confirmed.sum() < len(ids) / 2
+
+
+def test_few_steps_are_taken_in_mujoco(made: dict[str, int], tmp_path: Path) -> None:
+    """Every run on the equations, and in MuJoCo as many as the rows say, and the sample's."""
+    whole = asked(pair(), runs=1024)
+    said = run_campaign(whole, tmp_path)
+    laws = len(whole.laws)
+    rows = [pq.read_table(Folder(tmp_path).part(i)) for i in range(2)]
+    judged = np.concatenate([table["judged_by"].to_pylist() for table in rows])
+    confirmed = int((judged == PHYSICS).sum())
+    assert made["corrected"] == laws * (1024 + SAMPLE)
+    assert made["physics"] == confirmed + laws * SAMPLE
+    assert laws * WORST <= confirmed < 0.2 * laws * 1024
+    assert sum(each.by_equations for each in said.judges.values()) == (judged == EQUATIONS).sum()
+    assert judged_words(said.judges).startswith(f"{(judged == EQUATIONS).sum():,} of 2,048 runs")
+
+
+def test_what_is_near_a_limit_ended_early_or_is_worst_is_confirmed() -> None:
+    whole = asked(fallen(), runs=512)
+    ids, band = range(512), 0.05
+    values = whole.values(ids)
+    (found,) = screened_all(whole, Screening({"fl-lqr": band}), whole.laws, values, 0, ids)
+    by_equations = by(found) == EQUATIONS
+    assert found.band == band
+    assert by_equations.any()
+    assert np.all(np.abs(found.relative[by_equations]) > band)
+    assert {found.status[i] for i in np.flatnonzero(by_equations)} == {"completed"}
+    worst = found.screened.argsort(kind="stable")[:WORST]
+    assert not by_equations[worst].any()
+    near = np.abs(found.screened) <= band
+    early = np.array(found.status) != "completed"
+    rest = 512 - (near | early | np.isin(np.arange(512), worst)).sum()
+    assert by_equations.sum() == pytest.approx(0.98 * rest, abs=2)
+
+
+def test_the_band_is_widened_by_what_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equations with a tenth more inertia: no margin is left to them within 10 differences."""
+
+    def wrong(plants: Any) -> Any:
+        return [each.with_parameters(J=1.1 * each.parameters.J) for each in equations_of(plants)]
+
+    monkeypatch.setattr(screened, "equations_of", wrong)
+    whole = asked(pair(), runs=512)
+    ids = range(512)
+    values = whole.values(ids)
+    no_band = Screening(dict.fromkeys(whole.laws, 0.0))
+    ours = screened_all(whole, no_band, whole.laws, values, 0, ids)
+    for found, truth in zip(ours, evaluate_all(whole, whole.laws, values, 0, ids), strict=True):
+        confirmed = by(found) == PHYSICS
+        difference = np.abs(found.screened - found.relative)[confirmed].max()
+        assert difference > 1e-3
+        assert found.band >= FACTOR * difference * (1 - 1e-12)
+        assert np.all(np.abs(found.screened[~confirmed]) > found.band)
+        np.testing.assert_array_equal(found.kept, truth.kept)
+        overturned = (found.screened >= 0) != (truth.relative >= 0)
+        np.testing.assert_array_equal(found.overturned > 0, overturned)
+
+
+DAMPED = '[[uncertain]]\njoint = "hinge"\ndamping = [0, 0.01]\n'
+RUBBED = '[[uncertain]]\njoint = "hinge"\nfriction = [0, 0.01]\n'
+LOADED = '[[uncertain]]\nbody = "pole"\nadded_mass = ["0.1 kg", "0.2 kg"]\n'
+STOP = '[[stop]]\njoint = "slider"\nlow = "-1 m"\nhigh = "1 m"\n'
+
+
+@pytest.mark.parametrize("screen", ["auto", "equations"])
+@pytest.mark.parametrize(
+    ("text", "changed", "why"),
+    [
+        (POLE + DAMPED, {}, "joint 'hinge' has damping"),
+        (POLE + RUBBED, {}, "accelerations differ from MuJoCo's by"),
+        (LOADED, {}, "is not that of a uniform rod"),
+        (POLE + STOP, {}, "equations lack the machine as built"),
+        (POLE, {"integrator": "implicitfast"}, "stepped by RK4, the model by implicitfast"),
+    ],
+)
+def test_what_equations_lack_is_not_screened(
+    text: str, changed: dict[str, Any], why: str, screen: str
+) -> None:
+    limits = LIMIT.format("0.2 rad")
+    whole = asked(case("cart_pendulum", text, laws=LQR, limits=limits), screen=screen, **changed)
+    found = screening_of(whole)
+    assert found.bands == {}
+    assert why in found.why_not
+
+
+def test_few_runs_are_screened_only_if_it_is_asked_for() -> None:
+    assert "16 runs are too few" in screening_of(asked(pair(), runs=16)).why_not
+    forced = screening_of(asked(pair(), runs=16, screen="equations"))
+    assert forced == Screening(dict.fromkeys(("lqr", "stiff"), LEAST_BAND))
+    assert screening_of(asked(pair(), screen="none")) == Screening({})
+
+
+def test_a_screened_campaign_resumed_is_the_same(tmp_path: Path) -> None:
+    whole = campaign(pair(), runs=256, shard=128, screen="equations")
+    run_campaign(whole, tmp_path / "a")
+    first = Folder(tmp_path / "a")
+    run_campaign(whole, tmp_path / "b")
+    second = Folder(tmp_path / "b")
+    second.part(1).unlink()
+    run_campaign(whole, second.path, resume=True)
+    assert bits(first) == bits(second)
+    other = campaign(pair(), runs=256, shard=128, screen="none")
+    with pytest.raises(ArgumentError, match="screen: equations there, nothing now"):
+        run_campaign(other, first.path, resume=True)
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_screened_run_is_repeated_on_what_judged_it(tmp_path: Path, engine: Any) -> None:
+    whole = campaign(pair(), runs=256, shard=256, screen="equations")
+    run_campaign(whole, tmp_path)
+    folder = Folder(tmp_path)
+    judged = folder.columns(whole, ["judged_by"], [0])["lqr"]["judged_by"]
+    for judge in (EQUATIONS, PHYSICS):
+        number = int(np.flatnonzero(judged == judge)[0])
+        found = replay(whole, folder, str(number), "lqr", engine)
+        assert found.differences == ()
+        assert list(found.outcome.judged_by) == [judge]
+        assert found.result.plant == "physics"
+
+
+def test_rows_without_screening_have_no_columns_of_it(tmp_path: Path) -> None:
+    whole = campaign(pair(), screen="none")
+    found = run_campaign(whole, tmp_path)
+    assert "judged_by" not in pq.read_table(Folder(tmp_path).part(0)).column_names
+    assert found.judges == {}
+    assert judged_words(found.judges) == ""
+
+
+def test_folders_of_older_versions_have_nothing_screened() -> None:
+    document = specification(pair()).document()
+    assert document.pop("screen") == "auto"
+    assert Specification.of_document(document).screen == "none"
+    with pytest.raises(ArgumentError, match="unknown screen 'equation': did you mean 'equations'"):
+        specification(pair(), screen="equation")
+
+
+def test_overturned_verdicts_are_said_with_their_runs(tmp_path: Path) -> None:
+    whole = campaign(pair(), runs=256, shard=256, screen="equations")
+    run_campaign(whole, tmp_path)
+    found = findings(whole, Folder(tmp_path), 0.95)
+    assert judged_words(found.judges).endswith("no verdict overturned.")
+    wrong = {**found.judges, "lqr": Judges(256, 20, 3, [4, 7, 9], 1e-3)}
+    assert judged_words(wrong).endswith("MuJoCo overturned verdicts of 3: lqr 4, 7, 9.")
+    assert "(band 0.001 of a limit)" in judged_words(wrong)
+
+
+def test_no_servo_is_left_to_the_equations_where_their_margins_are_unsure(
+    made: dict[str, int],
+) -> None:
+    """A band wider than all margins confirms every run."""
+    whole = asked(servo(laws=LQR, limits=DEVIATION), runs=64, screen="equations")
+    ids = range(64)
+    (found,) = screened_all(whole, Screening({"lqr": 1e3}), ["lqr"], whole.values(ids), 0, ids)
+    assert list(found.judged_by) == [PHYSICS] * 64
+    assert made == {"physics": 64, "corrected": 64}
