@@ -14,6 +14,8 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.campaign.findings.findings import findings
 from grosmc_mj.campaign.findings.judges import Judges, judged_words
+from grosmc_mj.campaign.findings.radius import radius
+from grosmc_mj.campaign.findings.worst import worst
 from grosmc_mj.campaign.runs import screened, shard
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import replay
@@ -124,6 +126,7 @@ def test_verdicts_are_those_of_mujoco(text: str) -> None:
 def test_few_steps_are_taken_in_mujoco(made: dict[str, int], tmp_path: Path) -> None:
     """Every run on the equations, and in MuJoCo as many as the rows say, and the sample's."""
     whole = asked(pair(), runs=1024)
+    screening_of.cache_clear()
     said = run_campaign(whole, tmp_path)
     laws = len(whole.laws)
     rows = [pq.read_table(Folder(tmp_path).part(i)) for i in range(2)]
@@ -146,11 +149,11 @@ def test_what_is_near_a_limit_ended_early_or_is_worst_is_confirmed() -> None:
     assert by_equations.any()
     assert np.all(np.abs(found.relative[by_equations]) > band)
     assert {found.status[i] for i in np.flatnonzero(by_equations)} == {"completed"}
-    worst = found.screened.argsort(kind="stable")[:WORST]
-    assert not by_equations[worst].any()
+    least = found.screened.argsort(kind="stable")[:WORST]
+    assert not by_equations[least].any()
     near = np.abs(found.screened) <= band
     early = np.array(found.status) != "completed"
-    rest = 512 - (near | early | np.isin(np.arange(512), worst)).sum()
+    rest = 512 - (near | early | np.isin(np.arange(512), least)).sum()
     assert by_equations.sum() == pytest.approx(0.98 * rest, abs=2)
 
 
@@ -175,6 +178,27 @@ def test_the_band_is_widened_by_what_is_confirmed(monkeypatch: pytest.MonkeyPatc
         np.testing.assert_array_equal(found.kept, truth.kept)
         overturned = (found.screened >= 0) != (truth.relative >= 0)
         np.testing.assert_array_equal(found.overturned > 0, overturned)
+
+
+def test_searches_are_screened_and_answer_in_mujoco(made: dict[str, int]) -> None:
+    """The worst plant, the radius and where |s| leaves its bound are those of MuJoCo alone."""
+    text = servo(laws=GROSMC)
+    found = {}
+    for screen in ("equations", "none"):
+        whole, before = asked(text, runs=512, screen=screen), dict(made)
+        grown = radius(whole, "grosmc")
+        bad = worst(whole, "grosmc", [0, 1, 2], 256)
+        found[screen] = grown, bad
+        assert made["physics"] > before["physics"]
+    ours, theirs = found["equations"], found["none"]
+    assert ours[0].found == theirs[0].found
+    assert ours[0].stayed == theirs[0].stayed
+    assert [look.failures for look in ours[0].looks] == [look.failures for look in theirs[0].looks]
+    assert ours[0].outside is not None
+    assert theirs[0].outside is not None
+    assert ours[0].outside.least == theirs[0].outside.least
+    assert ours[1].relative == pytest.approx(theirs[1].relative, rel=1e-6)
+    assert made["corrected"] > 1000
 
 
 DAMPED = '[[uncertain]]\njoint = "hinge"\ndamping = [0, 0.01]\n'

@@ -11,7 +11,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.findings.promise import Promise, promise, surface_band
-from grosmc_mj.campaign.runs.shard import Outcomes, evaluate
+from grosmc_mj.campaign.runs.screened import screened_search
+from grosmc_mj.campaign.runs.shard import Outcomes
 
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
@@ -112,10 +113,14 @@ def radius(
     band = surface_band(campaign, controller)
     looks: dict[float, Look] = {}
 
+    def room_left(found: Outcomes) -> list[Array]:
+        return [] if band is None else [1 - _away(found, band)]
+
     def look(scale: float) -> Look:
         if scale not in looks:
             tried = family.scaled(values, scale)
-            looks[scale] = _look(scale, evaluate(campaign, controller, tried), band)
+            found = screened_search(campaign, controller, tried, room_left)
+            looks[scale] = _look(scale, found, band)
             advance(len(tried))
         return looks[scale]
 
@@ -154,8 +159,7 @@ def _look(scale: float, found: Outcomes, band: float | None) -> Look:
     )
     if band is None:
         return look
-    away = (found.metrics["max_sliding"] - found.metrics["sliding_start"]) / band
-    away = np.where(np.isnan(away), np.inf, away)
+    away = _away(found, band)
     most = int(away.argmax())
     return replace(
         look,
@@ -163,6 +167,12 @@ def _look(scale: float, found: Outcomes, band: float | None) -> Look:
         leaving=int((away > 1).sum()),
         leaver=found.values[most],
     )
+
+
+def _away(found: Outcomes, band: float) -> Array:
+    """How far |s| left |s(0)|, over what it may, (n,); infinite of a run that ended early."""
+    away = (found.metrics["max_sliding"] - found.metrics["sliding_start"]) / band
+    return np.where(np.isnan(away), np.inf, away)
 
 
 def _points(campaign: Campaign) -> Array:

@@ -13,6 +13,7 @@ from scipy.optimize import differential_evolution
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.sampling import inside, unit_points
+from grosmc_mj.campaign.runs.screened import screened_search
 from grosmc_mj.campaign.runs.shard import Outcomes, evaluate
 from grosmc_mj.errors import ArgumentError
 
@@ -139,7 +140,7 @@ class _Search:
 
     def __call__(self, points: Array) -> Array:
         values = self._campaign.family.values(inside(points))
-        found = _badness(evaluate(self._campaign, self._controller, values))
+        found = _badness(screened_search(self._campaign, self._controller, values))
         least = int(found.argmin())
         if found[least] < self.badness:
             self.badness, self.values = float(found[least]), values[least]
@@ -170,7 +171,7 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
     nominal, found = campaign.family.nominal, values.copy()
 
     def relative(candidates: Array) -> Array:
-        return evaluate(campaign, controller, candidates).relative
+        return screened_search(campaign, controller, candidates).relative
 
     while len(left := np.flatnonzero(found != nominal)):
         candidates = np.tile(found, (len(left), 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,13 +46,9 @@ class Screening:
 UNSCREENED = Screening({})
 
 
-def screening_of(campaign: Campaign, threads: int = 0) -> Screening:
-    """Measure how far equations and MuJoCo agree on a family, as far as it is asked for.
-
-    Args:
-        campaign: The campaign.
-        threads: 0 for all cores.
-    """
+@lru_cache(maxsize=4)
+def screening_of(campaign: Campaign) -> Screening:
+    """Measure how far equations and MuJoCo agree on a family, once, if it is asked for."""
     wanted, runs = campaign.specification.screen, campaign.specification.runs
     if wanted == "none" or campaign.plant.kind != "physics":
         return UNSCREENED
@@ -73,8 +70,7 @@ def screening_of(campaign: Campaign, threads: int = 0) -> Screening:
     bands: dict[str, float] = {}
     for controller in campaign.laws:
         ours, theirs = (
-            run_on(plants, campaign, controller, values, samples, threads)
-            for plants in (equations, physics)
+            run_on(plants, campaign, controller, values, samples) for plants in (equations, physics)
         )
         overturned = int((verdicts_overturned(ours, theirs) > 0).sum())
         bands[controller] = band_for(campaign, ours, theirs)
