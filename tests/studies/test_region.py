@@ -27,8 +27,10 @@ from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.studies.region import measure as region
 from grosmc_mj.studies.region.axes import choose_axes, starts_on
 from grosmc_mj.studies.region.loop import RegionLoop, state_names
-from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion, outcomes
+from grosmc_mj.studies.region.measure import Region, RegionQuestion, outcomes
 from grosmc_mj.studies.region.outcome import Outcome, judge
+from grosmc_mj.studies.region.region_map import RegionMap
+from grosmc_mj.studies.region.screened import beside_another, confirmed_area
 
 SETTINGS = Settings(integrator="implicitfast")
 CONVERGED = Outcome.CONVERGED.value
@@ -232,6 +234,41 @@ def test_a_map_has_the_second_axis_down_the_first_across_and_the_line_on_the_fir
     assert len(advances) == asked.batches == 3 * (1 + len(rest))
 
 
+def test_boundaries_that_equations_misplace_are_those_of_mujoco() -> None:
+    """Discs whose radii differ by three cells: what is beside an overturned start is looked at."""
+    x, y = np.meshgrid(np.arange(40), np.arange(40))
+    distance = np.hypot(x - 20, y - 20)
+    first, truth = (np.where(distance < radius, "c", "l") for radius in (12, 9))
+    found = confirmed_area(first, lambda chosen: truth[chosen], 0)
+    np.testing.assert_array_equal(found.letters, truth)
+    np.testing.assert_array_equal(found.overturned, first != truth)
+    assert np.all(found.confirmed[beside_another(truth)])
+    assert found.confirmed.sum() < 0.6 * truth.size
+    alike = np.full((1, 50), "c")
+    assert confirmed_area(alike, lambda chosen: alike[chosen], 0).confirmed.sum() == 1
+
+
+@pytest.mark.slow
+def test_a_screened_map_is_that_of_mujoco() -> None:
+    """Equations take steps of RK4, and so does MuJoCo here: no start is judged otherwise."""
+    maps = {}
+    for screen in ("auto", "none"):
+        question = RegionQuestion(
+            "cart_pendulum",
+            points=16,
+            duration=3.0,
+            settings=Settings(integrator="RK4"),
+            controllers=("fl-lqr",),
+            screen=screen,
+        )
+        maps[screen] = list(Region(question).maps())
+    for ours, theirs in zip(maps["auto"], maps["none"], strict=True):
+        np.testing.assert_array_equal(ours.grid, theirs.grid)
+        np.testing.assert_array_equal(ours.line, theirs.line)
+        assert (ours.overturned, theirs.overturned) == (0, 0)
+        assert 0 < ours.confirmed < theirs.confirmed == 16 * 16 + 64
+
+
 def test_the_arm_ends_at_its_singularity() -> None:
     law = loop("arm", "nominal", "grosmc")
     starts = law.equilibrium + np.array([[0.5, 0.0], [1.5, 5.0]])
@@ -262,6 +299,7 @@ def test_the_interval_at_rest_ends_at_the_first_start_that_fails() -> None:
     ("question", "says"),
     [
         (RegionQuestion("cart_pendulum", points=1), "1 points per axis must be from 2 to 1000"),
+        (RegionQuestion("arm", screen="equation"), "unknown screen 'equation': valid: auto, none"),
         (RegionQuestion("cart_pendulum", duration=0.0), "duration 0 s must be positive"),
         (RegionQuestion("cart_pendulum", duration=math.nan), "duration nan s must be positive"),
         (RegionQuestion("arm", limits={"rad": math.nan}), "must be finite and positive"),

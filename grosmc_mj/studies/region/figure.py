@@ -18,8 +18,9 @@ from matplotlib.ticker import MaxNLocator
 from grosmc_mj.report.figure import figure_written, in_lines
 from grosmc_mj.report.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
 from grosmc_mj.studies.region.axes import Axis
-from grosmc_mj.studies.region.measure import Region, RegionMap
+from grosmc_mj.studies.region.measure import Region
 from grosmc_mj.studies.region.outcome import Outcome
+from grosmc_mj.studies.region.region_map import RegionMap
 
 # They differ in lightness too.
 OUTCOME_COLOURS: Mapping[Outcome, str] = {

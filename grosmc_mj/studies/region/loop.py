@@ -29,10 +29,12 @@ class RegionLoop:
     Attributes:
         experiment: What is changed against the nominal plant, and how it is run.
         controller: The law, guarded; designed for the nominal plant.
+        on_equations: Whether it runs on the plant's equations instead, which take steps of RK4.
     """
 
     experiment: Experiment
     controller: Controller
+    on_equations: bool = False
 
     @classmethod
     def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
@@ -47,8 +49,9 @@ class RegionLoop:
 
     @cached_property
     def plant(self) -> Plant:
-        """The experiment's plant without what is only drawn."""
-        return self.experiment.plant("physics").undrawn()
+        """The experiment's plant without what is only drawn, or its equations."""
+        physics = self.experiment.plant("physics").undrawn()
+        return physics.analytic() if self.on_equations else physics
 
     def run(self, starts: Array, duration: float) -> Trajectory:
         """Start and end of the runs from the starts (nsim, n)."""
@@ -58,6 +61,7 @@ class RegionLoop:
             starts,
             duration=duration,
             control_period=self.experiment.settings.control_period,
+            timestep=self.experiment.settings.timestep,
             disturbances=self.experiment.case.disturbances,
             record=False,
         )

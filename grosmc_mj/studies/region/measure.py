@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,11 +19,14 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import System
+from grosmc_mj.studies.agreement.lacking import lacking
 from grosmc_mj.studies.region.axes import Axis, choose_axes, starts_on
 from grosmc_mj.studies.region.loop import RegionLoop
 from grosmc_mj.studies.region.outcome import Outcome, judge, tolerance_of
+from grosmc_mj.studies.region.region_map import Outcomes, RegionMap
+from grosmc_mj.studies.region.screened import Mask, ScreenedArea, confirmed_area
 
-Outcomes = NDArray[np.str_]
+SCREENS = ("auto", "none")
 
 POINTS = (2, 1000)
 LONGEST = 1000.0  # s
@@ -55,6 +57,8 @@ class RegionQuestion:
         limits: Largest start by unit (rad, rad/s, m, m/s), where it is not the default.
         settings: Control period, timestep, integrator and switching.
         controllers: Laws by name; none for those that validate runs.
+        screen: ``auto`` makes maps on equations, where these say what MuJoCo does, and confirms
+            their boundaries; ``none`` makes all of them in MuJoCo.
     """
 
     system: str
@@ -65,50 +69,7 @@ class RegionQuestion:
     limits: Mapping[str, float] = field(default_factory=dict)
     settings: Settings = REGION_SETTINGS
     controllers: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class RegionMap:
-    """The outcome of every start under one law on one plant.
-
-    Attributes:
-        case: What is changed against the nominal plant.
-        controller: Name of the law.
-        grid: Letters of ``Outcome``, (second axis, first axis).
-        line: Those of starts on the first axis alone, (4 * points,).
-        line_starts: Their values on the first axis.
-        seconds: Wall time.
-    """
-
-    case: Case
-    controller: str
-    grid: Outcomes
-    line: Outcomes
-    line_starts: Array
-    seconds: float
-
-    def counts(self) -> dict[Outcome, int]:
-        """Starts of the grid with each outcome."""
-        found = Counter(self.grid.ravel().tolist())
-        return {outcome: found[outcome.value] for outcome in Outcome}
-
-    def fractions(self) -> dict[Outcome, float]:
-        """The same in parts of the grid."""
-        return {outcome: count / self.grid.size for outcome, count in self.counts().items()}
-
-    def rest_interval(self) -> tuple[float, float] | None:
-        """The farthest starts on the first axis from which, and from all between, it converges.
-
-        None if it does not converge from those next to zero.
-        """
-        good, middle = self.line == Outcome.CONVERGED.value, len(self.line) // 2
-        if not (good[middle - 1] and good[middle]):
-            return None
-        wrong = np.flatnonzero(~good)
-        below, above = wrong[wrong < middle], wrong[wrong >= middle]
-        low = below[-1] + 1 if len(below) else 0
-        high = above[0] - 1 if len(above) else len(good) - 1
-        return float(self.line_starts[low]), float(self.line_starts[high])
+    screen: str = "auto"
 
 
 class Region:
@@ -128,6 +89,8 @@ class Region:
             raise ArgumentError(
                 f"duration {question.duration:g} s must be positive, up to {LONGEST:g} s"
             )
+        if question.screen not in SCREENS:
+            raise ArgumentError(unknown_name("screen", question.screen, SCREENS))
         self.question = question
         perturbed = _perturbed(question)
         self.system: System = perturbed.nominal.system
@@ -173,15 +136,43 @@ class Region:
 
     def _map(self, experiment: Experiment, name: str, advance: Callable[[str], None]) -> RegionMap:
         """One map."""
-        began, loop, parts = time.perf_counter(), RegionLoop.of(experiment, name), []
-        case = experiment.case
-        for first in range(0, len(self._starts), BATCH):
-            batch = self._starts[first : first + BATCH]
-            parts.append(outcomes(loop, batch, self.question.duration))
-            advance(f"{case.name}/{name}")
-        letters, size = np.concatenate(parts), self.question.points
-        grid, line = letters[: size * size].reshape(size, size), letters[size * size :]
-        return RegionMap(case, name, grid, line, self._line, time.perf_counter() - began)
+        began, physics = time.perf_counter(), RegionLoop.of(experiment, name)
+        case, size = experiment.case, self.question.points
+        screened = not self.why_not[case.name]
+        loop = replace(physics, on_equations=True) if screened else physics
+        letters = self._outcomes(loop, self._starts, lambda: advance(f"{case.name}/{name}"))
+        shapes, areas = ((size, size), (1, len(self._line))), []
+        for index, place in enumerate((slice(0, size * size), slice(size * size, None))):
+            starts, first = self._starts[place], letters[place].reshape(shapes[index])
+            if screened:
+
+                def confirm(chosen: Mask, starts: Array = starts) -> Outcomes:
+                    return self._outcomes(physics, starts[chosen.reshape(-1)])
+
+                areas.append(confirmed_area(first, confirm, index))
+            else:
+                areas.append(ScreenedArea.by_physics(first))
+        grid, line = (each.letters for each in areas)
+        seconds = time.perf_counter() - began
+        kept = tuple(areas) if screened else ()
+        return RegionMap(case, name, grid, line[0], self._line, seconds, kept)
+
+    def _outcomes(
+        self, loop: RegionLoop, starts: Array, advance: Callable[[], object] = lambda: None
+    ) -> Outcomes:
+        """The outcome of each start, a batch at a time."""
+        parts = []
+        for first in range(0, len(starts), BATCH):
+            parts.append(outcomes(loop, starts[first : first + BATCH], self.question.duration))
+            advance()
+        return np.concatenate(parts)
+
+    @cached_property
+    def why_not(self) -> dict[str, str]:
+        """Why no map of a case is made on equations, by its name; empty where they are."""
+        if self.question.screen == "none":
+            return dict.fromkeys([case.name for case in self.cases], "it is not asked for")
+        return {each.case.name: lacking(each.plant("physics")) for each in self.experiments}
 
 
 def outcomes(

@@ -12,8 +12,9 @@ from grosmc_mj.experiments.document import case_document
 from grosmc_mj.report.document import origin
 from grosmc_mj.report.tables import numbers, table, words
 from grosmc_mj.studies.region.axes import Axis
-from grosmc_mj.studies.region.measure import Region, RegionMap
+from grosmc_mj.studies.region.measure import Region
 from grosmc_mj.studies.region.outcome import Outcome
+from grosmc_mj.studies.region.region_map import RegionMap
 
 
 def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]:
@@ -82,6 +83,8 @@ def _map(region: Region, each: RegionMap) -> dict[str, Any]:
             "unit": region.axes[0].unit,
         },
         "seconds": each.seconds,
+        "judged_in_mujoco": each.confirmed,
+        "overturned": each.overturned,
         "grid": ["".join(row) for row in each.grid.tolist()],
     }
 
@@ -111,6 +114,19 @@ def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
         ],
         rows,
         grouped=True,
+    )
+
+
+def judged(maps: Sequence[RegionMap]) -> str:
+    """Who judged the starts of all maps; empty where it was MuJoCo alone."""
+    starts = sum(each.grid.size + each.line.size for each in maps)
+    confirmed = sum(each.confirmed for each in maps)
+    if confirmed == starts:
+        return ""
+    return (
+        f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
+        f"MuJoCo, all beside another outcome among them; it overturned "
+        f"{sum(each.overturned for each in maps)}."
     )
 
 

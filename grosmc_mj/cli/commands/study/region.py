@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,8 @@ from grosmc_mj.files import written_aside
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.studies.region.measure import Region, RegionMap, RegionQuestion
+    from grosmc_mj.studies.region.measure import Region, RegionQuestion
+    from grosmc_mj.studies.region.region_map import RegionMap
 
 # The outcomes of starts that do not converge, in the order of ``Outcome``.
 _OTHERS = ("left", "singular", "not conv.", "diverged")
@@ -55,6 +57,9 @@ class RegionCommand(Command):
             use, takes four times as long.
         switching: Switching law of the sliding mode laws, as for validate.
         surface: printed or discrete, as for validate.
+        screen: auto makes maps on the equations, in steps of RK4, where these give MuJoCo's own
+            accelerations, and has every start beside another outcome confirmed in MuJoCo, and 2 %
+            of the others; none makes all of them in MuJoCo.
         out: Folder for region_SYSTEM.json and the figure.
     """
 
@@ -76,6 +81,7 @@ class RegionCommand(Command):
     integrator: Annotated[str, arg(metavar="NAME")] = "implicitfast"
     switching: Annotated[str, arg(metavar="NAME")] = "sign"
     surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
+    screen: Annotated[str, arg(metavar="auto|none")] = "auto"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def execute(self) -> int:
@@ -83,7 +89,12 @@ class RegionCommand(Command):
         from grosmc_mj.report.document import json_text
         from grosmc_mj.studies.region.figure import write_region_figure
         from grosmc_mj.studies.region.measure import Region
-        from grosmc_mj.studies.region.report import legend, region_document, region_table
+        from grosmc_mj.studies.region.report import (
+            judged,
+            legend,
+            region_document,
+            region_table,
+        )
 
         began = time.perf_counter()
         question = self._question()
@@ -92,6 +103,10 @@ class RegionCommand(Command):
         targets = [base.with_suffix(suffix) for suffix in (".json", ".png", ".svg")]
         # Opened before the work: a place that cannot be written is found out at once, and what is
         # there already stays until all of the new is complete.
+        if self.screen != "none":
+            for case, why in asked.why_not.items():
+                if why:
+                    print(f"{case}: not screened by equations: {why}.", file=sys.stderr)
         with written_aside(targets[0]) as part:
             maps: list[RegionMap] = []
             with screen.progress(asked.batches, "batches") as advance:
@@ -99,6 +114,8 @@ class RegionCommand(Command):
             part.write_text(json_text(region_document(asked, maps)), encoding="utf-8")
         console = screen.console()
         _answer(console, asked, maps)
+        if said := judged(maps):
+            console.print(said, style="dim")
         console.print(legend(asked), style="dim")
         if self.verbose:
             screen.wide_console().print(region_table(asked, maps))
@@ -141,6 +158,7 @@ class RegionCommand(Command):
                 surface=self.surface,  # pyright: ignore[reportArgumentType]
             ),
             controllers=self.controllers,
+            screen=self.screen,
         )
 
 
