@@ -107,7 +107,7 @@ def test_it_says_who_judged_and_why_equations_did_not(
     number = str(table["judged_by"].to_pylist().index("equations"))
     assert run("campaign", out, "--replay", number, "--no-figures") == cli.DONE
     assert "campaign stored by the equations, bit for bit" in capsys.readouterr().out
-    some = ("--runs", "8", "--integrator", "implicitfast", "--out", tmp_path / "physics")
+    some = ("--runs", "512", "--integrator", "implicitfast", "--out", tmp_path / "physics")
     assert run(*asked, *some) == cli.DONE
     answer = capsys.readouterr()
     why = "equations are stepped by RK4, the model by implicitfast"

@@ -34,7 +34,7 @@ _ODD: tuple[Any, ...] = (
 def asked(file: Path, folder: Path, seed: int = 5) -> list[Any]:
     """The campaign's command line."""
     sizes = ("--runs", _RUNS, "--shard", _SHARD, "--seed", seed, "--no-figures")
-    return ["campaign", file, *sizes, "--out", folder]
+    return ["campaign", file, *sizes, "--screen", "equations", "--out", folder]
 
 
 def part(folder: Path, rng: random.Random) -> Path:

@@ -25,7 +25,7 @@ FACTOR = 10.0
 LEAST_BAND = 1e-9
 # Beyond it equations would judge little: ``auto`` leaves all to MuJoCo.
 LARGEST_BAND = 0.1
-# With fewer runs the sample and the confirmed ones are most of them.
+# With fewer runs the sample and the confirmed ones are most of them: nothing is said, or lost.
 FEWEST = 512
 
 
@@ -52,10 +52,10 @@ def screening_of(campaign: Campaign) -> Screening:
     wanted, runs = campaign.specification.screen, campaign.specification.runs
     if wanted == "none" or campaign.plant.kind != "physics":
         return UNSCREENED
+    if wanted == "auto" and runs < FEWEST:
+        return UNSCREENED
     if why_not := _lacking(campaign):
         return Screening({}, why_not)
-    if wanted == "auto" and runs < FEWEST:
-        return Screening({}, f"{runs} runs are too few to gain by it, {FEWEST} are enough")
     dimensions, seed = len(campaign.family.quantities), campaign.specification.seed
     # Of another seed: the campaign's own first runs would be judged twice.
     values = campaign.family.values(unit_points("random", dimensions, seed + 1, 0, SAMPLE))
@@ -136,7 +136,7 @@ def _lacking(campaign: Campaign) -> str:
     """What no equations of any of its plants can have; empty if they may have everything."""
     plant = campaign.plant
     nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
-    if isinstance(nominal, MujocoPlant) and nominal.parts:
+    if isinstance(nominal, MujocoPlant) and (nominal.parts or not nominal.system.symbolic):
         return lacking(nominal)
     if plant.stepped_by != "RK4":
         return f"equations are stepped by RK4, the model by {plant.stepped_by}"
