@@ -137,6 +137,7 @@ def test_runs_are_of_the_replicates_that_their_numbers_say():
         (np.ones(1), INDEPENDENT, "no interval: there is one run only"),
         (np.array([-math.inf, 1.0]), INDEPENDENT, "no interval: a run did not complete"),
         (np.arange(9.0), Draws(None, "no interval: corners"), "no interval: corners"),
+        (np.array([0.0, 2.2e-213]), Draws(np.array([0, 1])), AGREE),
     ],
 )
 def test_a_mean_without_an_interval_says_why(values, draws, why):

@@ -70,9 +70,10 @@ def student(means: Array, confidence: float) -> MeanInterval:
         return MeanInterval(None, None, None, _ONE)
     if not np.isfinite(means).all():
         return MeanInterval(None, None, None, _UNBOUNDED)
-    if np.ptp(means) == 0:
-        return MeanInterval(None, None, None, AGREE)
     mean, error = float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))
+    # Squares of the least numbers are zero.
+    if np.ptp(means) == 0 or error == 0:
+        return MeanInterval(None, None, None, AGREE)
     freedom = len(means) - 1
     half = float(stats.t.isf((1 - confidence) / 2, freedom)) * error
     p_value = 2 * float(stats.t.sf(abs(mean) / error, freedom))
