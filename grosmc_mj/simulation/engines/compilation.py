@@ -122,14 +122,16 @@ def _cache() -> Path | None:
 class _PrivateFolder(_CacheLocator):
     """Tells numba to keep its cache in the package's own: what it reads there it unpickles."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, source: str) -> None:
         self._folder = folder
+        # numba names it where it says that something cannot be kept.
+        self._py_file = source
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _PrivateFolder | None:
         """The place for any function, or None where there is none."""
         folder = _cache()
-        return None if folder is None else cls(folder / "compiled")
+        return None if folder is None else cls(folder / "compiled", py_file)
 
     def get_cache_path(self) -> Any:
         """Where the files lie."""
