@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.figure import shade_disturbances
+from grosmc_mj.experiments.curves.figure import shade_disturbances
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.report.figure import TITLE_SIZE, figure_written, labelled_below
 from grosmc_mj.report.palette import COLOURS, LINES, OPTIMUM, PLANTS, REFERENCE, colour_of, label_of

@@ -6,8 +6,12 @@ import functools
 import itertools
 import json
 import math
+import os
+import platform
+import shlex
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +21,13 @@ from grosmc_mj.files import written_aside
 from grosmc_mj.versions import versions
 
 SCHEMA_VERSION = 1
+# What this process carries out, if it is a command of the command line.
+_COMMAND: ContextVar[str | None] = ContextVar("command", default=None)
+
+
+def carried_out(program: str, arguments: Sequence[str]) -> None:
+    """Note the command that the documents written from here on come from."""
+    _COMMAND.set(shlex.join([program, *arguments]))
 
 
 def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, Any]:
@@ -30,6 +41,8 @@ def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, 
         "schema_version": schema_version,
         "versions": versions(),
         "git_revision": git_revision(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "command": _COMMAND.get(),
         "seed": seed,
     }
 
@@ -60,7 +73,7 @@ def json_text(content: Any) -> str:
 
     What a null means stands beside it: a note, a status, or a count of runs that ended early.
     """
-    return json.dumps(_plain(content), indent=1, allow_nan=False) + "\n"
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -104,12 +117,12 @@ def keep_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None
     return aside
 
 
-def _plain(value: Any) -> Any:
-    """Values that JSON has."""
+def plain(value: Any) -> Any:
+    """Values that JSON has: null stands for infinities and NaN."""
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -39,7 +39,8 @@ class RunCommand(Command):
     A case file names a plant (a system of the package, an MJCF robot, or Python of your own),
     edits, disturbances, laws with their numbers, and requirements; grosmc-mj new writes one to
     begin with. The package's own cases are such files, see grosmc-mj list; of a SYSTEM all run.
-    NAME.json, NAME.png and NAME.svg go to --out.
+    NAME.json, NAME.png and NAME.svg go to --out, and the figure's curves to
+    DIR/curves/NAME.json, for grosmc-mj report.
 
     Exit code: 0 if every requirement that a run tells about is kept, 1 if one is not, 2 if file or
     set-up is wrong.
@@ -153,6 +154,7 @@ class _JudgedExperiment:
     def run(self) -> None:
         """Run it, judge it, write its JSON."""
         from grosmc_mj.chapter.claims_document import audit_document
+        from grosmc_mj.experiments.curves.document import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
         from grosmc_mj.premises.robot import audits
@@ -178,6 +180,7 @@ class _JudgedExperiment:
                 )
                 self.aside = keep_other(self.file, content, "configuration")
                 write_json(self.file, content)
+                write_curves(self.results, self.name, self.file.parent)
 
 
 def _plain(result: RunResult) -> str:
@@ -353,7 +356,7 @@ def _tables(console: Console, done: _JudgedExperiment) -> None:
 
 def _draw(results: Sequence[RunResult], path: Path) -> Path:
     """The figure."""
-    from grosmc_mj.experiments.figure import draw_experiment, figure_size
+    from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
     from grosmc_mj.report.figure import figure_written
 
     with figure_written(path, figure_size(results)) as figure:

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.figure import draw_experiment, figure_size
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.report.figure import envelope
 from grosmc_mj.report.palette import FAILED, law_styles

@@ -1,0 +1,158 @@
+"""curves/NAME.json: what the figure of a case shows, in numbers, beside the results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.curves.panels import (
+    Panel,
+    calmest_last,
+    levels_of,
+    panels_of,
+    told,
+)
+from grosmc_mj.experiments.document import seed_of
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.report.document import origin, write_json
+from grosmc_mj.report.figure import envelope, jumps
+from grosmc_mj.report.palette import law_styles
+
+# Beside the results.
+FOLDER = "curves"
+# How far a curve may be from what was recorded, as a share of its range.
+_OFF = 5e-4
+# Points of a curve; one that needs more is drawn as one that jumps.
+_MOST = 800
+
+
+def write_curves(results: Sequence[RunResult], name: str, out: Path) -> Path:
+    """Write the curves of the runs of one case.
+
+    Args:
+        results: Its runs.
+        name: Of their files.
+        out: Where its other results are.
+
+    Raises:
+        SetupError: If it cannot be written.
+    """
+    path = out / FOLDER / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_json(path, curves_document(results))
+    return path
+
+
+def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
+    """The curves of the runs of one case, with no more points than lines between them need.
+
+    Of a signal that jumps all the time the range and the mean in short times stand side by
+    side. Every other number is one of the run's, to seven digits.
+    """
+    case = results[0].case
+    styles = law_styles(result.controller.name for result in results)
+    return {
+        **origin(seed_of(case)),
+        "system": case.system,
+        "case": case.name,
+        "title": case.title,
+        "duration": case.duration,
+        "disturbances": [
+            {
+                "start": each.window[0],
+                "stop": min(each.window[1], case.duration),
+                "label": each.label or f"disturbance on {each.body}",
+            }
+            for each in case.disturbances
+        ],
+        "laws": {
+            name: {"label": style.label, "colour": style.colour} for name, style in styles.items()
+        },
+        "panels": [_panel(panel, results) for panel in panels_of(results)],
+    }
+
+
+def _panel(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any]:
+    """One panel."""
+    judged = [each for run in results for each in run.requirements]
+    limits = dict.fromkeys(each.limit for each in judged if each.limit.kind in panel.limits)
+    first = results[0]
+    return {
+        "label": panel.label.replace("\n", " "),
+        "curves": [*_curves(panel, results)],
+        "reference": None
+        if panel.reference is None
+        else _drawn(first.comparison.time, panel.reference(first)),
+        "limits": [
+            {"words": limit.words, **_drawn(*level)}
+            for limit in limits
+            for level in levels_of(limit, panel, first)
+        ],
+        "play": panel.play,
+    }
+
+
+def _curves(panel: Panel, results: Sequence[RunResult]) -> Iterator[dict[str, Any]]:
+    """What is drawn in a panel."""
+    if panel.rate is not None:
+        run = told(results)
+        seen = run.trajectory.seen
+        assert seen is not None
+        both = (("true", run.trajectory.state[: len(seen)]), ("seen", seen))
+        for name, states in both:
+            yield _curve(run, states[:, panel.rate], name)
+        return
+    for run in results if panel.every_plant else calmest_last(results):
+        yield _curve(run, panel.curve(run))
+
+
+def _curve(run: RunResult, values: Array, name: str = "") -> dict[str, Any]:
+    """One curve, where it has values."""
+    time = run.trajectory.time[: len(values)]
+    said = {"law": run.controller.name, "plant": run.plant, "name": name}
+    there = np.isfinite(values)
+    time, values = time[there], values[there]
+    if jumps(values) or _kept(time, values).sum() > _MOST:
+        found = envelope(time, values)
+        drawn = [_short(found.least), _short(found.largest)]
+        return {**said, "t": _short(found.time), "y": _short(found.mean), "range": drawn}
+    return {**said, **_drawn(time, values), "range": None}
+
+
+def _drawn(time: Array, values: Array) -> dict[str, list[float]]:
+    """Instants and values of a curve without those that a line between its others would give."""
+    kept = _kept(time, values)
+    return {"t": _short(time[kept]), "y": _short(values[kept])}
+
+
+def _kept(time: Array, values: Array) -> NDArray[np.bool_]:
+    """Which points a curve needs: Ramer, Douglas and Peucker's, by distances along y.
+
+    Between two of them no value is further from their line than a small share of the range.
+    """
+    kept = np.zeros(len(values), bool)
+    kept[:1] = kept[-1:] = True
+    allowed = _OFF * float(np.ptp(values)) if len(values) else 0.0
+    parts = [(0, len(values) - 1)]
+    while parts:
+        first, last = parts.pop()
+        if last - first < 2:
+            continue
+        inner = slice(first + 1, last)
+        slope = (values[last] - values[first]) / (time[last] - time[first])
+        off = np.abs(values[inner] - values[first] - slope * (time[inner] - time[first]))
+        worst = first + 1 + int(off.argmax())
+        if off[worst - first - 1] > allowed:
+            kept[worst] = True
+            parts += [(first, worst), (worst, last)]
+    return kept
+
+
+def _short(values: Array) -> list[float]:
+    """Numbers with seven digits."""
+    return [float(f"{value:.7g}") for value in values.tolist()]
