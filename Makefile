@@ -37,8 +37,8 @@ setup:  ## Create .venv with the pinned packages; install the system libraries f
 	@rm -f $(SYSTEM)
 	@$(MAKE) -s $(INSTALLED) $(SYSTEM)
 
-validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film of each case
-	$(BIN)/grosmc-mj validate --films $(ARGS)
+validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film of each case, and a page of it all
+	$(BIN)/grosmc-mj validate --films --report $(ARGS)
 
 record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the diff
 	$(BIN)/grosmc-mj validate --record $(ARGS)

@@ -41,6 +41,7 @@ COMMANDS = (
     "study agreement servo --states 1 --edits 0 --seed 1 --out OUT",
     "study region servo/case9 --points 0 --duration 0.01 --rate -10 --screen none --out OUT",
     "study switching banana --nothing --out OUT",
+    "report OUT CASE --verbose -o OUT/report.html",
     "study tolerance servo/case9 --laws lqr nothing --seeds 0 --every-end --out OUT",
     "bench --integrator heun --rounds 0",
     "validate nothing/case9 --control-period 0.001 --timestep 0 --out OUT",

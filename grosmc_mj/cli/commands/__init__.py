@@ -12,6 +12,7 @@ from grosmc_mj.cli.commands.doctor import DoctorCommand
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.commands.list import ListCommand
 from grosmc_mj.cli.commands.new import NewCommand
+from grosmc_mj.cli.commands.report import ReportCommand
 from grosmc_mj.cli.commands.run import RunCommand
 from grosmc_mj.cli.commands.study.agreement import AgreementCommand
 from grosmc_mj.cli.commands.study.cart import CartCommand
@@ -41,6 +42,7 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "validate": ValidateCommand,
     "claims": ClaimsCommand,
     "study": STUDIES,
+    "report": ReportCommand,
     "list": ListCommand,
     "doctor": DoctorCommand,
     "bench": BenchCommand,

@@ -14,6 +14,7 @@ from tyro.conf import Positional, arg
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.claims import documents
+from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import CASES, recorded_experiments
 from grosmc_mj.errors import ArgumentError
@@ -59,6 +60,7 @@ class ValidateCommand(Command):
         figures: Whether to draw the figures.
         films: Whether to end with a film of each case, LQR beside GROSMC, in DIR/films. One that is
             there already, drawn from the same data, is kept.
+        report: Whether to end with a page of all that lies in DIR, DIR/report.html.
         record: Record the results as expected, for review; needs the default settings.
     """
 
@@ -76,6 +78,7 @@ class ValidateCommand(Command):
     claims: bool = True
     figures: bool = True
     films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    report: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def execute(self) -> int:
@@ -147,12 +150,15 @@ class ValidateCommand(Command):
                 )
                 write_json(target, content)
             if done.results:
+                self._write_curves(done.results)
                 self._say(done, complete=complete)
         console, figures = screen.console(), self._draw(done)
         console.print(f"{len(figures)} figures; {time.perf_counter() - started:.1f} s", style="dim")
         screen.say_files(console, target)
         if self.films:
             film_results(console, done.results, settings, self.out)
+        if self.report:
+            report_on(console, [self.out], self.out / REPORT)
         return screen.DIFFERS if done.differing else screen.DONE
 
     def _selected(self) -> list[Experiment]:
@@ -184,6 +190,14 @@ class ValidateCommand(Command):
         console.print(_deviations_table(done.results))
         if self.verbose:
             _tables(screen.wide_console(), done)
+
+    def _write_curves(self, results: Sequence[RunResult]) -> None:
+        """The curves of each case, for the page."""
+        from grosmc_mj.experiments.curves.document import write_curves
+
+        for case in dict.fromkeys(each.case for each in results):
+            own = [each for each in results if each.case == case]
+            write_curves(own, f"{case.system}_{case.name}", self.out)
 
     def _draw(self, done: _Validation) -> list[Path]:
         """The figures."""

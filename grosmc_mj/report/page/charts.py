@@ -1,0 +1,144 @@
+"""What the page's charts are drawn from: curves with their films, claims, maps of studies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from grosmc_mj.report.page.answers import standing_text, target_of, tolerance_text
+from grosmc_mj.report.page.documents import (
+    StoredClaim,
+    StoredCurves,
+    StoredFilm,
+    StoredLadder,
+    StoredPart,
+    StoredTolerances,
+)
+from grosmc_mj.report.page.reading import Document
+from grosmc_mj.report.palette import PLANTS
+
+# Of the redness of what is not kept, and of the tolerance map: decades, and powers of two.
+_MOST, _OCTAVES = 2.0, 6.0
+
+
+def curves_data(content: StoredCurves, film: tuple[int, StoredFilm] | None) -> dict[str, Any]:
+    """The curves of a case; with the number and the clock of its film."""
+    case = content.model_dump(include={"system", "case", "title", "duration", "panels", "laws"})
+    plants = dict.fromkeys(each.plant for panel in content.panels for each in panel.curves)
+    clock = None
+    if film is not None:
+        number, beside = film
+        form = beside.configuration.film
+        clock = {"number": number, "start": form.start, "speed": form.speed}
+    return {
+        **case,
+        "disturbances": [each.model_dump() for each in content.disturbances],
+        "plants": {name: PLANTS.get(name, name) for name in plants},
+        "film": clock,
+    }
+
+
+def claim_data(claim: StoredClaim) -> dict[str, Any]:
+    """The values of a claim: on each plant, refined, and of each choice that was tried."""
+    rows = []
+    for name, found in claim.plants.items():
+        rows.append({"row": name, "value": found.value, "what": found.verdict})
+        values = found.evidence.get("values")
+        if isinstance(values, list) and len(values) > 1 and _is_number(values[1]):
+            rows.append({"row": name, "value": values[1], "what": "at half the control period"})
+    for name, found in claim.plants.items():
+        rows += [
+            {"row": trial, "value": value, "what": f"tried on {name}"}
+            for trial, value in found.trials.items()
+        ]
+    return {
+        "rows": [each for each in rows if each["value"] is not None],
+        "threshold": claim.threshold,
+        "sense": claim.sense,
+        "unit": "" if claim.unit == "1" else claim.unit,
+    }
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float | int) and math.isfinite(value)
+
+
+def maps_data(documents: Iterable[Document]) -> list[dict[str, Any]]:
+    """A map of laws by rungs or imperfections of each condition of ladders and tolerances."""
+    found = []
+    for each in documents:
+        content: StoredPart | Any = each.content
+        if isinstance(content, StoredLadder):
+            for condition in dict.fromkeys(row.condition for row in content.standings):
+                for together in (True, False):
+                    rows = [
+                        row
+                        for row in content.standings
+                        if row.together is together and row.condition == condition
+                    ]
+                    title = "each rung on top of the others" if together else "each rung alone"
+                    cells = {
+                        (row.law, row.rung): (
+                            _redness(row.kept, row.share_of_the_tightest_limit),
+                            standing_text(row),
+                            (row.tightest or "").replace("_", " "),
+                        )
+                        for row in rows
+                        if not row.impossible
+                    }
+                    named = f"{target_of(each)}, {condition}: {title}"
+                    note = "Of the tightest limit, how much is used; above 1 it is not kept."
+                    found.append(_map(named, note, cells, _MOST))
+        elif isinstance(content, StoredTolerances):
+            for condition in dict.fromkeys(row.condition for row in content.tolerances):
+                cells = {
+                    (row.law, row.imperfection): (
+                        _weakness(row.largest_kept.factor if row.largest_kept else 0.0)
+                        if row.kept_ideally
+                        else _OCTAVES,
+                        tolerance_text(row),
+                        f"then breaks: {row.breaks.replace('_', ' ')}" if row.breaks else "",
+                    )
+                    for row in content.tolerances
+                    if row.condition == condition and not row.impossible
+                }
+                named = f"{target_of(each)}, {condition}: how much of it each law stands"
+                note = "Blue: more than the bench has; red: less. no: not kept even without it."
+                found.append(_map(named, note, cells, _OCTAVES))
+    return [each for each in found if each["laws"]]
+
+
+def _redness(kept: bool, share: float | None) -> float:
+    """What is kept is below zero; the further beyond its limit, the redder."""
+    if kept:
+        return -0.5 * _MOST
+    return 0.1 * _MOST + 0.9 * min(math.log10(max(share, 1.0)) if share else _MOST, _MOST)
+
+
+def _weakness(factor: float) -> float:
+    """Octaves below what the bench has."""
+    return -max(-_OCTAVES, min(_OCTAVES, math.log2(factor))) if factor > 0 else _OCTAVES
+
+
+def _map(
+    title: str, note: str, cells: dict[tuple[str, str], tuple[float, str, str]], most: float
+) -> dict[str, Any]:
+    """A cell for each law and column, null where there is none."""
+    laws, columns = (list(dict.fromkeys(key[i] for key in cells)) for i in (0, 1))
+
+    def grid(part: int) -> Sequence[Sequence[Any]]:
+        return [
+            [cells[law, x][part] if (law, x) in cells else None for x in columns] for law in laws
+        ]
+
+    return {
+        "title": title,
+        "note": note,
+        "laws": laws,
+        "columns": columns,
+        "values": grid(0),
+        "texts": grid(1),
+        "whys": grid(2),
+        "most": most,
+    }
