@@ -41,6 +41,9 @@
         box.addEventListener("change", () => { off[id][box.checked ? "delete" : "add"](key); draw(); });
         const around = make("label");
         around.append(box, ` ${label}`);
+        // The legend: laws by their colours, plants by their lines.
+        const line = { physics: "solid", corrected: "dashed", printed: "dotted" }[key] ?? "solid";
+        around.style.borderBottom = id === "laws" ? `3px solid ${colour(shown.laws[key].colour)}` : `2px ${line} ${style("--soft")}`;
         home.append(around);
       }
     };
