@@ -8,6 +8,7 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.bench import BenchCommand
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.cli.commands.claims import ClaimsCommand
+from grosmc_mj.cli.commands.diff import DiffCommand
 from grosmc_mj.cli.commands.doctor import DoctorCommand
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.commands.list import ListCommand
@@ -43,6 +44,7 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "claims": ClaimsCommand,
     "study": STUDIES,
     "report": ReportCommand,
+    "diff": DiffCommand,
     "list": ListCommand,
     "doctor": DoctorCommand,
     "bench": BenchCommand,

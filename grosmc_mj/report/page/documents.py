@@ -65,6 +65,13 @@ class StoredCases(StoredPart):
     cases: list[StoredCase] = []
 
 
+class StoredMetric(StoredPart):
+    """A number of a run."""
+
+    value: Number = None
+    unit: Text = "1"
+
+
 class StoredRun(StoredPart):
     """A run of a case."""
 
@@ -73,6 +80,9 @@ class StoredRun(StoredPart):
     plant: Text
     controller: Text
     ended: Text = ""
+    status: Text = ""
+    switching: Text = ""
+    metrics: dict[str, StoredMetric] = {}
 
 
 class StoredRunResults(StoredPart):

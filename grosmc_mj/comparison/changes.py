@@ -1,0 +1,119 @@
+"""What changed between two sets of figures, and which of it is more than noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from enum import Enum
+from typing import NamedTuple
+
+from grosmc_mj.chapter.expected_results import tolerance_of
+from grosmc_mj.comparison.figures import OTHER, Figure, direction
+
+
+class Effect(Enum):
+    """What a change is."""
+
+    WORSE = "worse"
+    BETTER = "better"
+    CHANGED = "changed"
+    NOISE = "noise"
+    GONE = "gone"
+    NEW = "new"
+
+
+class Change(NamedTuple):
+    """A figure that is not what it was.
+
+    Attributes:
+        kind: Of document.
+        name: Of the figure.
+        before: Its old value, None for none.
+        after: Its new value.
+        effect: What that is.
+        unit: Of both.
+        note: What it was judged by.
+    """
+
+    kind: str
+    name: str
+    before: float | str | None
+    after: float | str | None
+    effect: Effect
+    unit: str = ""
+    note: str = ""
+
+    @property
+    def relative(self) -> float:
+        """Size of the change over that of the old value; inf where there is none."""
+        numbers = isinstance(self.before, float | int) and isinstance(self.after, float | int)
+        if not numbers or not self.before:
+            return math.inf
+        return abs(self.after / self.before - 1)  # pyright: ignore
+
+
+class Conditions(NamedTuple):
+    """Under which both sides were computed.
+
+    Attributes:
+        same: Whether machine and decisive versions are the same: then a run repeats to the bit.
+        chance: Whether runs drew other numbers: then single ones cannot be told apart.
+    """
+
+    same: bool
+    chance: bool = False
+
+
+def changes(
+    old: Iterable[Figure], new: Iterable[Figure], conditions: Mapping[str, Conditions]
+) -> tuple[list[Change], int]:
+    """What is not as it was, and how many figures both sides have.
+
+    Args:
+        old: Figures before.
+        new: Figures after.
+        conditions: By kind of document.
+    """
+    before = {(figure.kind, figure.name): figure for figure in old}
+    after = {(figure.kind, figure.name): figure for figure in new}
+    found = [
+        change
+        for key in before.keys() & after.keys()
+        if (change := _change(before[key], after[key], conditions[key[0]])) is not None
+    ]
+    for there, other, effect in ((before, after, Effect.GONE), (after, before, Effect.NEW)):
+        for key, figure in there.items():
+            if key not in other:
+                values = (figure.value, None) if effect is Effect.GONE else (None, figure.value)
+                found.append(Change(*key, *values, effect, figure.unit))
+    order = list(Effect)
+    found.sort(key=lambda each: (order.index(each.effect), -each.relative, each.kind, each.name))
+    return found, len(before.keys() & after.keys())
+
+
+def _change(old: Figure, new: Figure, under: Conditions) -> Change | None:
+    """One figure's change; None for none."""
+    if old.value == new.value:
+        return None
+    change = Change(old.kind, old.name, old.value, new.value, Effect.CHANGED, new.unit)
+    if under.chance:
+        return change._replace(effect=Effect.NOISE, note="single runs of other seeds")
+    if isinstance(old.value, str) and isinstance(new.value, str):
+        return change._replace(effect=_effect(direction(old.value, new.value)))
+    if old.value is None or new.value is None or isinstance(old.value, str | None):
+        lost = new.value is None and new.better != OTHER
+        return change._replace(effect=Effect.WORSE if lost else Effect.CHANGED)
+    assert not isinstance(new.value, str)
+    relative, absolute = tolerance_of(
+        new.metric, switched=(old.switched or new.switched) and not under.same
+    )
+    size = max(abs(old.value if old.size is None else old.size),
+               abs(new.value if new.size is None else new.size))  # fmt: skip
+    if abs(new.value - old.value) <= max(absolute, relative * size):
+        return change._replace(effect=Effect.NOISE, note=f"within {relative:g}, {absolute:g}")
+    better = new.better * (1 if new.value > old.value else -1)
+    return change._replace(effect=_effect(better))
+
+
+def _effect(better: int) -> Effect:
+    return {1: Effect.BETTER, -1: Effect.WORSE}.get(better, Effect.CHANGED)
