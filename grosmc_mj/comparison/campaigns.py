@@ -195,8 +195,10 @@ def _of_pairs(moved: Array, draws: Draws) -> tuple[float | None, float]:
     if draws.replicate is not None:
         means = _means(moved, draws)
         return _student(means, np.zeros(1))
-    p = float(stats.wilcoxon(moved, zero_method="zsplit", method="approx").pvalue)
-    return p, float(moved.std(ddof=1)) / math.sqrt(len(moved)) if len(moved) > 1 else math.nan
+    found: Any = stats.wilcoxon(moved, zero_method="zsplit", method="approx")
+    return float(found.pvalue), float(moved.std(ddof=1)) / math.sqrt(len(moved)) if len(
+        moved
+    ) > 1 else math.nan
 
 
 def _of_groups(a: Array, b: Array, draws: tuple[Draws, Draws]) -> tuple[float | None, float]:
@@ -227,8 +229,10 @@ def _student(means: Array, others: Array) -> tuple[float | None, float]:
     if error == 0:
         return (1.0 if means.mean() == others.mean() else 0.0), 0.0
     if len(others) == 1:
-        return float(stats.ttest_1samp(means, others[0]).pvalue), error
-    return float(stats.ttest_ind(means, others, equal_var=False).pvalue), error
+        found: Any = stats.ttest_1samp(means, others[0])
+    else:
+        found = stats.ttest_ind(means, others, equal_var=False)
+    return float(found.pvalue), error
 
 
 def _detectable(error: float, tests: int) -> float:

@@ -1,0 +1,244 @@
+"""Comparing results: what changed is found, what is noise raises no alarm."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from grosmc_mj import cli
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.findings.basis import Basis
+from grosmc_mj.comparison.campaigns import LEVEL, CampaignRows, campaign_changes
+from grosmc_mj.comparison.changes import Change, Effect
+from grosmc_mj.comparison.comparison import compare
+from grosmc_mj.errors import ArgumentError
+
+VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
+RUNS = 400
+
+
+def run_document(**changes: Any) -> dict[str, Any]:
+    """What ``run`` writes of a switching law, with other numbers."""
+    numbers = {"margin": 1.0, "deviation": 4e-3, "kept": True, "machine": "here", "seed": None}
+    numbers |= changes
+    return {
+        "schema_version": 1,
+        "versions": VERSIONS,
+        "machine": numbers["machine"],
+        "seed": numbers["seed"],
+        "configuration": {"cases": [{"system": "servo", "case": "case1", "title": "t"}]},
+        "requirements": [
+            {
+                "requirement": "settles_within",
+                "limit": {"value": 5.0, "unit": "s"},
+                "controller": "grosmc",
+                "plant": "physics",
+                "measured": 4.0,
+                "margin": numbers["margin"],
+                "kept": numbers["kept"],
+            }
+        ],
+        "runs": [
+            {
+                "system": "servo",
+                "case": "case1",
+                "plant": "physics",
+                "controller": "grosmc",
+                "status": "completed",
+                "switching": "sign",
+                "metrics": {"deviation": {"value": numbers["deviation"], "unit": "rad"}},
+            }
+        ],
+    }
+
+
+def written(folder: Path, document: Mapping[str, Any]) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "servo_case1.json").write_text(json.dumps(document), encoding="utf-8")
+    return folder
+
+
+def effects(tmp_path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Effect]:
+    found = compare(written(tmp_path / "old", old), written(tmp_path / "new", new))
+    return {change.name.partition(": ")[2]: change.effect for change in found.changes}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, {}),
+        ({"margin": 0.98}, {"settles_within, margin": Effect.WORSE}),
+        ({"margin": 1.02}, {"settles_within, margin": Effect.BETTER}),
+        ({"margin": 1.0 + 1e-12}, {"settles_within, margin": Effect.NOISE}),
+        (
+            {"margin": -0.1, "kept": False},
+            {"settles_within, margin": Effect.WORSE, "settles_within": Effect.WORSE},
+        ),
+        ({"deviation": 4.1e-3}, {"deviation": Effect.CHANGED}),
+        # On another machine switching parts the trajectories: 25 % of a deviation are noise.
+        ({"deviation": 4.1e-3, "machine": "there"}, {"deviation": Effect.NOISE}),
+        ({"deviation": 9e-3, "machine": "there"}, {"deviation": Effect.CHANGED}),
+        # A single run of another seed tells nothing.
+        ({"margin": 0.5, "seed": 7}, {"settles_within, margin": Effect.NOISE}),
+    ],
+)
+def test_a_change_is_told_from_noise(
+    changes: dict[str, Any], expected: dict[str, Effect], tmp_path: Path
+) -> None:
+    assert effects(tmp_path, run_document(), run_document(**changes)) == expected
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def test_the_command_exits_1_if_something_got_worse(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = written(tmp_path / "old", run_document())
+    new = written(tmp_path / "new", run_document(margin=0.985, machine="there", deviation=9e-3))
+    junit, out = tmp_path / "junit.xml", tmp_path / "out"
+    named = (str(old), str(new), "--out", str(out), "--junit", str(junit))
+    assert run("diff", *named) == cli.DONE, "on another machine switching moves an instant"
+    new = written(tmp_path / "new", run_document(margin=0.98, deviation=9e-3))
+    assert run("diff", *named) == cli.DIFFERS
+    said = capsys.readouterr().out
+    assert "1 got worse beyond noise, of 4 compared; 1 changed." in said
+    suite = ElementTree.parse(junit).getroot()
+    assert (suite.get("failures"), len(suite.findall("testcase/failure"))) == ("1", 1)
+    document = json.loads((out / "diff.json").read_text())
+    assert document["counts"]["worse"] == 1
+    assert run("diff", str(new), str(old), "--out", str(out)) == cli.DONE
+
+
+def test_what_was_made_from_other_things_is_told(tmp_path: Path) -> None:
+    new = run_document(machine="there")
+    new["versions"] = {**VERSIONS, "mujoco": "3.18.0"}
+    new["configuration"]["engine"] = "python"
+    found = compare(written(tmp_path / "a", run_document()), written(tmp_path / "b", new))
+    assert "machine: here -> there" in found.sources
+    assert "versions.mujoco: 3.17.0 -> 3.18.0" in found.sources
+    assert any("configuration.engine" in line for line in found.sources)
+
+
+def test_nothing_in_common_is_refused(tmp_path: Path) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(ArgumentError, match="no results in common"):
+        compare(written(tmp_path / "old", run_document()), empty)
+    with pytest.raises(ArgumentError, match="does not exist"):
+        compare(empty, tmp_path / "nowhere")
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_documents_that_lack_something_are_compared_as_far_as_they_go(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """No mixture of partial, older or odd documents is more than a line."""
+    document = run_document()
+    for _ in range(data.draw(st.integers(0, 3))):
+        at: Any = document
+        while isinstance(at, (dict, list)) and at:
+            key = data.draw(st.sampled_from(sorted(at) if isinstance(at, dict) else [0]))
+            inner = at[key]
+            if not isinstance(inner, (dict, list)) or not inner or data.draw(st.booleans()):
+                odd = st.sampled_from([None, [], {}, "<script>", -1.0, True, 1e300])
+                at[key] = data.draw(odd)
+                break
+            at = inner
+    folder = tmp_path_factory.mktemp("diff")
+    old, new = written(folder / "old", run_document()), written(folder / "new", document)
+    try:
+        found = compare(old, new)
+    except ArgumentError:
+        return
+    assert found.compared > 0
+
+
+# Campaigns.
+
+
+def rows(margins: Array, plants: Array, sampler: str = "random", seed: int = 0) -> CampaignRows:
+    """A campaign of one law with one requirement."""
+    ids = np.arange(len(margins), dtype=float)
+    replicates = 16 if sampler == "sobol" else 0
+    return CampaignRows(
+        "servo",
+        {"grosmc": {"id": ids, "relative": margins, "margin settles_within": margins}},
+        {"grosmc": plants},
+        Basis(len(margins), len(margins), sampler, seed, replicates),
+    )
+
+
+def alarmed(changes: list[Change]) -> bool:
+    return any(change.effect in (Effect.WORSE, Effect.BETTER) for change in changes)
+
+
+def noisy(random: np.random.Generator, plants: Array) -> Array:
+    """Margins that depend on the plant, and on chance."""
+    return 0.3 - 0.5 * plants[:, 0] ** 2 + 0.1 * random.standard_normal(len(plants))
+
+
+def other_noise(random: np.random.Generator, sampler: str) -> tuple[CampaignRows, CampaignRows]:
+    """The same plants with two seeds of noise."""
+    plants = random.uniform(-1, 1, (RUNS, 1))
+    return rows(noisy(random, plants), plants, sampler), rows(
+        noisy(random, plants), plants, sampler
+    )
+
+
+def other_plants(random: np.random.Generator, sampler: str) -> tuple[CampaignRows, CampaignRows]:
+    """Other plants of the same family."""
+    one, other = (random.uniform(-1, 1, (RUNS, 1)) for _ in range(2))
+    return rows(noisy(random, one), one, sampler), rows(noisy(random, other), other, sampler, 1)
+
+
+@pytest.mark.parametrize("sampler", ["random", "sobol"])
+@pytest.mark.parametrize("pair", [other_noise, other_plants])
+def test_equal_campaigns_raise_an_alarm_in_one_comparison_of_twenty_at_most(
+    pair: Callable[..., tuple[CampaignRows, CampaignRows]], sampler: str
+) -> None:
+    random, comparisons = np.random.default_rng(1), 300
+    alarms = sum(alarmed(campaign_changes(*pair(random, sampler))[0]) for _ in range(comparisons))
+    # More alarms than this would be seen of one test in ten thousand, were the level kept.
+    assert alarms <= stats.binom.isf(1e-4, comparisons, LEVEL)
+
+
+@pytest.mark.parametrize("sampler", ["random", "sobol"])
+def test_a_fault_of_two_percent_in_a_margin_is_found(sampler: str) -> None:
+    random = np.random.default_rng(2)
+    plants = random.uniform(-1, 1, (RUNS, 1))
+    before = 0.3 + 0.2 * plants[:, 0] ** 2
+    after = 0.98 * before + 0.01 * random.standard_normal(RUNS)
+    found, _ = campaign_changes(rows(before, plants, sampler), rows(after, plants, sampler))
+    worse = [each for each in found if each.effect is Effect.WORSE]
+    assert worse
+    assert all("p = " in each.note and "least detectable" in each.note for each in worse)
+
+
+def test_campaigns_that_are_equal_to_the_bit_tell_nothing() -> None:
+    plants = np.linspace(-1, 1, RUNS)[:, None]
+    found, tests = campaign_changes(rows(plants[:, 0], plants), rows(plants[:, 0], plants))
+    assert found == []
+    assert tests == 4
+
+
+def test_a_run_that_ends_early_counts_as_worse_than_the_worst() -> None:
+    plants = np.linspace(-1, 1, RUNS)[:, None]
+    margins = np.linspace(0.1, 1, RUNS)
+    ended = np.where(np.arange(RUNS) < 60, -np.inf, margins)
+    found, _ = campaign_changes(rows(margins, plants), rows(ended, plants))
+    assert {each.effect for each in found} == {Effect.WORSE}
