@@ -15,7 +15,7 @@ from grosmc_mj.report.document import origin
 from grosmc_mj.report.page.reading import read_results
 
 
-class Comparison(NamedTuple):
+class ResultComparison(NamedTuple):
     """What changed between two places with results.
 
     Attributes:
@@ -45,7 +45,7 @@ class Comparison(NamedTuple):
         return [change for change in self.changes if change.effect is Effect.WORSE]
 
 
-def compare(old: Path, new: Path) -> Comparison:
+def compare(old: Path, new: Path) -> ResultComparison:
     """Compare the results in two files or folders.
 
     Args:
@@ -76,7 +76,7 @@ def compare(old: Path, new: Path) -> Comparison:
     order = list(Effect)
     found.sort(key=lambda each: order.index(each.effect))
     sources = source_differences(before.documents, after.documents)
-    return Comparison(old, new, found, compared, sources, notices)
+    return ResultComparison(old, new, found, compared, sources, notices)
 
 
 def _key(folder: Path, place: Path) -> str:
@@ -84,7 +84,7 @@ def _key(folder: Path, place: Path) -> str:
     return str(folder.relative_to(place))
 
 
-def comparison_document(comparison: Comparison) -> dict[str, Any]:
+def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
     """The content of diff.json."""
     return {
         **origin(None),

@@ -6,11 +6,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from grosmc_mj.comparison.changes import Change, Effect
-from grosmc_mj.comparison.comparison import Comparison
+from grosmc_mj.comparison.comparison import ResultComparison
 from grosmc_mj.files import written_aside
 
 
-def write_junit(path: Path, comparison: Comparison) -> None:
+def write_junit(path: Path, comparison: ResultComparison) -> None:
     """Write a test case for each change, failed where it got worse, and one for what repeats.
 
     Raises:

@@ -7,7 +7,7 @@ from typing import Any
 
 from grosmc_mj.comparison.changes import Conditions
 from grosmc_mj.errors import shown
-from grosmc_mj.report.page.documents import Provenance
+from grosmc_mj.report.page.documents import StoredProvenance
 from grosmc_mj.report.page.reading import Document
 from grosmc_mj.versions import DECISIVE
 
@@ -26,7 +26,7 @@ def conditions(old: Sequence[Document], new: Sequence[Document]) -> Mapping[str,
     return found
 
 
-def _machine(of: Provenance) -> tuple[Any, ...]:
+def _machine(of: StoredProvenance) -> tuple[Any, ...]:
     return (of.machine, *(of.versions.get(name) for name in DECISIVE))
 
 
@@ -44,7 +44,7 @@ def source_differences(old: Sequence[Document], new: Sequence[Document]) -> list
     return list(lines)
 
 
-def _told(of: Provenance) -> dict[str, Any]:
+def _told(of: StoredProvenance) -> dict[str, Any]:
     return {
         "revision": of.git_revision,
         "machine": of.machine,

@@ -209,7 +209,7 @@ def test_every_command_has_a_summary_and_takes_verbose() -> None:
         assert (each.__doc__ or "").partition("\n")[0].endswith((".", ":"))
         assert "verbose" in each.__dataclass_fields__
     named = ["new", "run", "campaign", "film", "view", "validate", "claims", "study", "report",
-             "list", "doctor", "bench"]  # fmt: skip
+             "diff", "list", "doctor", "bench"]  # fmt: skip
     assert list(COMMANDS) == named
 
 

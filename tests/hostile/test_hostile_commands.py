@@ -42,6 +42,7 @@ COMMANDS = (
     "study region servo/case9 --points 0 --duration 0.01 --rate -10 --screen none --out OUT",
     "study switching banana --nothing --out OUT",
     "report OUT CASE --verbose -o OUT/report.html",
+    "diff OUT CASE --junit OUT/junit.xml --out OUT --verbose",
     "study tolerance servo/case9 --laws lqr nothing --seeds 0 --every-end --out OUT",
     "bench --integrator heun --rounds 0",
     "validate nothing/case9 --control-period 0.001 --timestep 0 --out OUT",

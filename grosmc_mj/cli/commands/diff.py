@@ -14,7 +14,7 @@ from grosmc_mj.cli.command import Command
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.comparison.comparison import Comparison
+    from grosmc_mj.comparison.comparison import ResultComparison
 
 # Rows and lines of an answer.
 _ROWS, _LINES = 16, 8
@@ -67,7 +67,7 @@ class DiffCommand(Command):
         return screen.DIFFERS if comparison.worse else screen.DONE
 
 
-def _say(console: Console, comparison: Comparison, *, full: bool) -> None:
+def _say(console: Console, comparison: ResultComparison, *, full: bool) -> None:
     """The verdict, what changed, and what it was made from."""
     from grosmc_mj.comparison.changes import Effect
 

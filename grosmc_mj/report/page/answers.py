@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.report.page.documents import (
     StoredCampaignResults,
+    StoredChange,
     StoredClaim,
     StoredClaims,
+    StoredDiff,
     StoredLadder,
     StoredRequirement,
     StoredRunResults,
@@ -147,6 +149,8 @@ def _answer(document: Document) -> Answer | None:
             return _tolerances(target, content)
         case StoredCampaignResults():
             return _campaign(target, content)
+        case StoredDiff():
+            return _diff(content)
         case _:
             return None
 
@@ -247,6 +251,20 @@ def _campaign(target: str, content: StoredCampaignResults) -> Answer:
     words = "; ".join(f"{each.controller}: {rate_text(each)}" for each in chosen)
     kept = all(each.kept == each.runs for each in chosen)
     return Answer(f"Campaign in {target}", BROKEN if not kept else KEPT, words)
+
+
+def _diff(content: StoredDiff) -> Answer:
+    """Whether something got worse, and what the most."""
+    worse = [each for each in content.changes if each.effect == "worse"]
+    words = f"{len(worse)} of {content.compared} compared got worse beyond noise"
+    asked = f"What changed from {content.old} to {content.new}"
+    return Answer(asked, BROKEN if worse else KEPT, words, worse[0].name if worse else "")
+
+
+def changed(documents: Sequence[Document]) -> list[StoredChange]:
+    """What comparisons found to be more than noise."""
+    found = [each.content.changes for each in documents if isinstance(each.content, StoredDiff)]
+    return [change for each in found for change in each if change.effect != "noise"]
 
 
 def rate_text(rate: Any) -> str:

@@ -315,6 +315,26 @@ class StoredCurves(StoredPart):
     panels: list[StoredPanel]
 
 
+class StoredChange(StoredPart):
+    """What is not as it was."""
+
+    name: Text
+    effect: Text
+    before: Number | Text = None
+    after: Number | Text = None
+    unit: Text = ""
+    note: Text = ""
+
+
+class StoredDiff(StoredPart):
+    """What ``diff`` writes."""
+
+    old: Text
+    new: Text
+    compared: int
+    changes: list[StoredChange]
+
+
 # By the keys that tell them, the more telling first.
 KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
     ("validation", frozenset({"as_recorded", "runs"}), StoredValidation),
@@ -324,6 +344,7 @@ KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
     ("tolerance", frozenset({"tolerances"}), StoredTolerances),
     ("ladder", frozenset({"standings"}), StoredLadder),
     ("campaign", frozenset({"pass_rates"}), StoredCampaignResults),
+    ("diff", frozenset({"compared", "changes"}), StoredDiff),
     ("film", frozenset({"drawn_from", "sha256"}), StoredFilm),
 )
 # What is told of the others: no more than where they come from.
