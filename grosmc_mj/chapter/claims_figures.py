@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from grosmc_mj.chapter.claims.claim import Claim, Drawing, Finding, Verdict
 from grosmc_mj.chapter.claims_tables import VERDICT_COLOURS
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps
+from grosmc_mj.report.envelope import jumps
+from grosmc_mj.report.figure import TITLE_SIZE, figure_written
 from grosmc_mj.report.palette import COLOURS, FAILED, KEPT, OPTIMUM
 
 _DOTS = {

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from grosmc_mj.arrays import Array
 from grosmc_mj.films.film import Film, Take
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.report.figure import jumps
+from grosmc_mj.report.envelope import jumps
 from grosmc_mj.report.palette import OPTIMUM, red_green_blue
 
 # More signals than this of one kind are shown by their size.

@@ -13,9 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from scipy.signal import fftconvolve
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 from grosmc_mj.report.palette import DISTURBANCE, GRID
@@ -54,8 +52,6 @@ _BOARD_TITLE_SIZE, _NOTE_SIZE = 13, 8.5
 _NOTE = "#444444"
 # Width of a letter over its size, and height of a line over it, on the safe side.
 _LETTER, _LINE_HEIGHT = 0.54, 1.45
-# A curve whose steps sum up to so many times its range jumps at every sample.
-_JUMPS = 20
 
 
 @contextlib.contextmanager
@@ -127,48 +123,6 @@ def _columns_in(labels: Sequence[str], letters: int, most: int) -> int:
 def shade(axes: Axes, start: float, stop: float, label: str = "") -> None:
     """Shade the time in which a disturbance acts [s]."""
     axes.axvspan(start, stop, color=DISTURBANCE, alpha=0.13, lw=0, label=label)
-
-
-def jumps(values: Array) -> bool:
-    """Whether a signal (N,) jumps at every sample, so that it must be drawn thin."""
-    return len(values) > 1 and bool(np.abs(np.diff(values)).sum() > _JUMPS * np.ptp(values))
-
-
-class Envelope(NamedTuple):
-    """What a signal that jumps does in each of many short times.
-
-    Attributes:
-        time: Their middles [s], (n,).
-        least: The least value in each, (n,).
-        largest: The largest.
-        mean: The mean.
-    """
-
-    time: Array
-    least: Array
-    largest: Array
-    mean: Array
-
-
-def envelope(time: Array, values: Array, pieces: int = 300) -> Envelope:
-    """Range and mean of a signal (N,) in so many pieces of its time.
-
-    The mean is weighted by Hann's window over two pieces to each side, so that what switches
-    leaves no beat of its samples with the pieces.
-    """
-    count = max(1, min(pieces, len(values) // 2))
-    edges = np.linspace(0, len(values), count + 1).astype(int)[:-1]
-    sizes = np.diff(np.append(edges, len(values)))
-    window = np.hanning(4 * int(sizes.max()) + 3)[1:-1]
-    weights = fftconvolve(np.ones(len(values)), window, mode="full")
-    mean = fftconvolve(values, window, mode="full") / weights
-    middles = edges + sizes // 2 + len(window) // 2
-    return Envelope(
-        np.add.reduceat(time, edges) / sizes,
-        np.minimum.reduceat(values, edges),
-        np.maximum.reduceat(values, edges),
-        mean[middles],
-    )
 
 
 class Board(NamedTuple):

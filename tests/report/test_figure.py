@@ -9,7 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.report.figure import figure_written, jumps, labelled_below
+from grosmc_mj.report.envelope import jumps
+from grosmc_mj.report.figure import figure_written, labelled_below
 from grosmc_mj.report.palette import COLOURS, OTHERS, law_styles
 
 

@@ -20,7 +20,8 @@ from grosmc_mj.experiments.curves.panels import (
     told,
 )
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.report.figure import TITLE_SIZE, envelope, jumps, labelled_below, shade
+from grosmc_mj.report.envelope import envelope, jumps
+from grosmc_mj.report.figure import TITLE_SIZE, labelled_below, shade
 from grosmc_mj.report.palette import (
     BLACK,
     FAILED,

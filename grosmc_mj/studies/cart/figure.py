@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.curves.figure import shade_disturbances
-from grosmc_mj.report.figure import TITLE_SIZE, figure_written, jumps, labelled_below
+from grosmc_mj.report.envelope import jumps
+from grosmc_mj.report.figure import TITLE_SIZE, figure_written, labelled_below
 from grosmc_mj.report.palette import COLOURS, OPTIMUM
 from grosmc_mj.studies.cart.measure import ALONE, LAWS, Study, holding_case, run_of
 
