@@ -825,6 +825,7 @@ def test_explain_tells_the_story_and_draws_it(
 
 
 KEYS = {
+    "equation",
     "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
     "word", "kind", "quantifier", "choices", "cause", "near_its_threshold", "turns", "verdict",
     "because", "untested", "plants", "expected",

@@ -38,7 +38,7 @@ def run(*arguments: str) -> int:
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
         (
             ("frobnicate",),
-            "new, run, campaign, film, view, validate, claims, study, list",
+            "new, run, campaign, film, view, validate, claims, study, report, diff, list",
         ),
         (("study", "agreement"), "SYSTEM"),
         (("study", "agreement", "arm", "--states", "0"), "must be from 1 to 1000000"),

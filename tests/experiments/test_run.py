@@ -584,7 +584,7 @@ def test_results_of_another_file_are_put_aside(
     own(folder, CASE, PYTHON)
     for _ in range(2):
         run("run", *arguments)
-        assert sorted(each.name for each in out.iterdir()) == ["own.json"]
+        assert sorted(each.name for each in out.iterdir()) == ["curves", "own.json"]
     first = (out / "own.json").read_text(encoding="utf-8")
     own(folder, CASE.replace('duration = "', 'duration = "1', 1), PYTHON)
     capsys.readouterr()
