@@ -1,6 +1,7 @@
 from .disturbances import Constant, SineFrom
 from .linearization import linearize
-from .loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from .loop import Actuator, Computing, Estimator, Loop, Sensor
+from .loop.in_loop import in_loop
 from .machine import LuGre, Motor, SlidingLoad, Stop, SwingingLoad, Transmission, Wall
 from .models import load_model
 from .trajectory import Status
