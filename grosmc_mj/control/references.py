@@ -23,6 +23,7 @@ from grosmc_mj.vectors import each
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
 
 TIME = sp.Symbol("t")
+"""Time of a reference in expressions [s]."""
 # Operations of what is differentiated, and the highest relative degree.
 _LONGEST, _HIGHEST = 500, 20
 
