@@ -140,6 +140,8 @@ def test_nothing_in_common_is_refused(tmp_path: Path) -> None:
         compare(written(tmp_path / "old", run_document()), empty)
     with pytest.raises(ArgumentError, match="does not exist"):
         compare(empty, tmp_path / "nowhere")
+    with pytest.raises(ArgumentError, match="neither a file nor a folder"):
+        compare(empty, Path("/dev/full"))
 
 
 @settings(max_examples=60)

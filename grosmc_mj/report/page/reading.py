@@ -54,6 +54,9 @@ def read_results(paths: Sequence[Path]) -> Results:
     for path in paths:
         if not path.exists():
             raise ArgumentError(f"{path} does not exist")
+        # A device is read without end.
+        if not path.is_dir() and not path.is_file():
+            raise ArgumentError(f"{path} is neither a file nor a folder")
     found = Results([], [])
     size, seen = 0, set[Path]()
     for file in (file for path in paths for file in _files(path)):
