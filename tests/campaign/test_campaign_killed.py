@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import signal
@@ -49,9 +50,11 @@ def undisturbed(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def left(folder: Path) -> dict[str, bytes]:
-    """Everything that a campaign leaves behind, but the manifest."""
-    files = [*(folder / "parts").iterdir(), folder / "results.json"]
-    return {path.name: path.read_bytes() for path in files}
+    """Everything that a campaign leaves behind, but the manifest and by which command."""
+    content = json.loads((folder / "results.json").read_text())
+    assert content.pop("command") is not None
+    parts = {path.name: path.read_bytes() for path in (folder / "parts").iterdir()}
+    return {**parts, "results.json": json.dumps(content).encode()}
 
 
 @pytest.mark.slow

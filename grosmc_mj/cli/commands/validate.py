@@ -150,8 +150,8 @@ class ValidateCommand(Command):
                 )
                 write_json(target, content)
             if done.results:
-                self._write_curves(done.results)
                 self._say(done, complete=complete)
+                self._write_curves(done.results)
         console, figures = screen.console(), self._draw(done)
         console.print(f"{len(figures)} figures; {time.perf_counter() - started:.1f} s", style="dim")
         screen.say_files(console, target)

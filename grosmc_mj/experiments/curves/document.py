@@ -43,7 +43,6 @@ def write_curves(results: Sequence[RunResult], name: str, out: Path) -> Path:
         SetupError: If it cannot be written.
     """
     path = out / FOLDER / f"{name}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, curves_document(results))
     return path
 
