@@ -128,12 +128,21 @@ def surface_rate(
         push (..., m) and steered (..., m, m).
     """
     drift, gain = motion
-    return _times(G, drift + _times(gain, u)) - _times(S, z), G @ gain
+    return times(G, drift + times(gain, u)) - times(S, z), G @ gain
 
 
-def _times(matrix: Array, vector: Array) -> Array:
-    """The product, of one or of many."""
+def times(matrix: Array, vector: Array) -> Array:
+    """The product of a matrix (..., i, j) and a vector (..., j), of one or of many."""
     return np.einsum("...ij,...j->...i", matrix, vector)
+
+
+def solved(matrix: Array, vector: Array) -> Array:
+    """matrix^-1 vector, (..., i), of one or of many.
+
+    Raises:
+        numpy.linalg.LinAlgError: If one is singular.
+    """
+    return np.linalg.solve(matrix, vector[..., None])[..., 0]
 
 
 def switching_gains(
@@ -190,22 +199,21 @@ def switching_gains(
     def believed(z: Array) -> _Believed:
         """What the law's model says at error states, (N, size)."""
         x = np.array([error.place(0.0, each, nominal) for each in z])
-        u_0, steered = -_times(K, z), np.broadcast_to(G @ B, (len(z), *(G @ B).shape))
+        u_0, steered = -times(K, z), np.broadcast_to(G @ B, (len(z), *(G @ B).shape))
         if linearizing:
-            models = [error.dynamics(0.0, each, nominal) for each in x]
-            E = np.array([E for _, E in models])
-            steered, free = G_r @ E, u_0 - np.array([alpha for alpha, _ in models])
-            u_0 = np.linalg.solve(E, free[..., None])[..., 0]
+            alpha, E = error.dynamics_along([0.0] * len(x), x, nominal)
+            steered, u_0 = G_r @ E, solved(E, u_0 - alpha)
         size = np.linalg.norm(steered, axis=(-2, -1))
         return _Believed(z, x, np.linalg.inv(steered), size, u_0)
 
     # At rest, a step along each axis next to it, and the grid.
     at = believed(np.array([np.zeros(error.size), *_states(uncertainty.region)]))
     distance = np.linalg.norm(at.z[1:], axis=-1)
+    equations, still = error.system.equations, error.raised_along([0.0] * len(at.x), nominal)
     slopes = error.slopes(at.x, nominal)
     units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
-        motion = error.moved_along(at.x, nominal, plant, slopes)
+        motion = error.moved_by(equations, at.x, plant, slopes, still)
         (held, *rest), steered = surface_rate(motion, at.z, G, S, at.u_0)
         R = (steered @ at.inverse)[1:]
         r = np.minimum(authority(R), authority_together(R))
@@ -219,7 +227,9 @@ def switching_gains(
         shares = (np.array(rest) - held) / (reach * distance)[:, None]
         pushed = np.abs(held) + np.zeros_like(shares)
         for w in units:
-            pushed += np.abs(_times(G, error.pushed_along(at.x, plant, w, slopes)))[1:]
+            everywhere = np.tile(w, (len(at.x), 1))
+            away = error.pushed_by(equations, at.x, plant, everywhere, slopes)
+            pushed += np.abs(times(G, away))[1:]
         gamma0 = max(gamma0, float((np.linalg.norm(pushed, axis=-1) / reach).max()))
         # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.
         near = float(np.linalg.norm(shares[: error.size], 2))

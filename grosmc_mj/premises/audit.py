@@ -20,7 +20,7 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.balance import Balance, balance
+from grosmc_mj.premises.balance import Points, balances, balances_along
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The grid's points are for all axes together.
@@ -132,17 +132,10 @@ def run_audit(result: RunResult) -> Audit:
         )
     true = result.true.analytic(design_variant(result.plant))
     bound = _bound(result)
-    here = list(
-        _region(
-            law, true, bound, _largest_wrench(run), _GRID, _PHASES.get(len(bound), _COARSE_PHASES)
-        )
+    here = _region(
+        law, true, bound, _largest_wrench(run), _GRID, _PHASES.get(len(bound), _COARSE_PHASES)
     )
-    rows = range(0, len(run.time) - 1, _EVERY)
-    there = []
-    for row in rows:
-        t, x = float(run.time[row]), run.state[row]
-        w = np.zeros(6 * len(true.system.bodies)) if run.wrench is None else run.wrench[row]
-        there.append((t, x, balance(law, true, t, x, w)))
+    there = balances_along(law, true, run, _EVERY)
     premises = [
         *_linear(law),
         _decoupling(law, here, there),
@@ -170,9 +163,6 @@ def _bound(result: RunResult) -> tuple[float, ...]:
             f"task: region = {list(bound)} must have {len(spanned)} bounds, one for each error"
         )
     return bound
-
-
-Points = list[tuple[float, Array, Balance]]
 
 
 def least_margin(
@@ -214,20 +204,24 @@ def _region(
     amplitude: Array,
     grid: int,
     phases: int,
-) -> Iterator[tuple[float, Array, Balance]]:
+) -> Points:
     """The balance over the operating region, with the case's wrench at either bound."""
     error, system = law.coordinates, true.system
     points = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
     axes = [np.linspace(-size, size, points) for size in bound]
     times = np.linspace(0, 2, phases, endpoint=False) if _moves(law) else np.array([0.0])
     pushes = list(_corners(amplitude))
+    found: list[tuple[float, Array, Array]] = []
     for t, *z in itertools.product(times.tolist(), *axes):
         x = error.place(t, z, law.parameters)
         controlled = np.abs(x[list(system.controlled)])
         if controlled.max() > system.position_bound or not system.linearizable(x):
             continue
-        for w in pushes:
-            yield t, x, balance(law, true, t, x, w)
+        found += [(t, x, w) for w in pushes]
+    instants, states = [t for t, _, _ in found], np.array([x for _, x, _ in found])
+    wrenches = np.array([w for _, _, w in found])
+    there = balances(law, true, instants, states, wrenches)
+    return list(zip(instants, states, there, strict=True))
 
 
 def _moves(law: Controller) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,16 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.gains import authority, authority_together, surface_rate
-from grosmc_mj.plants import Plant
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.gains import (
+    authority,
+    authority_together,
+    solved,
+    surface_rate,
+    times,
+)
+from grosmc_mj.plants import AnalyticPlant, Plant
+from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class Balance(NamedTuple):
@@ -72,51 +81,119 @@ def balance(
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
     """
+    error, x = law.designed.error, np.asarray(x, float)
+    drift, gain = error.moved(t, x, law.parameters, true.rigid, w, u)
+    z = np.array([error.state(t, x, law.parameters)])
+    return _balances(law, [t], x[None], z, (drift[None], gain[None]))[0]
+
+
+def balances(
+    law: Controller, true: AnalyticPlant, t: Sequence[float], x: Array, w: Array
+) -> list[Balance]:
+    """The balance at many states of a plant with equations, all at once.
+
+    Args:
+        law: A controller with error coordinates in symbols.
+        true: The plant that it meets.
+        t: Times [s], (N,).
+        x: States, (N, n).
+        w: Wrenches, (N, 6 * bodies).
+    """
     error, p = law.designed.error, law.parameters
-    z, optimum = np.array(error.state(t, x, p)), law.designed.lqr
+    assert isinstance(error, ErrorCoordinates)
+    return _balances(law, t, x, error.errors(t, x, p), error.moved_along(t, x, p, true, w))
+
+
+# Times, states and what was found there.
+Points = list[tuple[float, Array, Balance]]
+
+
+def balances_along(
+    law: Controller, true: AnalyticPlant, run: Trajectory, every: int, *, pushed: bool = True
+) -> Points:
+    """The balance along a run.
+
+    Args:
+        law: As for ``balances``.
+        true: The plant that it meets.
+        run: The run.
+        every: Of so many samples one is looked at.
+        pushed: Whether its wrenches count.
+    """
+    rows = slice(0, len(run.time) - 1, every)
+    t, x = run.time[rows].tolist(), run.state[rows]
+    w = np.zeros((len(t), 6 * len(true.system.bodies)))
+    if pushed and run.wrench is not None:
+        w = run.wrench[rows]
+    return list(zip(t, x, balances(law, true, t, x, w), strict=True))
+
+
+def _balances(
+    law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
+) -> list[Balance]:
+    """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
+    error, p = law.designed.error, law.parameters
+    optimum, (drift, gain) = law.designed.lqr, motion
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
-    drift, gain = error.moved(t, x, p, true.rigid, w, u)
-    wanted, limit = -(p.K @ z), getattr(p, "limit", math.inf)
+    wanted, limit = -times(p.K, z), getattr(p, "limit", math.inf)
     # What the surface supposes of the input, v_0 of the law.
     v_0 = np.clip(wanted, -limit, limit)
     u_c, believed = v_0, G @ optimum.B
     if isinstance(error, StateCoordinates):
         E = believed
         reached = optimum.B @ np.linalg.pinv(optimum.B)
-        differs = drift + gain @ u_c - optimum.A @ z - optimum.B @ v_0
-        unmatched = differs - reached @ differs
+        differs = drift + times(gain, u_c) - times(optimum.A, z) - times(optimum.B, v_0)
+        unmatched = differs - times(reached, differs)
     else:
         rows = list(error.linearization.last_rows)
         E = optimum.B[rows]
         if law.designed.linearizing:
-            alpha, E = error.dynamics(t, x, p)
-            u_c, believed = np.linalg.solve(E, v_0 - alpha), G[:, rows] @ E
-        unmatched = error.unmatched(t, x, p, drift + gain @ u_c)
+            alpha, E = error.dynamics_along(t, x, p)
+            u_c, believed = solved(E, v_0 - alpha), G[:, rows] @ E
+        unmatched = error.unmatched(z, drift + times(gain, u_c))
     push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
-    push = push - G @ optimum.B @ (v_0 - wanted)
+    push = push - times(G @ optimum.B, v_0 - wanted)
     together = "unit-vector" in law.designed.switching
     R = steered @ np.linalg.inv(believed)
     r = authority_together(R) if together else authority(R)
-    pushing = float(np.linalg.norm(push) if together else np.abs(push).max())
-    return Balance(
-        R=R,
-        gain_ratio=r,
-        pushes=push,
-        push=pushing,
-        required=pushing / r if r > 0 else np.inf,
-        configured=switching_rate(law, z, E),
-        determinant=float(np.linalg.det(E)),
-        unmatched=float(np.abs(unmatched).max(initial=0.0)),
-        u_c=u_c,
-    )
+    pushing = np.linalg.norm(push, axis=-1) if together else np.abs(push).max(axis=-1)
+    configured = switching_rate(law, z, E)
+    determinant = np.broadcast_to(np.linalg.det(E), r.shape)
+    unmatched = np.abs(unmatched).max(axis=-1, initial=0.0)
+    return [
+        Balance(
+            R=R[i],
+            gain_ratio=float(r[i]),
+            pushes=push[i],
+            push=float(pushing[i]),
+            required=float(pushing[i] / r[i]) if r[i] > 0 else math.inf,
+            configured=float(configured[i]),
+            determinant=float(determinant[i]),
+            unmatched=float(unmatched[i]),
+            u_c=u_c[i],
+        )
+        for i in range(len(z))
+    ]
 
 
-def switching_rate(law: Controller, z: Array, E: Array) -> float:
-    """rho of the law, what its switching term asks of s': eqs. (12), (37) and (55)."""
+def switching_rate(law: Controller, z: Array, E: Array) -> Array:
+    """rho of the law, what its switching term asks of s': eqs. (12), (37) and (55).
+
+    Args:
+        law: The law.
+        z: Error state, (..., size).
+        E: Its model's decoupling matrix, (m, m) or (..., m, m).
+
+    Returns:
+        One number for each state, (...); 0 of a law that does not switch.
+    """
     p: Any = law.parameters
     if hasattr(p, "epsilon"):
-        return p.epsilon * p.switching.gain
+        return np.full(z.shape[:-1], p.epsilon * p.switching.gain)
     if hasattr(p, "eta"):
-        size = float(np.linalg.norm(p.GB @ E)) if law.designed.linearizing else p.size_of_GB
-        return p.switching.gain * (p.eta + (p.gamma0 + p.gamma1 * float(np.linalg.norm(z))) * size)
-    return 0.0
+        linearizing = law.designed.linearizing
+        size = np.linalg.norm(p.GB @ E, axis=(-2, -1)) if linearizing else p.size_of_GB
+        return p.switching.gain * (
+            p.eta + (p.gamma0 + p.gamma1 * np.linalg.norm(z, axis=-1)) * size
+        )
+    return np.zeros(z.shape[:-1])

@@ -23,7 +23,6 @@ from grosmc_mj.premises.audit import (
     ROUNDING,
     Audit,
     Point,
-    Points,
     Premise,
     Reading,
     audit,
@@ -31,7 +30,7 @@ from grosmc_mj.premises.audit import (
     per_second,
     reading_of,
 )
-from grosmc_mj.premises.balance import balance
+from grosmc_mj.premises.balance import Points, balance
 from grosmc_mj.simulation.edits import shrunk
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.robots.coordinates import RobotCoordinates

@@ -228,7 +228,7 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
         np.testing.assert_allclose(ours.place(1.0, z, p), x, **close)
         np.testing.assert_allclose(ours.along([1.0], x[None], p)[0], z, **close)
         drift, _ = ours.moved(1.0, x, p, true, w)
-        np.testing.assert_allclose(ours.unmatched(1.0, x, p, drift), 0, atol=1e-15)
+        np.testing.assert_allclose(ours.unmatched(z, drift), 0, atol=1e-15)
 
 
 def test_the_acceleration_that_an_input_was_computed_for_is_found_again() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -119,6 +119,11 @@ class OutputCoordinates(ABC):
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
 
+    def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
+        """``dynamics`` at instants (N,) and states (N, n): (N, m) and (N, m, m)."""
+        both = [self.dynamics(*each, p) for each in zip(t, x, strict=True)]
+        return np.array([alpha for alpha, _ in both]), np.array([E for _, E in both])
+
     @abstractmethod
     def moved(
         self,
@@ -221,11 +226,16 @@ class OutputCoordinates(ABC):
         """Where the reference's derivatives of order r_i are."""
         return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
 
-    def unmatched(self, t: float, x: Array, p: Any, drift: Array) -> Array:
-        """What a drift of z' does to the rows without an input, beyond the chains of eq. (24)."""
+    def unmatched(self, z: Array, drift: Array) -> Array:
+        """What a drift of z' does to the rows without an input, beyond the chains of eq. (24).
+
+        Args:
+            z: Error state, (..., size).
+            drift: Of z' there, (..., size).
+        """
         chains = self.linearization
-        z = np.array(self.state(t, x, p))
-        return np.delete(drift - chains.A @ z, chains.last_rows)
+        beyond = drift - np.einsum("ij,...j->...i", chains.A, z)
+        return np.delete(beyond, chains.last_rows, axis=-1)
 
     def along(self, time: ArrayLike, x: ArrayLike, parameters: Any) -> Array:
         """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
@@ -245,6 +255,12 @@ class OutputCoordinates(ABC):
     def raised(self, t: float, p: Any) -> Array:
         """The derivatives of what z is measured from, (size,)."""
         return np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
+
+    def raised_along(self, t: Sequence[float], p: Any) -> Array:
+        """``raised`` at instants (N,), (N, size)."""
+        if not getattr(self.reference, "moves", True):
+            return np.tile(self.raised(0.0, p), (len(t), 1))
+        return np.array([self.raised(each, p) for each in t])
 
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""

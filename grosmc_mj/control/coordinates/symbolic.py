@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
+from grosmc_mj.plants.equations import Equations
 from grosmc_mj.vectors import Vector, algebra, each, signed_difference
 
 
@@ -124,6 +125,15 @@ class ErrorCoordinates(OutputCoordinates):
 
         return jitable(feedback)
 
+    def errors(self, t: Sequence[float], x: Array, p: Any) -> Array:
+        """``state`` at instants (N,) and states (N, n), by the nominal ``p.plant``, (N, size)."""
+
+        def error(at: float, here: Any) -> Vector:
+            return self.state(at, here, p)
+
+        rows = zip(t, x, strict=True)
+        return np.array([_at(here, partial(error, instant)) for instant, here in rows])
+
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
         alpha = np.array(_at(x, lambda at: self.nonlinearity(t, at, p)))
@@ -140,14 +150,24 @@ class ErrorCoordinates(OutputCoordinates):
         u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """As for every coordinates, by the true plant's own equations."""
-        equations, true = plant.system.equations, plant.parameters
-        f = np.array(_at(x, lambda at: equations.drift(at, true)))
-        if w is not None:
-            wrench = np.asarray(w, float).tolist()
-            f = f + np.array(_at(x, lambda at: equations.disturbance(at, wrench, true)))
-        g = np.reshape(_at(x, lambda at: equations.input_matrix(at, true)), (len(f), -1))
-        (slope,) = self.slopes(np.asarray(x, float)[None], p)
-        return self.sign * (slope @ f - self.raised(t, p)), self.sign * slope @ g
+        here = np.asarray(x, float)[None]
+        pushed = None if w is None else np.asarray(w, float)[None]
+        drift, gain = self.moved_along([t], here, p, plant, pushed)
+        return drift[0], gain[0]
+
+    def moved_along(
+        self, t: Sequence[float], x: Array, p: Any, plant: Plant, w: Array | None = None
+    ) -> tuple[Array, Array]:
+        """``moved`` at instants (N,) and states (N, n), with wrenches (N, 6 * bodies).
+
+        Returns:
+            drift (N, size) and gain (N, size, m).
+        """
+        equations, true, slopes = plant.system.equations, plant.parameters, self.slopes(x, p)
+        drift, gain = self.moved_by(equations, x, true, slopes, self.raised_along(t, p))
+        if w is None:
+            return drift, gain
+        return drift + self.pushed_by(equations, x, true, w, slopes), gain
 
     def slopes(self, x: Array, p: Any) -> Array:
         """The Jacobians of T by the law's model, at states (N, n); returns (N, size, n)."""
@@ -155,26 +175,40 @@ class ErrorCoordinates(OutputCoordinates):
         rows = [_at(each, lambda at: slope(at, p.plant)) for each in x]
         return np.reshape(rows, (len(x), self.size, -1))
 
-    def moved_along(self, x: Array, p: Any, plant: Any, slopes: Array) -> tuple[Array, Array]:
-        """``moved`` at states (N, n) and t = 0 by a true plant's parameters, with their ``slopes``.
+    def moved_by(
+        self, equations: Equations, x: Array, plant: Any, slopes: Array, raised: Array
+    ) -> tuple[Array, Array]:
+        """``moved`` at states (N, n) by equations and a true plant's parameters.
+
+        Args:
+            equations: The true plant's.
+            x: States, (N, n).
+            plant: Its parameters.
+            slopes: Of T by the law's model, (N, size, n).
+            raised: Derivatives of what z is measured from, (N, size).
 
         Returns:
             (N, size) and (N, size, m).
         """
-        drift, matrix = self.system.drift, self.system.input_matrix
+        drift, matrix = equations.drift, equations.input_matrix
         f = np.array([_at(each, lambda at: drift(at, plant)) for each in x])
         g = np.reshape([_at(each, lambda at: matrix(at, plant)) for each in x], (*f.shape, -1))
-        moved = np.einsum("nij,nj->ni", slopes, f) - self.raised(0.0, p)
+        moved = np.einsum("nij,nj->ni", slopes, f) - raised
         return self.sign * moved, self.sign * (slopes @ g)
 
-    def pushed_along(self, x: Array, plant: Any, w: Array, slopes: Array) -> Array:
-        """What a wrench on a true plant does to z' at states (N, n), as the law sees it.
+    def pushed_by(
+        self, equations: Equations, x: Array, plant: Any, w: Array, slopes: Array
+    ) -> Array:
+        """What wrenches (N, 6 * bodies) do to z' at states (N, n), as the law sees it, (N, size).
 
-        Returns:
-            (N, size).
+        Other arguments are as those of ``moved_by``.
         """
-        wrench, disturbance = w.tolist(), self.system.disturbance
-        d = [_at(each, lambda at: disturbance(at, wrench, plant)) for each in x]
+
+        def pushed(wrench: Any, here: Any) -> Vector:
+            return equations.disturbance(here, wrench, plant)
+
+        rows = zip(w.tolist(), x, strict=True)
+        d = [_at(here, partial(pushed, wrench)) for wrench, here in rows]
         return self.sign * np.einsum("nij,nj->ni", slopes, np.array(d))
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:

@@ -14,7 +14,7 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
-from grosmc_mj.premises.balance import balance
+from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
@@ -134,11 +134,9 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     result = lab.run(case, plant, "grosmc")
     true = lab.equations(case, plant)
     law, run = result.controller, result.trajectory
-    naive = required = 0.0
-    for row in range(0, len(run.time) - 1, 10):
-        balanced = balance(law, true, float(run.time[row]), run.state[row], np.zeros(12))
-        naive = max(naive, balanced.push)
-        required = max(required, balanced.required)
+    points = balances_along(law, true, run, 10, pushed=False)
+    naive = max(each.push for _, _, each in points)
+    required = max(each.required for _, _, each in points)
     if required < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     return of(

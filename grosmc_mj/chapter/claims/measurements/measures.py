@@ -23,7 +23,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
 from grosmc_mj.premises.audit import Premise, audit, per_second
-from grosmc_mj.premises.balance import balance
+from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -126,17 +126,15 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     run, law = result.trajectory, result.controller
     s = sliding(run)
     true = lab.equations(result.experiment, plant)
-    nothing = np.zeros(6 * len(run.system.bodies))
     worst, note = 0.0, ""
-    for row in range(0, len(run.time) - 1, _EVERY):
-        t, x = float(run.time[row]), run.state[row]
-        balanced = balance(law, true, t, x, nothing)
+    points = balances_along(law, true, run, _EVERY, pushed=False)
+    for at, (t, _, balanced) in zip(s[::_EVERY], points, strict=True):
         band = 2 * lab.settings.control_period * balanced.configured * np.diag(balanced.R)
         if balanced.configured == 0:
             return of(result, None, "the law does not switch")
         if not np.all(band > 0):
             return of(result, None, "the law switches the wrong way")
-        away = float((np.abs(s[row]) / band).max())
+        away = float((np.abs(at) / band).max())
         if away > worst:
             worst = away
             note = f"at t = {t:.3g} s; max |s| = {np.abs(s).max():.3g}"

@@ -18,7 +18,7 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import find_system
-from grosmc_mj.premises.balance import balance
+from grosmc_mj.premises.balance import balances
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.simulate import simulate
@@ -204,13 +204,15 @@ def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2
     region, largest = lab.as_set(case).region, []
     assert region is not None
     for factor in (1.0, 5.0):
-        pushes = [0.0]
+        places = []
         for angle, rate in itertools.product(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)):
             z = np.array([angle * region[0], factor * rate * region[1]])
             x = law.coordinates.place(0.0, z, law.parameters)
             if true.system.linearizable(x):
-                pushes.append(balance(law, true, 0.0, x, np.zeros(12)).push)
-        largest.append(max(pushes))
+                places.append(x)
+        start, still = [0.0] * len(places), np.zeros((len(places), 12))
+        found = balances(law, true, start, np.array(places), still)
+        largest.append(max(each.push for each in found))
     if largest[0] < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     note = f"{largest[1]:.3g} rad/s² against {largest[0]:.3g} rad/s²"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +28,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.premises.balance import balance
+from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit
 
@@ -68,17 +68,6 @@ def _extreme(results: list[RunResult], values: list[float], pick: Callable[..., 
 def _name(result: RunResult) -> str:
     """Which run."""
     return f"{result.case.name} under {LABELS.get(result.controller.name, result.controller.name)}"
-
-
-def _at_samples(
-    lab: Laboratory, result: RunResult, plant: PlantName
-) -> Iterator[tuple[float, Array, Array]]:
-    """Time, state and wrenches at some samples of a run."""
-    run = result.trajectory
-    nothing = np.zeros(6 * len(run.system.bodies))
-    for row in range(0, len(run.time) - 1, _EVERY):
-        w = nothing if run.wrench is None else run.wrench[row]
-        yield float(run.time[row]), run.state[row], w
 
 
 def leaving_the_surfaces(lab: Laboratory, plant: PlantName, *, cases: Sequence[str]) -> Measured:
@@ -141,8 +130,7 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Experiment]
         result = lab.run(case, plant, "grosmc")
         true, law = lab.equations(case, plant), result.controller
         worst, least = np.inf, np.inf
-        for t, x, w in _at_samples(lab, result, plant):
-            balanced = balance(law, true, t, x, w)
+        for _, _, balanced in balances_along(law, true, result.trajectory, _EVERY):
             least = min(least, balanced.gain_ratio)
             if balanced.required > 0:
                 worst = min(worst, balanced.configured / balanced.required)
