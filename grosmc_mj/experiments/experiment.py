@@ -142,10 +142,19 @@ class Experiment:
     @cached_property
     def required(self) -> Sequence[Limit]:
         """All that the file requires of the laws."""
+        return self._all_limits("requirement", self.file.requirement)
+
+    @cached_property
+    def claimed(self) -> Sequence[Limit]:
+        """All that the file's claims ask of the laws."""
+        return self._all_limits("claim", self.file.claim)
+
+    def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
+        """What the tables of a kind ask for."""
         designed = [self.laws[self.plant_names[0], name] for name in self.controllers]
         found, mistakes = [], Mistakes()
-        for index, table in enumerate(self.file.requirement):
-            with mistakes.gathered(f"requirement {index + 1}: "):
+        for index, table in enumerate(tables):
+            with mistakes.gathered(f"{kind} {index + 1}: "):
                 found += self._limits(table, designed)
         mistakes.refuse()
         return found
@@ -170,7 +179,7 @@ class Experiment:
             ArgumentError: All that is wrong with them.
         """
         mistakes = Mistakes()
-        for part in ("plants", "laws", "required"):
+        for part in ("plants", "laws", "required", "claimed"):
             with mistakes.gathered():
                 getattr(self, part)
         mistakes.refuse()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -94,6 +95,11 @@ class Judgement(NamedTuple):
     margin: float | None
     kept: bool
     note: str = ""
+
+    @property
+    def share(self) -> float:
+        """How much of the limit is used; infinite without a measurement."""
+        return math.inf if self.margin is None else 1 - self.margin / self.limit.value
 
 
 def limits(

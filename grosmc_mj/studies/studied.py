@@ -80,9 +80,19 @@ def limits_of(
     experiment: Experiment, law: StudiedLaw, condition: Condition, plants: Sequence[PlantName]
 ) -> tuple[Limit, ...]:
     """What a law must keep, whoever the file asks it of, as far as a run tells."""
+    return limits_in(experiment.file.requirement, law, condition, plants)
+
+
+def limits_in(
+    tables: Sequence[RequirementTable],
+    law: StudiedLaw,
+    condition: Condition,
+    plants: Sequence[PlantName],
+) -> tuple[Limit, ...]:
+    """What tables ask of a law, whoever they name, as far as a run tells."""
     case, made = condition.experiment.case, law.controller
     found: list[Limit] = []
-    for table in experiment.file.requirement:
+    for table in tables:
         if asked := _asked_of(table, made):
             found += limits(asked, [made], plants)
     onsets = [(each.window[0], each.window[0]) for each in case.disturbances]

@@ -13,6 +13,7 @@ import pytest
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
+from grosmc_mj.chapter.claims.cited import cited_claims
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
@@ -30,7 +31,10 @@ from grosmc_mj.simulation.machine import (
 )
 from grosmc_mj.studies.ladder import measure
 from grosmc_mj.studies.ladder.answers import (
+    fall_text,
+    fallen,
     first_failed,
+    judged_claims,
     of_law,
     reason,
     share_text,
@@ -38,6 +42,8 @@ from grosmc_mj.studies.ladder.answers import (
 )
 from grosmc_mj.studies.ladder.measure import Standing, ladder, standing
 from grosmc_mj.studies.ladder.oscillation import Oscillation, chatter, oscillation
+from grosmc_mj.studies.ladder.page import ladders_text
+from grosmc_mj.studies.ladder.report import claims_table
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.studied import Condition, StudiedLaw
 
@@ -305,6 +311,89 @@ def test_a_run_that_cannot_be_is_said_and_not_raised(monkeypatch: pytest.MonkeyP
     assert (found.oscillation, found.chatter, found.shares) == (None, None, {})
 
 
+# --- the chapter's claims ---
+
+RISEN = [
+    row("printed", 0.5, claims={"quick": 7.0}),
+    row("physics", 0.5, claims={"quick": 0.2, "same": 1.0}),
+    row("delay", 0.5, claims={"quick": 1.01, "same": 0.9}),
+    row("friction", 0.5, claims={"quick": 0.5, "same": math.inf}),
+    row("physics", 0.5, OTHER),
+]
+
+
+def test_a_claim_falls_on_the_first_rung_that_breaks_it() -> None:
+    way = of_law(RISEN, "lqr", "nominal")
+    assert judged_claims(way) == ["quick", "same"]
+    assert fallen(way, "quick") is way[1]
+    assert fallen(way, "same") is way[2]
+    assert fallen(way[:1], "quick") is None
+    assert [fall_text(way, claim) for claim in ("quick", "same", "another")] == [
+        "delay", "friction", ""
+    ]  # fmt: skip
+    assert fall_text(way[:1], "same") == "stands"
+
+
+def test_a_table_of_claims_has_the_laws_that_they_are_about() -> None:
+    made = claims_table("falls", RISEN, "nominal")
+    assert made is not None
+    assert [list(column.cells) for column in made.columns] == [["lqr"], ["delay"], ["friction"]]
+    assert claims_table("falls", WAY, "nominal") is None
+
+
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm", "two_link_arm"])
+def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> None:
+    """The same and well are 2 %: of the step, of the start, or of the amplitude of 1 rad."""
+    made = machine(system)
+    cited = cited_claims(made)
+    assert {claim.system for claim in cited.values()} == {system}
+    assert len(made.claimed) == len(made.file.claim)
+    law, x0 = made.law("physics", "lqr"), np.array(made.case.x0)
+    error = law.designed.error
+    z = np.array(error.state(0.0, x0, law.parameters))
+    start = float(np.linalg.norm(z[list(error.output_rows)]))
+    for table, limit in zip(made.file.claim, made.claimed, strict=True):
+        claim = cited[table.id]
+        if claim.id == "arm-tracking":
+            assert limit.value == claim.threshold / 100 * 1.0
+        elif limit.kind == "settles_within":
+            assert limit.value == 2 * (1 + claim.threshold / 100)
+        else:
+            assert limit.value == pytest.approx(claim.threshold / 100 * start, rel=2e-3)
+
+
+DOCUMENT = {
+    "configuration": {"target": "servo/machine", "title": "A step"},
+    "laws": [{"name": "lqr"}, {"name": "pid"}],
+    "climbing": [{"name": "physics"}],
+    "alone": [],
+    "standings": [
+        {
+            "law": law,
+            "rung": "physics",
+            "together": True,
+            "condition": "nominal",
+            "share_of_the_tightest_limit": 0.5,
+            "tightest": "deviation_below",
+            "impossible": None,
+        }
+        for law in ("lqr", "pid")
+    ],
+    "claims": [{"claim": "quick", "statement": "It is quick"}],
+    "fallen": [
+        {"law": "lqr", "condition": "nominal", "claim": "quick", "rung": None},
+        {"law": "lqr", "condition": "case1", "claim": "quick", "rung": "physics"},
+    ],
+}
+
+
+def test_the_page_says_where_claims_fall_and_what_they_say() -> None:
+    said = ladders_text([DOCUMENT])
+    assert "| law | `quick` |\n|---|---|\n| lqr | stands |" in said
+    assert said.endswith("`quick`: It is quick.")
+    assert "falls" not in ladders_text([{**DOCUMENT, "fallen": []}])
+
+
 # --- a real one ---
 
 
@@ -326,6 +415,10 @@ def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     assert broken is not None
     assert broken.rung.name == "friction"
     assert broken.worst == "settles_within"
+    # The chapter's 2 % of the step fall there, too, as they are said of both laws.
+    at = fallen(way, "servo-before-load")
+    assert at is broken
+    assert judged_claims(way) == ["servo-before-load"]
     # It needs no other imperfection for that, and stops where friction holds the rest of K e.
     assert not climbed()[-1].kept
     assert not any(each.kept for each in way[way.index(broken) :])
@@ -377,7 +470,10 @@ def stood(_: object, law: StudiedLaw, rung: Rung, condition: Condition, *, toget
     worst = measure.ENDED if rung.name == "stops" else "deviation_below"
     shares = {} if rung.name == "stops" else {"deviation_below": used}
     swing = None if rung.name == "stops" else Oscillation(0.01, 12.5 if high else None)
-    return Standing(law, rung, together, condition, used, worst, shares, swing, 0.25)
+    claims = {"servo-before-load": used / 3} if law.name == "lqr" else {}
+    return Standing(
+        law, rung, together, condition, used, worst, shares, swing, 0.25, claims=claims
+    )  # fmt: skip
 
 
 def test_the_command_writes_what_it_found(
@@ -401,6 +497,19 @@ def test_the_command_writes_what_it_found(
     assert [part["stiffness"] for part in flexible["parts"] if part["kind"] == "transmission"] == [
         None
     ]
+    # A limit of three times the requirement's falls where 3.25 times that are used.
+    assert "servo-before-load" in said
+    assert found["fallen"] == [
+        {
+            "law": "lqr",
+            "condition": "nominal",
+            "claim": "servo-before-load",
+            "rung": "friction",
+        }
+    ]
+    stated = {each["claim"]: each["statement"] for each in found["claims"]}
+    assert stated["servo-before-load"].startswith("Without disturbance both laws")
+    assert found["standings"][0]["claims"] == {"servo-before-load": 0.5 / 3}
     last = next(s for s in found["standings"] if s["rung"] == "stops")
     assert last["share_of_the_tightest_limit"] is None
     assert (last["kept"], last["tightest"]) == (False, measure.ENDED)
@@ -446,6 +555,68 @@ def test_a_target_that_cannot_be_climbed_is_told_in_one_line(
     assert said in error
     assert "\n" not in error
     assert list(tmp_path.iterdir()) == []
+
+
+CLAIMED = """
+[plant]
+system = "servo"
+[run]
+duration = "20 ms"
+[[controller]]
+law = "lqr"
+[[lugre]]
+joint = "shaft"
+coulomb = "0.05 N m"
+[[requirement]]
+deviation_below = "1 rad"
+[[claim]]
+id = "servo-before-load"
+deviation_below = "1 urad"
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "mine.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_no_verdict_depends_on_a_claim(tmp_path: Path) -> None:
+    """Friction breaks it, and the run keeps all that is required."""
+    file = written(tmp_path, CLAIMED)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["run", str(file), "--out", str(tmp_path)])
+    assert stop.value.code == 0
+    studied = ladder(str(file), ["lqr"])
+    (law,), condition = studied.laws, studied.conditions[0]
+    found = standing(studied, law, studied.alone[0], condition, together=False)
+    assert found.kept
+    assert found.claims["servo-before-load"] > 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("servo-before-load", "servo-befor-load", "did you mean 'servo-before-load'"),
+        ("1 urad", "1 V", 'claim 1: deviation_below: "1 V" cannot be converted to rad'),
+        ('"servo-before-load"', '"servo-before-load"\nunder = "case3"', "claim 1"),
+        ('"servo-before-load"', '"servo-before-load"\nof = ["lqrr"]', "did you mean 'lqr'"),
+        ('deviation_below = "1 urad"', "", "claim 1: nothing is required"),
+    ],
+)
+@pytest.mark.parametrize("command", [["run"], ["study", "ladder"]], ids=" ".join)
+def test_a_wrong_claim_is_told_in_one_line(
+    command: list[str], old: str, new: str, said: str, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    file = written(tmp_path, CLAIMED.replace(old, new))
+    with pytest.raises(SystemExit) as stop:
+        cli.main([*command, str(file), "--out", str(tmp_path)])
+    assert stop.value.code == 2
+    error = capsys.readouterr().err.strip()
+    assert error.startswith(f"grosmc-mj: {file}: ")
+    assert said in error
+    assert "\n" not in error
 
 
 def test_a_file_that_requires_nothing_has_nothing_to_break(

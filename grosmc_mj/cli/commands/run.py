@@ -62,11 +62,13 @@ class RunCommand(Command):
 
     def execute(self) -> int:
         """Run, write, judge, print, draw."""
+        from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.experiments.catalogue import find_experiments
 
         experiments = find_experiments(self.target)
         for experiment in experiments:
             _check_uncertain(experiment)
+            cited_claims(experiment)
         self.out.mkdir(parents=True, exist_ok=True)
         done: list[_JudgedExperiment] = []
         try:

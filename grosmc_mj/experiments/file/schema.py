@@ -258,6 +258,21 @@ class RequirementTable(Table):
         return self
 
 
+class ClaimTable(RequirementTable):
+    """``[[claim]]``: what a statement of the chapter asks of runs, with the statement's own limit.
+
+    No verdict on a run depends on it: ``study ladder`` tells on which rung it falls.
+
+    Attributes:
+        id: Of the statement, as ``grosmc-mj claims`` lists them.
+        under: Condition that it is said of: the nominal plant, the system's ``case1`` or
+            ``case2``, or the file's own edits and disturbances, ``under load``.
+    """
+
+    id: str
+    under: Literal["nominal", "case1", "case2", "under load"] = "nominal"
+
+
 class CaseFile(Table):
     """A whole file.
 
@@ -285,6 +300,7 @@ class CaseFile(Table):
         laws: Laws with their numbers, by name.
         controller: Those that are run.
         requirement: What they must keep.
+        claim: What statements of the chapter say of them.
         uncertain: Numbers that a campaign varies; a single run has the others' values.
         correlation: Which of them vary together.
     """
@@ -312,6 +328,7 @@ class CaseFile(Table):
     laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]
     requirement: list[RequirementTable] = []
+    claim: list[ClaimTable] = []
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
 

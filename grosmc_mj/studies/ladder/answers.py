@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from grosmc_mj.report.tables import number
 from grosmc_mj.studies.ladder.measure import ENDED, Standing
 
+# Said of a law, or of a claim, that no rung breaks.
+STANDS = "stands"
+
 
 def of_law(rows: Sequence[Standing], law: str, condition: str) -> list[Standing]:
     """A law's way up, rung by rung, from equations that are true."""
@@ -25,6 +28,24 @@ def of_law(rows: Sequence[Standing], law: str, condition: str) -> list[Standing]
 def first_failed(rows: Sequence[Standing]) -> Standing | None:
     """The first rung on which something is not kept; None if all is kept on all."""
     return next((row for row in rows if not row.kept), None)
+
+
+def fallen(rows: Sequence[Standing], claim: str) -> Standing | None:
+    """The first rung on which a claim is not kept; None if it is kept wherever it is judged."""
+    return next((row for row in rows if row.claims.get(claim, 0.0) > 1), None)
+
+
+def judged_claims(rows: Sequence[Standing]) -> list[str]:
+    """Ids of the claims that are judged on some rung, in the order of the file."""
+    return list(dict.fromkeys(claim for row in rows for claim in row.claims))
+
+
+def fall_text(rows: Sequence[Standing], claim: str) -> str:
+    """Where a claim falls on a law's way up; empty of one that is not about this law."""
+    if not any(claim in row.claims for row in rows):
+        return ""
+    row = fallen(rows, claim)
+    return STANDS if row is None else row.rung.name
 
 
 def share_text(row: Standing) -> str:

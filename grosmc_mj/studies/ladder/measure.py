@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 from grosmc_mj.errors import ArgumentError, GrosmcError
@@ -13,6 +14,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements import judge
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.simulation.loop import in_loop
+from grosmc_mj.studies.ladder.claims import shares_of_claims
 from grosmc_mj.studies.ladder.oscillation import Oscillation, chatter, oscillation
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.studied import (
@@ -41,6 +43,7 @@ class Ladder:
         climbing: Rungs, each with all that is below it.
         alone: What is added, each alone on a sampled plant.
         conditions: The nominal one first.
+        statements: What the chapter says, by the ids of the file's claims.
     """
 
     experiment: Experiment
@@ -49,6 +52,7 @@ class Ladder:
     climbing: Sequence[Rung]
     alone: Sequence[Rung]
     conditions: Sequence[Condition]
+    statements: Mapping[str, str] = field(default_factory=dict)
 
 
 class Standing(NamedTuple):
@@ -66,6 +70,8 @@ class Standing(NamedTuple):
         oscillation: Of the error in the end; None of a run that ended early.
         chatter: Of what the law asks for in the end, in the input's unit; None likewise.
         impossible: Why there is no such run; empty if there is.
+        claims: The share used of the limits of each claim that is said of this law under this
+            condition, by its id; above 1 it has fallen.
     """
 
     law: StudiedLaw
@@ -78,6 +84,7 @@ class Standing(NamedTuple):
     oscillation: Oscillation | None = None
     chatter: float | None = None
     impossible: str = ""
+    claims: Mapping[str, float] = MappingProxyType({})
 
     @property
     def kept(self) -> bool:
@@ -131,18 +138,15 @@ def standing(
         return Standing(law, rung, together, condition, math.inf, "", {}, impossible=str(error))
     limits = limits_of(studied.experiment, law, condition, [rung.plant])
     judged = [judge(limit, result) for limit in limits]
-    shares = {
-        each.limit.key: math.inf if each.margin is None else 1 - each.margin / each.limit.value
-        for each in judged
-        if each.limit.value
-    }
+    shares = {each.limit.key: each.share for each in judged if each.limit.value}
     worst = max(shares, key=lambda key: shares[key], default="")
-    run = result.trajectory
+    run, claims = result.trajectory, shares_of_claims(studied.machine, law, condition, result)
     if result.ended:
-        return Standing(law, rung, together, condition, math.inf, ENDED, shares)
+        return Standing(law, rung, together, condition, math.inf, ENDED, shares, claims=claims)
     return Standing(
         law, rung, together, condition, shares.get(worst, 0.0), worst, shares,
         oscillation(run.time, result.comparison.error), chatter(run.time[:-1], run.command),
+        claims=claims,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from typing import Any
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number
-from grosmc_mj.studies.ladder.answers import cell_text
+from grosmc_mj.studies.ladder.answers import STANDS, cell_text
 from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
 
 BEGIN, END = "<!-- ladders -->", "<!-- /ladders -->"
@@ -51,7 +51,32 @@ def _ladder(document: Mapping[str, Any]) -> str:
             cells = [_cell(found[law, rung]) for rung in rungs]
             lines.append("| " + " | ".join([law, *cells]) + " |")
         parts.append("\n".join(lines))
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, *_claims(document)])
+
+
+def _claims(document: Mapping[str, Any]) -> list[str]:
+    """Where the chapter's claims fall on the way up; nothing of a machine without one."""
+    falls = {
+        (each["law"], each["claim"]): each["rung"] or STANDS
+        for each in document["fallen"]
+        if each["condition"] == "nominal"
+    }
+    if not falls:
+        return []
+    claims = list(dict.fromkeys(claim for _law, claim in falls))
+    laws = list(dict.fromkeys(law for law, _claim in falls))
+    lines = [
+        "Which of the chapter's claims falls, and on which rung:",
+        "",
+        "| law | " + " | ".join(f"`{claim}`" for claim in claims) + " |",
+        "|---|" + "---|" * len(claims),
+    ]
+    for law in laws:
+        cells = [falls.get((law, claim), "") for claim in claims]
+        lines.append("| " + " | ".join([law, *cells]) + " |")
+    statements = {each["claim"]: each["statement"] for each in document["claims"]}
+    said = "; ".join(f"`{claim}`: {statements[claim]}" for claim in claims)
+    return ["\n".join(lines), f"{said}."]
 
 
 def _cell(row: Mapping[str, Any]) -> str:

@@ -11,7 +11,16 @@ from rich.table import Table
 
 from grosmc_mj.report.document import origin
 from grosmc_mj.report.tables import names, number, numbers, table, text, words
-from grosmc_mj.studies.ladder.answers import first_failed, of_law, reason, share_text
+from grosmc_mj.studies.ladder.answers import (
+    STANDS,
+    fall_text,
+    fallen,
+    first_failed,
+    judged_claims,
+    of_law,
+    reason,
+    share_text,
+)
 from grosmc_mj.studies.ladder.measure import Ladder, Standing
 from grosmc_mj.studies.ladder.rungs import Rung
 
@@ -49,8 +58,39 @@ def ladder_document(studied: Ladder, rows: Sequence[Standing], *, complete: bool
         ],
         "climbing": [_rung(each) for each in studied.climbing],
         "alone": [_rung(each) for each in studied.alone],
+        "claims": [
+            {
+                "claim": table.id,
+                "statement": studied.statements.get(table.id, ""),
+                "under": table.under,
+                "of": list(table.of or studied.machine.controllers),
+            }
+            for table in studied.machine.file.claim
+        ],
+        "fallen": _fallen(rows),
         "standings": [_row(row) for row in rows],
     }
+
+
+def _fallen(rows: Sequence[Standing]) -> list[dict[str, Any]]:
+    """The first rung on which a claim falls for each law and condition; null where it stands."""
+    conditions = dict.fromkeys(row.condition.name for row in rows)
+    laws = dict.fromkeys(row.law.name for row in rows)
+    found = []
+    for condition in conditions:
+        for law in laws:
+            way = of_law(rows, law, condition)
+            for claim in judged_claims(way):
+                row = fallen(way, claim)
+                found.append(
+                    {
+                        "law": law,
+                        "condition": condition,
+                        "claim": claim,
+                        "rung": None if row is None else row.rung.name,
+                    }
+                )
+    return found
 
 
 def _rung(rung: Rung) -> dict[str, Any]:
@@ -79,6 +119,7 @@ def _row(row: Standing) -> dict[str, Any]:
         "frequency": None if swing is None else swing.frequency,
         "chatter": row.chatter,
         "impossible": row.impossible or None,
+        "claims": {claim: _finite(share) for claim, share in row.claims.items()},
     }
 
 
@@ -119,7 +160,7 @@ def breaks_table(title: str, rows: Sequence[Standing], condition: str) -> Table:
         cells.append(
             (
                 law,
-                row.rung.name if row else "stands",
+                row.rung.name if row else STANDS,
                 reason(row) if row else "",
                 "" if swing is None else number(swing.amplitude),
                 "" if swing is None or swing.frequency is None else number(swing.frequency),
@@ -134,6 +175,20 @@ def breaks_table(title: str, rows: Sequence[Standing], condition: str) -> Table:
         *numbers(f"swings by [{unit}]", "at [Hz]", f"chatter [{input_unit}]"),
     ]
     return table(title, columns, cells)
+
+
+def claims_table(title: str, rows: Sequence[Standing], condition: str) -> Table | None:
+    """On which rung each claim falls for each law that it is about; None without a claim."""
+    ways = {law: of_law(rows, law, condition) for law in dict.fromkeys(r.law.name for r in rows)}
+    claims = judged_claims([row for way in ways.values() for row in way])
+    if not claims:
+        return None
+    cells = [
+        (law, *(fall_text(way, claim) for claim in claims))
+        for law, way in ways.items()
+        if judged_claims(way)
+    ]
+    return table(title, [*names("law"), *words(*claims)], cells)
 
 
 def _place(way: Sequence[Standing]) -> int:

@@ -27,8 +27,9 @@ class LadderCommand(Command):
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
     delay; actuator; motor; friction; backlash; flexibility; loads; stops. One is added on top of
-    the others, and then each alone. On every rung all that the target requires is judged, and how
-    the error swings and the input chatters in the end is measured.
+    the others, and then each alone. On every rung all that the target requires is judged, and what
+    the chapter claims of the law, as far as the target's file has it as a [[claim]]; how the error
+    swings and the input chatters in the end is measured.
 
     Writes ladder_NAME.json, .png and .svg to --out; after Ctrl-C what there is of them.
 
@@ -52,11 +53,16 @@ class LadderCommand(Command):
 
     def execute(self) -> int:
         """Climb, write, print, draw."""
+        from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.studies.ladder.measure import ladder, standing
         from grosmc_mj.studies.studied import chosen_laws
 
         began = time.perf_counter()
         studied = ladder(self.target, self.laws, loaded=self.loaded)
+        cited = cited_claims(studied.machine)
+        studied = replace(
+            studied, statements={name: claim.statement for name, claim in cited.items()}
+        )
         filmed = chosen_laws(studied.laws, [self.film])[0] if self.film else None
         ways = [
             (rung, together, condition)
@@ -114,12 +120,19 @@ class LadderCommand(Command):
 def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full: bool) -> None:
     """Up to where laws climb, where each breaks, and on request every share."""
     from grosmc_mj.studies.ladder.answers import verdict
-    from grosmc_mj.studies.ladder.report import LEGEND, breaks_table, ladder_table
+    from grosmc_mj.studies.ladder.report import (
+        LEGEND,
+        breaks_table,
+        claims_table,
+        ladder_table,
+    )
 
     for condition in studied.conditions:
         own = [row for row in rows if row.condition is condition]
         console.print(verdict(own, condition.name), style="bold", markup=False)
         console.print(breaks_table(condition.title, own, condition.name))
+        if claims := claims_table("On which rung claims fall", own, condition.name):
+            console.print(claims)
         if not full:
             continue
         wide = screen.wide_console()
