@@ -159,7 +159,10 @@ def _require(owner: str, name: str, value: float, *, positive: bool = False) -> 
 
 
 def apply_edits(
-    spec: mujoco.MjSpec, edits: Iterable[Edit], nominal: mujoco.MjModel | None = None
+    spec: mujoco.MjSpec,
+    edits: Iterable[Edit],
+    nominal: mujoco.MjModel | None = None,
+    timestep: float | None = None,
 ) -> mujoco.MjSpec:
     """A fresh copy of ``spec`` with the edits applied; ``spec`` itself is not touched.
 
@@ -170,15 +173,18 @@ def apply_edits(
         spec: The nominal model.
         edits: What to change.
         nominal: The same compiled, if it is at hand.
+        timestep: Of the edited model [s]; None for the nominal one's.
 
     Raises:
         ModelError: If a body or joint is unknown or edited twice, a body is massless under a
             mass edit, or drawn by what cannot be scaled under a length edit.
     """
-    edits = tuple(edits)
+    edits, edited = tuple(edits), spec.copy()
+    if timestep is not None:
+        edited.option.timestep = timestep
     if not edits:
-        return spec.copy()
-    like, edited = compile_spec(spec) if nominal is None else nominal, spec.copy()
+        return edited
+    like = compile_spec(spec) if nominal is None else nominal
     scaled = [edit for edit in edits if isinstance(edit, BodyEdit)]
     loads = [edit for edit in edits if isinstance(edit, AddedMass)]
     joints = [edit for edit in edits if isinstance(edit, JointEdit)]

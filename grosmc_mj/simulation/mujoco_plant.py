@@ -281,10 +281,8 @@ class MujocoPlant(Plant):
     def _compile(self, size: int) -> mujoco.MjModel:
         """Compile the edited model."""
         nominal = _nominal_model(self.spec) if self.edits else None
-        spec = apply_edits(self.spec, self.edits, nominal)
+        spec = apply_edits(self.spec, self.edits, nominal, self.timestep)
         spec.nuserdata = size
-        if self.timestep is not None:
-            spec.option.timestep = self.timestep
         if self.integrator is not None:
             spec.option.integrator = getattr(
                 mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"

@@ -330,7 +330,7 @@ def test_what_leans_on_a_stop_rests_only_below_the_timestep_that_is_told() -> No
         (lambda: Stop("j", -1.0, 1.0, 1.0), r"restitution = 1 must be below 1"),
         (lambda: Motor("i", 0.1, math.nan), r"resistance = nan must be positive"),
         (lambda: Motor("i", 0.1, 1.0, efficiency=1.5), r"efficiency = 1\.5 must be at most 1"),
-        (lambda: Motor("i", 0.1, 1.0, 1e-3, bandwidth=1e4, voltage=24.0), r"current loop's own"),
+        (lambda: Motor("i", 0.1, 1.0, ratio=0.0), r"ratio = 0 must be at least 1e-15, or negative"),
         (lambda: Motor("i", 0.1, 1.0, thermal_resistance=1.0), r"heating needs both"),
         (lambda: SwingingLoad("b", 0.0, 1.0), r"mass = 0 must be positive"),
         (lambda: Wall("b", 0.1, normal=(0, 0, 0)), r"must point somewhere"),

@@ -6,11 +6,16 @@ becomes R/c^2, and u is what the law asks for: a motor at rest gives it. A curre
 up for the back-EMF is a winding of so high a resistance that there is none, with a time constant of
 its own. With an efficiency the torque constant is a share of that of the back-EMF, and MuJoCo's K
 the root of their product.
+
+A current loop on a supply is MuJoCo's own: its ``ff`` input is a torque, for which the driver gives
+V = R i + K w within the supply. There the gear, not the unit of voltage, makes u what is asked for:
+i' = clip(w_b (clip(R i_u + K w, +-V_s) / R - K w / R - i), +-V_s / L).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -23,9 +28,27 @@ from grosmc_mj.simulation.machine.parts import Motor
 _STIFF = 1e9
 
 
+class _Winding(NamedTuple):
+    """A motor in MuJoCo's units.
+
+    Attributes:
+        constant: K.
+        resistance: R.
+        gear: Of the actuator, with the sign of the input's.
+        force: MuJoCo's force for one N m at the motor.
+        amperes: Current for one unit of MuJoCo's [A].
+    """
+
+    constant: float
+    resistance: float
+    gear: float
+    force: float
+    amperes: float
+
+
 def _resistance(motor: Motor) -> float:
     """What stands against the back-EMF [ohm]."""
-    return motor.resistance * (_STIFF if motor.bandwidth else 1.0)
+    return motor.resistance * (_STIFF if motor.bandwidth and not motor.supplied else 1.0)
 
 
 def volts_for(torque: float, ratio: float, constant: float, resistance: float) -> float:
@@ -52,12 +75,34 @@ def _constant(motor: Motor) -> float:
 
 def _scale(motor: Motor, gear: float) -> float:
     """c of a motor in the place of an input whose torque at the joint is the gear."""
-    return volts_for(abs(gear), motor.ratio, _constant(motor), _resistance(motor))
+    return volts_for(abs(gear), abs(motor.ratio), _constant(motor), _resistance(motor))
+
+
+def _winding(motor: Motor, gear: float) -> _Winding:
+    """A motor in the place of an input whose torque at the joint is the gear.
+
+    One that turns against its joint is the same with its current the other way round.
+    """
+    ratio, root = abs(motor.ratio), math.sqrt(motor.efficiency)
+    turns = math.copysign(1.0, motor.ratio)
+    if motor.supplied:
+        force = ratio / abs(gear)
+        constant = _constant(motor) * force
+        return _Winding(constant, motor.resistance, gear, force, turns / root)
+    c = _scale(motor, gear)
+    constant, resistance = in_units_of(c, _constant(motor), _resistance(motor))
+    along = ratio * math.copysign(1.0, gear)
+    return _Winding(constant, resistance, along, 1.0, turns / (root * c))
 
 
 def amperes(motor: Motor, gear: float) -> float:
-    """Current for one unit of MuJoCo's [A]."""
-    return 1 / (math.sqrt(motor.efficiency) * _scale(motor, gear))
+    """Current for one unit of MuJoCo's [A].
+
+    Args:
+        motor: The motor.
+        gear: Torque at the joint of the ideal input that it stands for [N m or N].
+    """
+    return _winding(motor, gear).amperes
 
 
 def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
@@ -76,34 +121,49 @@ def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
     if not ideal or gear == 0:
         raise ModelError(f"motor: input {motor.input!r} is no ideal motor on a joint")
-    c = _scale(motor, gear)
-    constant, resistance = in_units_of(c, _constant(motor), _resistance(motor))
-    # What the winding sees is more by what the efficiency takes.
-    low, high = _limits(actuator, motor, c / math.sqrt(motor.efficiency))
-    share = motor.resistance / _resistance(motor)
+    winding, root = _winding(motor, gear), math.sqrt(motor.efficiency)
+    low, high = _limits(actuator, motor, gear)
     heated = motor.thermal_resistance > 0
+    share = motor.resistance / _resistance(motor)
+    # Copper's resistance grows by 0.39 % a kelvin; a driver that gives a current makes up for it.
+    copper = 0.0 if motor.supplied else 0.0039 * share
+    supply = root * motor.voltage if motor.supplied else 0.0
+    rate = _rate(motor, supply, spec.option.timestep)
+    most = motor.efficiency * motor.constant * motor.current * winding.force
+    input_kind = mujoco.mjtCtrlInput.mjINPUT_FF if supply else mujoco.mjtCtrlInput.mjINPUT_VOLTAGE
     try:
         actuator.set_to_dcmotor(
-            motorconst=[constant, 0.0],
-            resistance=resistance,
-            saturation=[motor.efficiency * motor.constant * motor.current, 0.0, 0.0]
-            if math.isfinite(motor.current)
-            else [0.0, 0.0, 0.0],
+            motorconst=[winding.constant, 0.0],
+            resistance=winding.resistance,
+            saturation=[most if math.isfinite(most) else 0.0, 0.0, rate],
             inductance=[0.0, motor.time_constant],
-            cogging=[motor.cogging, motor.cogging_periods, 0.0],
-            # Copper's resistance grows by 0.39 % a kelvin; heat is that of the winding alone.
+            cogging=[motor.cogging * winding.force, motor.cogging_periods * winding.force, 0.0],
+            controller=[0.0, 0.0, 0.0, 0.0, 0.0, supply],
+            # Heat is that of the winding alone.
             thermal=[
                 motor.thermal_resistance * share, motor.heat_capacity / share, 0.0,
-                0.0039 * share, 0.0, 0.0,
+                copper, 0.0, 0.0,
             ] if heated else [0.0] * 6,
+            ctrlspec=int(input_kind),
         )  # fmt: skip
     except ValueError as error:
         raise ModelError(f"motor of {motor.input!r}: {one_line(str(error))}") from None
-    actuator.gear = [motor.ratio * math.copysign(1.0, gear), *[0.0] * 5]
+    actuator.gear = [winding.gear, *[0.0] * 5]
     if math.isfinite(high):
         actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
         actuator.ctrlrange = [low, high]
     _at_joint(spec, actuator.target, motor)
+
+
+def _rate(motor: Motor, supply: float, timestep: float) -> float:
+    """MuJoCo's bound on a current's rate with which it changes by V/L; 0 for none.
+
+    MuJoCo takes what it has bounded over t_e (1 - exp(-h/t_e)) instead of over h.
+    """
+    if not (supply and motor.inductance):
+        return 0.0
+    steps = timestep / motor.time_constant
+    return supply / motor.inductance * steps / -math.expm1(-steps)
 
 
 def _at_joint(spec: mujoco.MjSpec, name: str, motor: Motor) -> None:
@@ -127,12 +187,16 @@ def _at_joint(spec: mujoco.MjSpec, name: str, motor: Motor) -> None:
     joint.armature = max(0.0, joint.armature - inertia)
 
 
-def _limits(actuator: mujoco.MjsActuator, motor: Motor, c: float) -> tuple[float, float]:
-    """Least and largest input: the model's own, and what the voltage allows."""
+def _limits(actuator: mujoco.MjsActuator, motor: Motor, gear: float) -> tuple[float, float]:
+    """Least and largest input: the model's own, and what the voltage of an amplifier allows."""
     low, high = -math.inf, math.inf
     if actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_TRUE or (
         actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_AUTO and any(actuator.ctrlrange)
     ):
         low, high = (float(each) for each in actuator.ctrlrange)
-    most = abs(motor.voltage / c)
+    if motor.supplied:
+        # A supply limits the current at a speed, not what is asked for.
+        return low, high
+    # What the winding sees is more by what the efficiency takes.
+    most = abs(motor.voltage / (_scale(motor, gear) / math.sqrt(motor.efficiency)))
     return max(low, -most), min(high, most)

@@ -136,20 +136,24 @@ class Motor(Part):
 
     MuJoCo's own ``dcmotor``. What the law asks for is converted so that a motor at rest gives it;
     back-EMF, lag and limits are what comes between.
-    A voltage amplifier is ``voltage``; one that follows a current has a ``bandwidth``.
+    A voltage amplifier is ``voltage``; one that follows a current has a ``bandwidth``, and within
+    the voltage of its supply if there is a ``voltage``, too.
 
     Attributes:
         input: Name of the input that it stands for.
         constant: Torque constant, equal to that of the back-EMF [N m/A].
         resistance: [ohm].
-        inductance: [H].
-        ratio: Turns of the motor for one of its joint, or rad/m of a slide.
+        inductance: [H]; behind a current loop it says how fast a supply can change the current.
+        ratio: Turns of the motor for one of its joint, or rad/m of a slide; negative for a motor
+            that turns against its joint.
         efficiency: Share of the torque that arrives at the joint, of both the current and the
             back-EMF; the amplifier makes up for it.
-        voltage: Largest [V], of a voltage amplifier; infinite for none.
+        voltage: Largest [V], of a voltage amplifier or of the supply of a current loop; infinite
+            for none.
         current: Largest [A]; infinite for none.
-        bandwidth: Of a current loop that makes up for the back-EMF and has voltage enough for it
-            [rad/s]; 0 for a voltage amplifier.
+        bandwidth: Of a current loop that makes up for the back-EMF [rad/s]; 0 for a voltage
+            amplifier. Its supply holds at most the current (V - K w)/R at a speed w of the motor,
+            and changes it by V/L at most.
         inertia: Of the rotor, at the motor [kg m^2]; at the joint it is an armature of ratio^2
             times that. That of a ``Transmission`` stands there instead.
         cogging: Amplitude of the torque, at the motor [N m].
@@ -178,9 +182,10 @@ class Motor(Part):
 
     kind, owner = "motor", "input"
     positive = frozenset(
-        {"constant", "resistance", "ratio", "efficiency", "voltage", "current", "cogging_periods"}
+        {"constant", "resistance", "efficiency", "voltage", "current", "cogging_periods"}
     )
     infinite = frozenset({"voltage", "current"})
+    signed = frozenset({"ratio"})
 
     def _check(self) -> None:
         if self.efficiency > 1:
@@ -189,11 +194,13 @@ class Motor(Part):
             self.refuse("heating needs both thermal_resistance and heat_capacity")
         if 0 < self.time_constant < LEAST:
             self.refuse(f"its current follows in {self.time_constant:.2g} s: leave that out")
-        if self.bandwidth and math.isfinite(self.voltage):
-            self.refuse(
-                "a current loop's own limit of voltage is not in MuJoCo's motor: give a voltage "
-                "amplifier its voltage, or a current loop its bandwidth and current"
-            )
+        if abs(self.ratio) < LEAST:
+            self.refuse(f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative")
+
+    @property
+    def supplied(self) -> bool:
+        """Whether it is a current loop with a supply that has an end."""
+        return bool(self.bandwidth) and math.isfinite(self.voltage)
 
     @property
     def time_constant(self) -> float:
