@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.simulation.machine.motors import in_units_of, volts_for
 
 _TRANSMISSIONS = {
     mujoco.mjtTrn.mjTRN_JOINTINPARENT: "acts on a joint in its parent's frame",
@@ -23,12 +21,9 @@ _TRANSMISSIONS = {
 }
 
 _LAGS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
-# What an editable actuator is, beside its name and what it acts on.
-_KEPT = (
-    "gear", "gaintype", "gainprm", "biastype", "biasprm", "dyntype", "dynprm", "actdim",
-    "actlimited", "actrange", "actearly", "ctrllimited", "ctrlrange", "forcelimited", "forcerange",
-    "delay", "nsample", "interp", "ctrlspec",
-)  # fmt: skip
+# Integrals of a servo, which are a part of its own loop.
+_INTEGRALS = (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_PID)
+_INPUT = mujoco.mjtCtrlInput
 
 
 class Drive(NamedTuple):
@@ -57,7 +52,8 @@ def torque_drives(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[Drive, ...
     """The named actuators as torque control of their joints.
 
     A motor's torque is g k c for a command c in its range, gear g and gain k; a servo, whose bias
-    depends on its joint, gives any torque in its force range once its own loop is left out.
+    depends on its joint, gives any torque in its force range once its own loop is left out, and so
+    does a DC motor with an inner controller.
 
     Args:
         spec: The model, all of whose actuators and joints have names.
@@ -87,17 +83,20 @@ def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
         )
     joint = int(model.actuator_trnid[index, 0])
     beyond = _beyond(spec, model, index)
-    gear, gain = float(model.actuator_gear[index, 0]), _gain(model, index)
-    servo = _servo(model, index)
+    gear, gain = _gear(model, index), _gain(model, index)
+    servo, control = _servo(model, index), int(model.actuator_ctrladr[index])
     commands = (-math.inf, math.inf)
-    if not servo and model.actuator_ctrllimited[index]:
-        commands = _scaled(gain, model.actuator_ctrlrange[index])
-    asked = _scaled(gear, commands)
-    if model.actuator_actlimited[index]:
-        commands = _within(commands, _scaled(gain, model.actuator_actrange[index]))
+    if not servo and model.actuator_ctrllimited[control]:
+        commands = scaled(gain, model.actuator_ctrlrange[control])
+    asked = scaled(gear, commands)
+    if not servo and model.actuator_actlimited[index]:
+        commands = _within(commands, scaled(gain, model.actuator_actrange[index]))
+    if supply := _supply(model, index):
+        most = supply * float(model.actuator_gainprm[index, 1] / model.actuator_gainprm[index, 0])
+        commands = _within(commands, (-most, most))
     if model.actuator_forcelimited[index]:
         commands = _within(commands, model.actuator_forcerange[index])
-    low, high = _scaled(gear, commands)
+    low, high = scaled(gear, commands)
     if model.jnt_actfrclimited[joint]:
         low, high = _within((low, high), model.jnt_actfrcrange[joint])
     unit = joint_unit(model, joint)
@@ -119,8 +118,26 @@ def _is_dcmotor(model: mujoco.MjModel, index: int) -> bool:
     return mujoco.mjtGain(int(model.actuator_gaintype[index])) == mujoco.mjtGain.mjGAIN_DCMOTOR
 
 
+def _driven(model: mujoco.MjModel, index: int) -> bool:
+    """Whether it is a DC motor whose driver makes up for its back-EMF: all but one on a voltage."""
+    on_voltage = model.actuator_ctrlspec[index] == int(_INPUT.mjINPUT_VOLTAGE)
+    return _is_dcmotor(model, index) and not on_voltage
+
+
+def _supply(model: mujoco.MjModel, index: int) -> float:
+    """Largest voltage of a DC motor's driver [V]; 0 for none, as for an input in volts."""
+    return float(model.actuator_gainprm[index, 7]) if _driven(model, index) else 0.0
+
+
+def _gear(model: mujoco.MjModel, index: int) -> float:
+    """Torque at the joint for one unit of force."""
+    return float(model.actuator_gear[model.actuator_outadr[index], 0])
+
+
 def _gain(model: mujoco.MjModel, index: int) -> float:
-    """Force for one unit of control, of a motor at rest."""
+    """Force for one unit of control, of a motor at rest; 1 of a servo, which has another unit."""
+    if _servo(model, index) or _driven(model, index):
+        return 1.0
     if _is_dcmotor(model, index):
         return float(model.actuator_gainprm[index, 1] / model.actuator_gainprm[index, 0])
     return float(model.actuator_gainprm[index, 0])
@@ -132,7 +149,11 @@ def _beyond(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
     dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[index]))
     if dynamics in _LAGS:
         found.append(f"a lag of {model.actuator_dynprm[index, 0]:g} s")
-    if _is_dcmotor(model, index):
+    if _driven(model, index):
+        supply = _supply(model, index)
+        within = f" within {supply:g} V" if supply else ""
+        found.append(f"a DC motor with a driver of its current{within}")
+    elif _is_dcmotor(model, index):
         found.append("a DC motor with its back-EMF")
     if own.nsample:
         found.append(f"a delay of {own.delay:g} s")
@@ -147,18 +168,17 @@ def _unfit(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
     gain = mujoco.mjtGain(int(model.actuator_gaintype[index]))
     bias = mujoco.mjtBias(int(model.actuator_biastype[index]))
     if mujoco.mjtGain.mjGAIN_MUSCLE == gain or dynamics == mujoco.mjtDyn.mjDYN_MUSCLE:
-        return "is a muscle"
+        return "is a muscle, which pulls by its length and takes no torque"
     if transmission in _TRANSMISSIONS:
         return _TRANSMISSIONS[transmission]
     dcmotor = _is_dcmotor(model, index)
-    if dcmotor and model.actuator_ctrlspec[index] != int(mujoco.mjtCtrlInput.mjINPUT_VOLTAGE):
-        return "is a DC motor with an inner controller"
-    if dynamics not in (mujoco.mjtDyn.mjDYN_NONE, *_LAGS) and not dcmotor:
+    if dcmotor and model.actuator_ctrlspec[index] == int(_INPUT.mjINPUT_NONE):
+        return "is a DC motor without an input, which actuators=... can leave out"
+    known = (mujoco.mjtDyn.mjDYN_NONE, *_LAGS, *(_INTEGRALS if _servo(model, index) else ()))
+    if dynamics not in known and not dcmotor:
         return f"has activation dynamics ({dynamics.name.removeprefix('mjDYN_').lower()})"
-    if gain != mujoco.mjtGain.mjGAIN_FIXED and not dcmotor:
+    if gain not in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtGain.mjGAIN_PID) and not dcmotor:
         return "has a gain that depends on the state"
-    if dynamics in _LAGS and bias != mujoco.mjtBias.mjBIAS_NONE:
-        return "is a servo behind a lag"
     if dynamics == mujoco.mjtDyn.mjDYN_FILTER and model.actuator_dynprm[index, 0] <= 0:
         return "has a lag of 0 s, which nothing can simulate"
     if not dcmotor and bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
@@ -167,14 +187,21 @@ def _unfit(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
         return "is a plugin"
     if own.armature or np.any(own.damping):
         return "has an armature or damping of its own, which belongs to its joint"
-    if model.actuator_gear[index, 0] == 0 or _gain(model, index) == 0:
+    if _gear(model, index) == 0 or _gain(model, index) == 0:
         return "has no gear or no gain"
     return ""
 
 
 def _servo(model: mujoco.MjModel, index: int) -> str:
     """What kind of servo an actuator is; empty for a motor."""
-    if mujoco.mjtBias(int(model.actuator_biastype[index])) == mujoco.mjtBias.mjBIAS_NONE:
+    if _driven(model, index):
+        kp, ki, kd = (float(each) for each in model.actuator_gainprm[index, 4:7])
+        inputs = int(model.actuator_ctrlspec[index])
+        if inputs & int(_INPUT.mjINPUT_POS):
+            return f"inner position controller (kp {kp:g}, ki {ki:g}, kd {kd:g})"
+        velocity = inputs & int(_INPUT.mjINPUT_VEL)
+        return f"inner velocity controller (kd {kd:g})" if velocity else ""
+    if mujoco.mjtBias(int(model.actuator_biastype[index])) != mujoco.mjtBias.mjBIAS_AFFINE:
         return ""
     constant, of_position, of_velocity = model.actuator_biasprm[index, :3]
     if of_position:
@@ -184,7 +211,7 @@ def _servo(model: mujoco.MjModel, index: int) -> str:
     return f"constant bias {constant:g}" if constant else ""
 
 
-def _scaled(factor: float, limits: Sequence[float]) -> tuple[float, float]:
+def scaled(factor: float, limits: Sequence[float]) -> tuple[float, float]:
     """Limits times a factor of either sign."""
     low, high = sorted((factor * float(limits[0]), factor * float(limits[1])))
     return low, high
@@ -199,66 +226,3 @@ def joint_unit(model: mujoco.MjModel, joint: int) -> str:
     """N m or N."""
     slides = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
     return "N" if slides else "N m"
-
-
-def write_drives(spec: mujoco.MjSpec, drives: Sequence[Drive], *, as_built: bool = False) -> None:
-    """Replace all actuators of a model by torque control of these joints, in this order.
-
-    Args:
-        spec: The model.
-        drives: What takes their places.
-        as_built: Whether actuators that do more are kept, with torque at the joint as their input.
-    """
-    own = {actuator.name: _kept(actuator) for actuator in spec.actuators}
-    for actuator in spec.actuators:
-        spec.delete(actuator)
-    for drive in drives:
-        limited = math.isfinite(drive.low) and math.isfinite(drive.high)
-        if not limited and (math.isfinite(drive.low) or math.isfinite(drive.high)):
-            raise ModelError(f"actuator {drive.name!r} is limited on one side only")
-        motor = spec.add_actuator(
-            name=drive.name,
-            target=drive.joint,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            dyntype=mujoco.mjtDyn.mjDYN_NONE,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            biastype=mujoco.mjtBias.mjBIAS_NONE,
-            ctrllimited=mujoco.mjtLimited(int(limited)),
-            forcelimited=mujoco.mjtLimited.mjLIMITED_FALSE,
-            ctrlrange=[drive.low, drive.high] if limited else [0.0, 0.0],
-        )
-        # A model's own defaults do not count here.
-        motor.gear, motor.gainprm = [1.0, *[0.0] * 5], [1.0, *[0.0] * 9]
-        motor.biasprm, motor.dynprm = [0.0] * 10, [1.0, *[0.0] * 9]
-        if as_built and drive.built:
-            _build(motor, own[drive.name], drive)
-
-
-def _kept(actuator: mujoco.MjsActuator) -> dict[str, Any]:
-    """What an actuator is, by value."""
-    return {name: copy.copy(getattr(actuator, name)) for name in _KEPT}
-
-
-def _build(motor: mujoco.MjsActuator, own: Mapping[str, Any], drive: Drive) -> None:
-    """Make an actuator what the model has, with torque at the joint as its input."""
-    for name, value in own.items():
-        setattr(motor, name, value)
-    gear, gain = float(own["gear"][0]), np.array(own["gainprm"], float)
-    if own["gaintype"] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        c = volts_for(1.0, gear, constant=float(gain[1]), resistance=float(gain[0]))
-        constant, gain[0] = in_units_of(c, constant=float(gain[1]), resistance=float(gain[0]))
-        gain[1] = abs(constant)
-        dynamics = np.array(own["dynprm"], float)
-        dynamics[1] *= abs(c)
-        motor.dynprm = dynamics
-        if c < 0:
-            raise ModelError(f"actuator {drive.name!r} is a DC motor with a negative gear")
-    else:
-        # Activations are torques now, too, and a servo's own loop is left out.
-        factor, gain[0] = gear * gain[0], 1.0 / gear
-        motor.actrange = _scaled(factor, own["actrange"])
-        motor.biastype, motor.biasprm = mujoco.mjtBias.mjBIAS_NONE, [0.0] * 10
-    motor.gainprm = gain
-    # Limits of forces stay: a motor on a voltage may be asked for more than it gives at rest.
-    motor.ctrllimited = mujoco.mjtLimited(int(math.isfinite(drive.asked[1])))
-    motor.ctrlrange = drive.asked if math.isfinite(drive.asked[1]) else [0.0, 0.0]

@@ -12,7 +12,9 @@ import numpy as np
 from grosmc_mj.arguments import require_each
 from grosmc_mj.errors import ModelError, unknown_name
 from grosmc_mj.simulation.models import compile_spec
-from grosmc_mj.simulation.robots.actuators import torque_drives, write_drives
+from grosmc_mj.simulation.robots.actuators import torque_drives
+from grosmc_mj.simulation.robots.couplings import kept_couplings
+from grosmc_mj.simulation.robots.drives import write_drives
 
 _JOINT = mujoco.mjtJoint
 
@@ -56,7 +58,7 @@ def robot_spec(
     """A model of a robot, whose inputs are torques at joints; as it is built; and what changed.
 
     As built, actuators with lags, delays or DC motors are what the model has, with torque at the
-    joint as their input; None where there are none of these.
+    joint as their input, and joints are coupled as in the model; None where there is none of this.
 
     Args:
         model: As for ``read_spec``.
@@ -71,9 +73,10 @@ def robot_spec(
     _name_everything(spec)
     said: list[str] = []
     removed = _keep(spec, joints, actuators, said)
+    couplings = kept_couplings(spec, said)
     compiled = compile_spec(spec)
     _refuse_unfit(compiled)
-    drives = torque_drives(spec, [compiled.actuator(i).name for i in range(compiled.nu)])
+    drives = torque_drives(spec, [each.name for each in spec.actuators])
     driven = {drive.joint: drive for drive in drives}
     names = [compiled.joint(i).name for i in range(compiled.njnt)]
     idle = [name for name in names if name not in driven]
@@ -81,8 +84,12 @@ def robot_spec(
         raise ModelError(
             f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..."
         )
+    for coupling in couplings:
+        coupling.require_driven(idle)
     chosen = [driven[name] for name in names if name in driven]
-    built = spec.copy() if any(drive.built for drive in chosen) else None
+    built = spec.copy() if couplings or any(drive.built for drive in chosen) else None
+    for equality in spec.equalities:
+        spec.delete(equality)
     write_drives(spec, chosen)
     if built is not None:
         write_drives(built, chosen, as_built=True)
@@ -92,6 +99,7 @@ def robot_spec(
             for part in (*each.keys, *lost):
                 each.delete(part)
     said += [drive.said for drive in drives if drive.said]
+    said += [str(coupling) for coupling in couplings]
     if idle:
         said.append(
             f"no actuator drives {', '.join(idle)}: laws are designed from MuJoCo's linearization "
@@ -183,13 +191,6 @@ def _refuse_unfit(model: mujoco.MjModel) -> None:
             )
     if not model.njnt:
         raise ModelError("the model has no joint that a law could move")
-    if model.neq:
-        kinds = {mujoco.mjtEq(int(kind)).name for kind in model.eq_type}
-        names = ", ".join(sorted(kind.removeprefix("mjEQ_").lower() for kind in kinds))
-        raise ModelError(
-            f"the model has equality constraints ({names}): they close loops or couple "
-            "joints, and its torques are no function of q, q' and q'' alone; remove them"
-        )
     active = (
         model.tendon_stiffness.any()
         or model.tendon_damping.any()

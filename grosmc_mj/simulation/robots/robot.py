@@ -38,8 +38,8 @@ class Robot:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
         converted: What differs from the model as it was given, in sentences.
-        as_built: The same with actuators that do more than the laws believe: lags, delays, DC
-            motors; None of a model without them.
+        as_built: The same with what laws do not believe in: lags, delays, DC motors and couplings
+            of joints; None of a model without them.
     """
 
     plant: MujocoPlant
@@ -58,9 +58,10 @@ class Robot:
     ) -> Robot:
         """Read a robot.
 
-        Motors on joints are taken with their gear and limits; position and velocity servos are
-        replaced by torque control within their force range. Lags, delays and DC motors are the
-        plant's, see ``built``, and no law's. What else drives a joint is refused.
+        Motors on joints are taken with their gear and limits; servos and inner controllers of DC
+        motors are replaced by torque control within their force range. Lags, delays, DC motors and
+        coupled joints are the plant's, see ``built``, and no law's. What else drives a joint, or
+        closes a loop, is refused.
 
         Args:
             model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
