@@ -55,7 +55,7 @@ def _ladder(document: Mapping[str, Any]) -> str:
 
 
 def _claims(document: Mapping[str, Any]) -> list[str]:
-    """Where the chapter's claims fall on the way up; nothing of a machine without one."""
+    """Where claims fall on the way up; nothing of a machine without one."""
     falls = {
         (each["law"], each["claim"]): each["rung"] or STANDS
         for each in document["fallen"]
@@ -66,7 +66,7 @@ def _claims(document: Mapping[str, Any]) -> list[str]:
     claims = list(dict.fromkeys(claim for _law, claim in falls))
     laws = list(dict.fromkeys(law for law, _claim in falls))
     lines = [
-        "Which of the chapter's claims falls, and on which rung:",
+        "Which claim falls, and on which rung:",
         "",
         "| law | " + " | ".join(f"`{claim}`" for claim in claims) + " |",
         "|---|" + "---|" * len(claims),
