@@ -22,27 +22,9 @@ from grosmc_mj.report.page.documents import (
     StoredValidation,
 )
 from grosmc_mj.report.page.reading import Document
+from grosmc_mj.report.page.studies.answers import study_answer
+from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, OPEN, VERDICTS, Answer
 from grosmc_mj.report.tables import number, prefixed
-
-KEPT, BROKEN, OPEN, MEASURED = "kept", "not kept", "open", "measured"
-VERDICTS = (BROKEN, OPEN, KEPT, MEASURED)
-
-
-class Answer(NamedTuple):
-    """What one document answers.
-
-    Attributes:
-        asked: What was asked.
-        verdict: KEPT, BROKEN, OPEN, or MEASURED where nothing was to be kept.
-        words: The answer.
-        number: That tells most; empty for none.
-    """
-
-    asked: str
-    verdict: str
-    words: str
-    number: str = ""
-
 
 class Break(NamedTuple):
     """Where a law breaks first.
@@ -152,7 +134,7 @@ def _answer(document: Document) -> Answer | None:
         case StoredDiff():
             return _diff(content)
         case _:
-            return None
+            return study_answer(content)
 
 
 def _verdict(complete: bool, kept: bool) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from grosmc_mj.report.page.answers import standing_text, target_of, tolerance_text
@@ -16,6 +16,8 @@ from grosmc_mj.report.page.documents import (
     StoredTolerances,
 )
 from grosmc_mj.report.page.reading import Document
+from grosmc_mj.report.page.sheets import Sheet, cells_chart, told_sheet
+from grosmc_mj.report.page.studies.sheets import study_sheets
 from grosmc_mj.report.palette import PLANTS
 
 # Of the redness of what is not kept, and of the tolerance map: decades, and powers of two.
@@ -64,9 +66,9 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, float | int) and math.isfinite(value)
 
 
-def maps_data(documents: Iterable[Document]) -> list[dict[str, Any]]:
-    """A map of laws by rungs or imperfections of each condition of ladders and tolerances."""
-    found = []
+def sheets(documents: Iterable[Document]) -> list[Sheet]:
+    """Of each condition of ladders and tolerances a map of laws; and what other studies found."""
+    found: list[Sheet] = []
     for each in documents:
         content: StoredPart | Any = each.content
         if isinstance(content, StoredLadder):
@@ -106,7 +108,8 @@ def maps_data(documents: Iterable[Document]) -> list[dict[str, Any]]:
                 named = f"{target_of(each)}, {condition}: how much of it each law stands"
                 note = "Blue: more than the bench has; red: less. no: not kept even without it."
                 found.append(_map(named, note, cells, _OCTAVES))
-    return [each for each in found if each["laws"]]
+        found += study_sheets(content)
+    return [each for each in found if each.rows]
 
 
 def _redness(kept: bool, share: float | None) -> float:
@@ -123,22 +126,6 @@ def _weakness(factor: float) -> float:
 
 def _map(
     title: str, note: str, cells: dict[tuple[str, str], tuple[float, str, str]], most: float
-) -> dict[str, Any]:
-    """A cell for each law and column, null where there is none."""
-    laws, columns = (list(dict.fromkeys(key[i] for key in cells)) for i in (0, 1))
-
-    def grid(part: int) -> Sequence[Sequence[Any]]:
-        return [
-            [cells[law, x][part] if (law, x) in cells else None for x in columns] for law in laws
-        ]
-
-    return {
-        "title": title,
-        "note": note,
-        "laws": laws,
-        "columns": columns,
-        "values": grid(0),
-        "texts": grid(1),
-        "whys": grid(2),
-        "most": most,
-    }
+) -> Sheet:
+    """A cell for each law and column."""
+    return told_sheet(title, note, "law", cells_chart(title, cells, most))

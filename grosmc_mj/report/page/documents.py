@@ -333,19 +333,3 @@ class StoredDiff(StoredPart):
     new: Text
     compared: int
     changes: list[StoredChange]
-
-
-# By the keys that tell them, the more telling first.
-KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
-    ("validation", frozenset({"as_recorded", "runs"}), StoredValidation),
-    ("run", frozenset({"requirements", "runs"}), StoredRunResults),
-    ("curves", frozenset({"panels", "laws"}), StoredCurves),
-    ("claims", frozenset({"claims"}), StoredClaims),
-    ("tolerance", frozenset({"tolerances"}), StoredTolerances),
-    ("ladder", frozenset({"standings"}), StoredLadder),
-    ("campaign", frozenset({"pass_rates"}), StoredCampaignResults),
-    ("diff", frozenset({"compared", "changes"}), StoredDiff),
-    ("film", frozenset({"drawn_from", "sha256"}), StoredFilm),
-)
-# What is told of the others: no more than where they come from.
-OTHER = "other"

@@ -221,18 +221,59 @@
     return draw;
   }
 
-  // Maps: laws by rungs, or by imperfections; blue is kept, red is not.
-  function showMap(home) {
-    const map = data.maps[+home.dataset.index], plot = one(".plot", home);
-    const draw = () => {
-      plot.style.height = `${134 + 30 * map.laws.length}px`;
-      plot.style.minWidth = `${Math.min(900, 150 + 52 * map.columns.length)}px`;
-      one(".plot", home).parentElement.style.overflowX = "auto";
-      const middle = dark.matches ? "#3a4046" : "#f4f4f4";
-      Plotly.react(plot, [{ type: "heatmap", x: map.columns.map(plain), y: map.laws.map(plain), z: map.values, text: map.texts, customdata: map.whys.map((row) => row.map((w) => plain(w ?? ""))), texttemplate: "%{text}", zmin: -map.most, zmax: map.most, xgap: 2, ygap: 2, showscale: false,
+  // Studies: charts of three forms, one at a time.
+  const SHADES = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#888888"];
+  const SYMBOLS = ["circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down"];
+  // Laws by rungs, imperfections or premises; blue is kept, red is not.
+  function cells(chart) {
+    const middle = dark.matches ? "#3a4046" : "#f4f4f4";
+    return { high: 134 + 30 * chart.rows.length, wide: Math.min(900, 150 + 52 * chart.columns.length),
+      traces: [{ type: "heatmap", x: chart.columns.map(plain), y: chart.rows.map(plain), z: chart.values, text: chart.texts, customdata: chart.whys.map((row) => row.map((w) => plain(w ?? ""))), texttemplate: "%{text}", zmin: -chart.most, zmax: chart.most, xgap: 2, ygap: 2, showscale: false,
         colorscale: dark.matches ? [[0, "#1f6fa8"], [0.5, middle], [1, "#b84f00"]] : [[0, "#7ab8e0"], [0.5, middle], [1, "#f0925a"]], hovertemplate: "%{y}, %{x}: %{text}<br>%{customdata}<extra></extra>" }],
-        layout({ xaxis: axis({ side: "top", type: "category", tickangle: -35, showgrid: false }), yaxis: axis({ autorange: "reversed", type: "category", showgrid: false }), margin: { l: 110, r: 70, t: 110, b: 8 } }), config());
+      more: { xaxis: axis({ side: "top", type: "category", tickangle: -35, showgrid: false }), yaxis: axis({ autorange: "reversed", type: "category", showgrid: false }), margin: { l: 110, r: 70, t: 110, b: 8 } } };
+  }
+  // One quantity over another; what is asked for holds at a circle and not at a cross.
+  function lines(chart) {
+    const all = (key) => chart.lines.flatMap((line) => line[key]).filter((x) => x != null);
+    const far = (values) => values.length > 0 && values.every((x) => typeof x === "number" && x > 0) && Math.max(...values) > 30 * Math.min(...values);
+    const kind = (values) => (values.some((x) => typeof x === "string") ? "category" : far(values) ? "log" : "linear");
+    const limited = chart.limit == null ? [] : [chart.limit], up = kind([...all("y"), ...limited]);
+    const traces = chart.lines.map((line, i) => {
+      const shade = colour(SHADES[i % SHADES.length]), judged = line.good.length > 0;
+      return { type: "scatter", mode: line.x.length > 1 ? "lines+markers" : "markers", name: plain(line.name), x: line.x.map((x) => (typeof x === "string" ? plain(x) : x)), y: line.y, text: line.y.map((_, n) => plain(line.texts[n] ?? "")), line: { color: judged ? style("--soft") : shade, width: judged ? 1 : 2 }, hovertemplate: "%{y:.4g} at %{x} %{text}<extra>" + plain(line.name) + "</extra>",
+        marker: { size: 9, color: judged ? line.good.map((good) => (good == null ? style("--soft") : colour(good ? KEPT : BROKEN))) : shade, symbol: judged ? line.good.map((good) => (good == null ? "circle-open" : good ? "circle" : "x")) : SYMBOLS[i % SYMBOLS.length] } };
+    });
+    const rule = { type: "line", line: { color: style("--ink"), dash: "dash", width: 1.2 } };
+    const seen = (x, type) => type !== "log" || x > 0, across = kind(all("x"));
+    const shapes = [...limited.filter((y) => seen(y, up)).map((y) => ({ ...rule, xref: "paper", x0: 0, x1: 1, y0: y, y1: y })),
+      ...chart.marks.filter((x) => seen(x, across)).map((x) => ({ ...rule, line: { ...rule.line, dash: "dot" }, yref: "paper", y0: 0, y1: 1, x0: x, x1: x }))];
+    const named = chart.lines.length > 1;
+    return { high: named && narrow() ? 460 : 380, wide: 0, traces,
+      more: { shapes, showlegend: named, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 64, r: 12, t: 40, b: 48 },
+        xaxis: axis({ title: { text: plain(chart.titles[0]) }, type: across }), yaxis: axis({ title: { text: plain(chart.titles[1]) }, type: up, exponentformat: "power" }) } };
+  }
+  // A letter for each cell of a plane.
+  function grid(chart) {
+    const rows = chart.grid, legend = chart.legend, count = Math.max(1, legend.length), wide = Math.max(0, ...rows.map((row) => row.length));
+    const number = new Map(legend.map((each, i) => [each.letter, i]));
+    const middles = (end, n) => Array.from({ length: n }, (_, i) => end * ((2 * i + 1) / n - 1));
+    const scale = legend.flatMap((each, i) => [[i / count, each.colour], [(i + 1) / count, each.colour]]);
+    const z = rows.map((row) => Array.from({ length: wide }, (_, i) => number.get(row[i]) ?? null));
+    const traces = [{ type: "heatmap", x: middles(chart.axes[0][1], wide), y: middles(chart.axes[1][1], rows.length), z, text: z.map((row) => row.map((i) => (i == null ? "" : plain(legend[i].name)))), zmin: -0.5, zmax: count - 0.5, showscale: false, hovertemplate: "%{text} from %{x:.4g}, %{y:.4g}<extra></extra>", ...(scale.length ? { colorscale: scale } : {}) },
+      ...legend.map((each) => ({ type: "scatter", mode: "markers", x: [null], y: [null], name: plain(each.name), marker: { color: each.colour, symbol: "square", size: 12, line: { width: 1, color: style("--ink") } } }))];
+    return { high: 460, wide: 0, traces, more: { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 64, r: 12, t: 40, b: 48 },
+      xaxis: axis({ title: { text: plain(chart.axes[0][0]) } }), yaxis: axis({ title: { text: plain(chart.axes[1][0]) } }) } };
+  }
+  const FORMS = { cells, lines, grid };
+  function showSheet(home) {
+    const charts = data.sheets[+home.dataset.index], plot = one(".plot", home), choice = one("select", home);
+    const draw = () => {
+      const chart = charts[choice ? +choice.value : 0], { high, wide, traces, more } = FORMS[chart.form](chart);
+      plot.style.height = `${high}px`;
+      plot.style.minWidth = wide ? `${wide}px` : "";
+      return Plotly.react(plot, traces, layout(more), config());
     };
+    choice?.addEventListener("change", draw);
     draw();
     return draw;
   }
@@ -242,11 +283,11 @@
   begin(one("#curves"), showCurves);
   begin(one("#claims"), showClaims);
   // What lies below the first screens is drawn when it is nearly seen.
-  const later = new Set(all(".map, .campaign").filter((each) => one(".plot", each)));
+  const later = new Set(all(".sheet, .campaign").filter((each) => one(".plot", each)));
   const seen = new IntersectionObserver((found) => found.filter((each) => each.isIntersecting).forEach(({ target }) => show(target)), { rootMargin: "600px" });
   function show(home) {
     seen.unobserve(home);
-    if (later.delete(home)) redraws.push(home.matches(".map") ? showMap(home) : showCampaign(home));
+    if (later.delete(home)) redraws.push(home.matches(".sheet") ? showSheet(home) : showCampaign(home));
   }
   later.forEach((each) => seen.observe(each));
   dark.addEventListener("change", () => redraws.forEach((draw) => draw()));

@@ -12,8 +12,48 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 
 from grosmc_mj.errors import ArgumentError, one_line
-from grosmc_mj.report.page.documents import KINDS, OTHER, StoredProvenance
+from grosmc_mj.report.page.documents import (
+    StoredCampaignResults,
+    StoredClaims,
+    StoredCurves,
+    StoredDiff,
+    StoredFilm,
+    StoredLadder,
+    StoredPart,
+    StoredProvenance,
+    StoredRunResults,
+    StoredTolerances,
+    StoredValidation,
+)
+from grosmc_mj.report.page.studies.documents import (
+    StoredAgreements,
+    StoredCart,
+    StoredPremises,
+    StoredRegion,
+    StoredSweeps,
+    StoredSwitching,
+)
 
+# By the keys that tell them, the more telling first.
+KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
+    ("validation", frozenset({"as_recorded", "runs"}), StoredValidation),
+    ("run", frozenset({"requirements", "runs"}), StoredRunResults),
+    ("curves", frozenset({"panels", "laws"}), StoredCurves),
+    ("claims", frozenset({"claims"}), StoredClaims),
+    ("tolerance", frozenset({"tolerances"}), StoredTolerances),
+    ("ladder", frozenset({"standings"}), StoredLadder),
+    ("campaign", frozenset({"pass_rates"}), StoredCampaignResults),
+    ("diff", frozenset({"compared", "changes"}), StoredDiff),
+    ("region", frozenset({"maps", "outcomes"}), StoredRegion),
+    ("switching", frozenset({"benchmark", "cases"}), StoredSwitching),
+    ("cart", frozenset({"projections", "runs"}), StoredCart),
+    ("agreement", frozenset({"agreement", "bound"}), StoredAgreements),
+    ("sweep", frozenset({"sweeps"}), StoredSweeps),
+    ("premises", frozenset({"premises"}), StoredPremises),
+    ("film", frozenset({"drawn_from", "sha256"}), StoredFilm),
+)
+# What is told of the others: no more than where they come from.
+OTHER = "other"
 # Bytes of a document, and of all; how many documents; letters of a reason.
 _LARGEST, _ALL, _MOST, _REASON = 40 * 2**20, 200 * 2**20, 400, 160
 

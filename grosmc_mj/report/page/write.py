@@ -22,8 +22,6 @@ from grosmc_mj.errors import one_line
 from grosmc_mj.files import written_aside
 from grosmc_mj.report.document import plain
 from grosmc_mj.report.page.answers import (
-    VERDICTS,
-    Answer,
     answers,
     as_expected,
     breaks,
@@ -33,7 +31,7 @@ from grosmc_mj.report.page.answers import (
     where,
 )
 from grosmc_mj.report.page.campaigns import campaign_data
-from grosmc_mj.report.page.charts import claim_data, curves_data, maps_data
+from grosmc_mj.report.page.charts import claim_data, curves_data, sheets
 from grosmc_mj.report.page.documents import (
     StoredCampaignResults,
     StoredClaims,
@@ -43,6 +41,7 @@ from grosmc_mj.report.page.documents import (
 )
 from grosmc_mj.report.page.equations import mathml
 from grosmc_mj.report.page.reading import Document, Results
+from grosmc_mj.report.page.verdicts import VERDICTS, Answer
 from grosmc_mj.report.tables import number
 from grosmc_mj.versions import __version__
 
@@ -152,17 +151,17 @@ def _drawn(
             runs = _campaign_data(each, each.content, notices)
             campaigns.append(_campaign(each, each.content, bool(runs["laws"])))
             plotted.append(runs)
-    maps = maps_data(documents)
+    studies = sheets(documents)
     claims = [each for each, *_ in _claims(documents)["claims"]]
     shown = {
         "cases": ["/".join(key) for key in curves],
         "campaigns": campaigns,
-        "maps": maps,
+        "sheets": studies,
         "sections": [
             ("curves", "Curves", curves),
             ("claims", "Claims", claims),
             ("campaigns", "Campaigns", campaigns),
-            ("studies", "Ladders and tolerances", maps),
+            ("studies", "Studies", studies),
         ],
     }
 
@@ -176,7 +175,7 @@ def _drawn(
             "cases": [curves_data(each, beside.get(key)) for key, each in curves.items()],
             "claims": [claim_data(each) for each in claims],
             "campaigns": plotted,
-            "maps": maps,
+            "sheets": [each.charts for each in studies],
         }
 
     return shown, data
