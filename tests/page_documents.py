@@ -157,6 +157,119 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
         "units": {"mass": "kg"},
         "says": "No proof.",
     },
+    "region": {
+        **ORIGIN,
+        "system": "servo",
+        "configuration": {
+            "axes": [
+                {"name": "rotor angle", "unit": "rad", "limit": 1.5},
+                {"name": "cart position", "unit": "m", "limit": 2.0},
+            ]
+        },
+        "outcomes": {"c": {"name": "converged"}, "l": {"name": "left the region"}},
+        "maps": [
+            {
+                "case": case,
+                "controller": "lqr",
+                "counts": {"converged": 6 - left, "left the region": left},
+                "converges_on_first_axis": {"from": -1.0, "to": 1.0},
+                "grid": ["cc", "cl" if left else "cc", "cc"],
+            }
+            for case, left in (("nominal", 0), ("case1", 1))
+        ],
+    },
+    "agreement": {
+        **ORIGIN,
+        "bound": 1e-10,
+        "disagreements": ["servo: 1e-3"],
+        "agreement": [
+            {"system": "servo", "variant": "corrected", "edit": edit, "acceleration": size}
+            for edit, size in (("nominal", 0.0), ("mass x2", 1e-3))
+        ],
+    },
+    "switching": {
+        **ORIGIN,
+        "benchmark": {
+            "equation": "s' = r phi + w",
+            "orders": {"sign": 1.0},
+            "sample_times": [
+                {"law": "sign", "h": h, "gain_ratio": 1.0, "max_sliding": size}
+                for h, size in ((0.001, 0.002), (0.004, None))
+            ],
+            "gain_ratios": [{"law": "sign", "h": 0.001, "gain_ratio": 0.5, "max_sliding": 0.1}],
+        },
+        "cases": [
+            {
+                "system": "servo",
+                "case": "case1",
+                "law": "sign",
+                "surface": "printed",
+                "control_period": 0.001,
+                "deviation": 0.5,
+                "ended": "",
+            }
+        ],
+    },
+    "cart": {
+        **ORIGIN,
+        "runs": [
+            {
+                "case": "case1",
+                "controller": "cart-ism",
+                "ended": "",
+                "measures": {
+                    "travel": {"value": 3.0, "unit": "m", "note": ""},
+                    "rail_margin": {"value": -1.0, "unit": "m", "note": "off the rail"},
+                },
+            }
+        ],
+        "projections": [
+            {
+                "name": "B+",
+                "amplification": 1.25,
+                "gain_ratio": 0.5,
+                "pole": {"value": -0.5, "unit": "1/s"},
+                "deviation": {"value": 38.0, "unit": "%"},
+                "max_input": {"value": 15.0, "unit": "N"},
+            }
+        ],
+        "uncertainties": [{"name": "4m", "matched": 15.0, "unmatched": 0.0}],
+    },
+    "sweeps": {
+        **ORIGIN,
+        "sweeps": [
+            {
+                "claim": "servo-index",
+                "choice": "bandwidth",
+                "printed": False,
+                "values": [
+                    {"choice": f"bandwidth = {rate} rad/s", "measured": 100 / rate, "holds": holds}
+                    for rate, holds in ((50, False), (100, True))
+                ],
+                "flips": "at bandwidth = 62.5 rad/s",
+            }
+        ],
+    },
+    "premises": {
+        **ORIGIN,
+        "premises": [
+            {
+                "system": "servo",
+                "case": "case1",
+                "controller": "grosmc",
+                "premises": [
+                    {
+                        "name": "switching gain",
+                        "unit": "A",
+                        "holds": False,
+                        "region": {"margin": -0.5, "violated": 0.25},
+                        "along_run": None,
+                        "restored_by": "rho = 2 A",
+                    }
+                ],
+            }
+        ],
+    },
     "film": {
         **ORIGIN,
         "configuration": {

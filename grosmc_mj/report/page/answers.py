@@ -26,6 +26,7 @@ from grosmc_mj.report.page.studies.answers import study_answer
 from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, OPEN, VERDICTS, Answer
 from grosmc_mj.report.tables import number, prefixed
 
+
 class Break(NamedTuple):
     """Where a law breaks first.
 
@@ -287,7 +288,8 @@ def _of_tolerances(target: str, content: StoredTolerances) -> Iterator[Break]:
             least = min(asked, key=lambda x: x.largest_kept.factor if x.largest_kept else 0.0)
             limit = (least.breaks or "").replace("_", " ")
             words = f"kept up to {tolerance_text(least)}, then {limit} ({least.condition})"
-            yield Break(target, law, least.imperfection, words)
+            rung = "all of them" if least.imperfection == "all" else least.imperfection
+            yield Break(target, law, rung, words)
 
 
 def _of_run(target: str, content: StoredRunResults) -> Iterator[Break]:

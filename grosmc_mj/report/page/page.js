@@ -194,7 +194,26 @@
         return row;
       }));
     }
+    // Chosen by numbers, as by dragging; an end that is left empty is none.
+    const ends = all("[data-end]", home), fill = (values) => ends.forEach((each, k) => { each.value = values[k] ?? ""; });
+    function mark(chosen) {
+      const at = new Set(chosen);
+      plot.data.forEach((trace, k) => { if (trace.customdata) Plotly.restyle(plot, { selectedpoints: [chosen && trace.customdata.flatMap((n, place) => (at.has(n) ? [place] : []))] }, [k]); });
+    }
+    function choose() {
+      const [left, right, low, high] = ends.map((each) => (each.value === "" ? null : +each.value));
+      if (ends.every((each) => each.value === "")) return draw();
+      const { points, ids } = own(), across = points[+x.value] ?? ids, up = points[+y.value] ?? ids;
+      const within = (v, from, to) => (from == null || size(v) >= from) && (to == null || size(v) <= to);
+      const chosen = ids.map((_, n) => n).filter((n) => within(across[n], left, right) && within(up[n], low, high));
+      Plotly.relayout(plot, { selections: [] });
+      mark(chosen);
+      list(chosen, `The worst of ${chosen.length} chosen runs`);
+    }
+    ends.forEach((each) => each.addEventListener("input", choose));
+    one(".brush button", home).addEventListener("click", () => draw());
     function draw() {
+      fill([]);
       const { points, ids, runs, planes, histograms } = own(), i = +x.value, j = +y.value, key = points[columns.indexOf("relative")];
       const fails = ids.map((_, n) => !key || size(key[n]) < 0), traces = [];
       const plane = planes[`${Math.min(i, j)},${Math.max(i, j)}`];
@@ -206,17 +225,17 @@
       }
       for (const failing of [false, true]) {
         const at = ids.map((_, n) => n).filter((n) => fails[n] === failing);
-        traces.push({ type: "scatter", mode: "markers", x: at.map((n) => points[i]?.[n]), y: at.map((n) => points[j]?.[n]), customdata: at, text: at.map((n) => `run ${ids[n]}`), hovertemplate: "%{text}: %{x:.4g}, %{y:.4g}<extra></extra>", name: failing ? "not kept" : "kept", marker: { color: colour(failing ? BROKEN : KEPT), symbol: failing ? "x" : "circle", size: failing ? 7 : 5, opacity: 0.75 } });
+        traces.push({ type: "scatter", mode: "markers", x: at.map((n) => points[i]?.[n]), y: at.map((n) => points[j]?.[n]), customdata: at, text: at.map((n) => `run ${ids[n]}`), hovertemplate: "%{text}: %{x:.4g}, %{y:.4g}<extra></extra>", name: failing ? "not kept" : "kept", selectedpoints: null, marker: { color: colour(failing ? BROKEN : KEPT), symbol: failing ? "x" : "circle", size: failing ? 7 : 5, opacity: 0.75 } });
       }
       plot.style.height = margins.style.height = "400px";
-      Plotly.react(plot, traces, layout({ dragmode: "select", showlegend: true, legend: { orientation: "h", y: 1.12 }, xaxis: axis({ title: { text: label(i) } }), yaxis: axis({ title: { text: label(j) } }) }), config());
+      Plotly.react(plot, traces, layout({ dragmode: "select", selections: [], showlegend: true, legend: { orientation: "h", y: 1.12 }, xaxis: axis({ title: { text: label(i) } }), yaxis: axis({ title: { text: label(j) } }) }), config());
       const bins = histograms[j];
       if (bins) Plotly.react(margins, [{ type: "bar", x: bins.x, y: bins.counts, marker: { color: bins.x.map((v) => colour(v < 0 && (columns[j] === "relative" || columns[j].startsWith("margin ")) ? BROKEN : KEPT)) }, hovertemplate: "%{y} runs at %{x:.4g}<extra></extra>" }], layout({ bargap: 0, xaxis: axis({ title: { text: label(j) + (bins.endless ? `; ${bins.endless} runs without one` : "") } }), yaxis: axis({ title: { text: "runs" } }) }), config());
-      list(ids.keys(), `The worst of ${runs} runs${ids.length < runs ? `, of which ${ids.length} are drawn` : ""}; drag over the plane to choose others`);
+      list(ids.keys(), `The worst of ${runs} runs${ids.length < runs ? `, of which ${ids.length} are drawn` : ""}; drag over the plane, or give its ends, to choose others`);
     }
     draw();
     plot.on("plotly_click", (event) => { const n = event.points.find((p) => p.customdata != null); if (n) tell(n.customdata); });
-    plot.on("plotly_selected", (event) => { const chosen = event?.points.map((p) => p.customdata).filter((n) => n != null); if (chosen?.length) list(chosen, `The worst of ${chosen.length} chosen runs`); });
+    plot.on("plotly_selected", (event) => { const chosen = event?.points.map((p) => p.customdata).filter((n) => n != null); if (!chosen?.length) return; fill([...(event.range?.x ?? []), ...(event.range?.y ?? [])].map((v) => +v.toPrecision(6))); list(chosen, `The worst of ${chosen.length} chosen runs`); });
     plot.on("plotly_deselect", draw);
     return draw;
   }
@@ -235,16 +254,16 @@
   // One quantity over another; what is asked for holds at a circle and not at a cross.
   function lines(chart) {
     const all = (key) => chart.lines.flatMap((line) => line[key]).filter((x) => x != null);
-    const far = (values) => values.length > 0 && values.every((x) => typeof x === "number" && x > 0) && Math.max(...values) > 30 * Math.min(...values);
+    const far = (values) => values.length > 0 && values.every((x) => typeof x === "number" && x > 0) && Math.max(...values) > 10 * Math.min(...values);
     const kind = (values) => (values.some((x) => typeof x === "string") ? "category" : far(values) ? "log" : "linear");
-    const limited = chart.limit == null ? [] : [chart.limit], up = kind([...all("y"), ...limited]);
+    const limited = chart.limit == null ? [] : [chart.limit], up = kind([...all("y"), ...limited]), across = kind(all("x"));
     const traces = chart.lines.map((line, i) => {
       const shade = colour(SHADES[i % SHADES.length]), judged = line.good.length > 0;
-      return { type: "scatter", mode: line.x.length > 1 ? "lines+markers" : "markers", name: plain(line.name), x: line.x.map((x) => (typeof x === "string" ? plain(x) : x)), y: line.y, text: line.y.map((_, n) => plain(line.texts[n] ?? "")), line: { color: judged ? style("--soft") : shade, width: judged ? 1 : 2 }, hovertemplate: "%{y:.4g} at %{x} %{text}<extra>" + plain(line.name) + "</extra>",
+      return { type: "scatter", mode: across === "category" ? "markers" : "lines+markers", name: plain(line.name), x: line.x.map((x) => (typeof x === "string" ? plain(x) : x)), y: line.y, text: line.y.map((_, n) => plain(line.texts[n] ?? "")), line: { color: judged ? style("--soft") : shade, width: judged ? 1 : 2 }, hovertemplate: "%{y:.4g} at %{x} %{text}<extra>" + plain(line.name) + "</extra>",
         marker: { size: 9, color: judged ? line.good.map((good) => (good == null ? style("--soft") : colour(good ? KEPT : BROKEN))) : shade, symbol: judged ? line.good.map((good) => (good == null ? "circle-open" : good ? "circle" : "x")) : SYMBOLS[i % SYMBOLS.length] } };
     });
     const rule = { type: "line", line: { color: style("--ink"), dash: "dash", width: 1.2 } };
-    const seen = (x, type) => type !== "log" || x > 0, across = kind(all("x"));
+    const seen = (x, type) => type !== "log" || x > 0;
     const shapes = [...limited.filter((y) => seen(y, up)).map((y) => ({ ...rule, xref: "paper", x0: 0, x1: 1, y0: y, y1: y })),
       ...chart.marks.filter((x) => seen(x, across)).map((x) => ({ ...rule, line: { ...rule.line, dash: "dot" }, yref: "paper", y0: 0, y1: 1, x0: x, x1: x }))];
     const named = chart.lines.length > 1;
@@ -294,12 +313,12 @@
   // On paper there is nothing to open, and less width.
   addEventListener("beforeprint", () => {
     later.forEach(show);
-    all("main details:not(.notices)").forEach((each) => { each.dataset.was = each.open; each.open = true; });
+    all("main details:not(.notices), footer > details").forEach((each) => { each.dataset.was = each.open; each.open = true; });
     redraws.forEach((draw) => draw());
     all(".js-plotly-plot").forEach((each) => { each.style.minWidth = 0; Plotly.relayout(each, { width: each.closest(".pair") ? 640 : 680 }); });
   });
   addEventListener("afterprint", () => {
-    all("main details[data-was]").forEach((each) => { each.open = each.dataset.was === "true"; });
+    all("details[data-was]").forEach((each) => { each.open = each.dataset.was === "true"; });
     all(".js-plotly-plot").forEach((each) => Plotly.relayout(each, { autosize: true, width: null }));
     redraws.forEach((draw) => draw());
   });

@@ -229,12 +229,60 @@ def test_brushing_chooses_runs(seen: Seen) -> None:
     assert page.locator(".chosen button").all_inner_texts() == ["0", "1"]
 
 
+def test_runs_are_chosen_by_keyboard_and_put_back(seen: Seen) -> None:
+    page = seen.page
+    page.locator("#campaigns .runs").scroll_into_view_if_needed()
+    page.wait_for_selector(".runs .scatterlayer .point")
+    page.get_by_label("across from").focus()
+    page.keyboard.type("1.3")
+    page.keyboard.press("Tab")
+    page.keyboard.type("1.9")
+    assert page.inner_text(".chosen caption") == "The worst of 2 chosen runs"
+    assert page.locator(".chosen button").all_inner_texts() == ["1", "2"]
+    marked = page.evaluate("document.querySelector('.runs').data.map(d => d.selectedpoints)")
+    assert marked == [[0, 1], []]
+    page.focus(".chosen button")
+    page.keyboard.press("Enter")
+    assert "--replay 1 " in page.inner_text(".replay")
+    page.focus(".brush button")
+    page.keyboard.press("Enter")
+    assert page.locator(".chosen button").all_inner_texts() == ["0", "1", "2", "3"]
+    assert page.get_by_label("across from").input_value() == ""
+
+
+def sheet(seen: Seen, title: str) -> Any:
+    """The article of a study, once it is drawn."""
+    found = seen.page.locator(f".sheet:has-text('{title}')").first
+    found.scroll_into_view_if_needed()
+    found.locator(".js-plotly-plot .main-svg").first.wait_for(state="attached")
+    return found
+
+
 def test_maps_say_what_each_law_stands(seen: Seen) -> None:
-    seen.page.locator("#studies").scroll_into_view_if_needed()
-    seen.page.wait_for_selector("#studies .map:last-of-type .heatmaplayer")
-    assert seen.page.locator("#studies .heatmaplayer").count() == 2
-    texts = seen.page.evaluate("document.querySelector('#studies .plot').data[0].text")
-    assert texts in ([["0.5", "3", "0.25"]], [["1.5 ms"]])
+    for title, texts in (
+        ("each rung on top of the others", [["0.5", "3", "0.25"]]),
+        ("how much of it each law stands", [["1.5 ms"]]),
+        ("Premises of the theorems", [["✗ -0.5"]]),
+    ):
+        plot = sheet(seen, title).locator(".plot")
+        assert plot.evaluate("each => each.data[0].text") == texts
+
+
+def test_a_study_with_several_charts_has_them_by_keyboard(seen: Seen) -> None:
+    region = sheet(seen, "Region of servo")
+    letters = "each => each.data[0].text"
+    assert region.locator(".plot").evaluate(letters)[1] == ["converged"] * 2
+    region.locator("select").focus()
+    seen.page.keyboard.press("ArrowDown")
+    seen.page.wait_for_timeout(200)
+    assert region.locator(".plot").evaluate(letters)[1] == ["converged", "left the region"]
+
+
+def test_a_sweep_shows_where_its_answer_turns(seen: Seen) -> None:
+    plot = sheet(seen, "Claims over what the chapter leaves open").locator(".plot")
+    assert plot.evaluate("each => [each.data[0].x, each.data[0].y]") == [[50, 100], [2, 1]]
+    assert plot.evaluate("each => each.data[0].marker.symbol") == ["x", "circle"]
+    assert plot.evaluate("each => each.layout.shapes.map(s => s.x0)") == [62.5]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

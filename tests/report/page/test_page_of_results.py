@@ -135,7 +135,7 @@ def test_a_text_of_somebody_else_stays_text(tmp_path: Path) -> None:
     assert tags.odd == []
     assert [each for each in tags.scripts if each != "text/plain"] == [None, None]
     assert "{{7*7}}" in text  # and not 49
-    assert len(page.answers) == 5
+    assert len(page.answers) == 11
 
 
 def test_what_runs_is_named_by_its_hash_and_nothing_leaves(tmp_path: Path) -> None:
@@ -183,6 +183,40 @@ def test_what_is_interrupted_is_kept_by_nobody(
     (tmp_path / "one.json").write_text(json.dumps(content), encoding="utf-8")
     (found,) = answers(read_results([tmp_path]).documents)
     assert found.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("kind", "verdict", "words", "numbers"),
+    [
+        ("region", "measured", "lqr converges from 83.3 % of the starts in case1", ["5 (83.3 %)"]),
+        ("agreement", "not kept", "1 of 2 models disagree", ["1.0e-3"]),
+        ("switching", "measured", "sign: max |s| = 2.0e-3 at 1 ms", ["2.0e-3", "0.5"]),
+        ("cart", "measured", "1 of 1 runs end early or leave the rail", ["-1 m", "38 %", "15"]),
+        ("sweeps", "measured", "1 of 1 choices turn a claim's answer", ["1 to 2", "1 of 2"]),
+        ("premises", "not kept", "1 of 1 premises fail", ["-0.5 A (25 %)", "rho = 2 A"]),
+    ],
+)
+def test_a_study_has_its_answer_and_its_numbers(
+    tmp_path: Path, kind: str, verdict: str, words: str, numbers: list[str]
+) -> None:
+    page, text = page_of(write_documents(tmp_path, kind))
+    (answer,) = page.answers
+    assert answer.verdict == verdict
+    assert words in answer.words
+    studies = text[text.index('id="studies"') :]
+    for each in numbers:
+        assert f">{each}</td>" in studies
+
+
+def test_a_chart_of_a_study_has_the_numbers_of_its_document(tmp_path: Path) -> None:
+    _, text = page_of(write_documents(tmp_path, "region", "sweeps"))
+    (nominal, case1), (sweep,) = data_in(text)["sheets"]
+    assert (nominal["grid"], case1["grid"]) == (["cc", "cc", "cc"], ["cc", "cl", "cc"])
+    assert case1["axes"] == [["start rotor angle [°]", pytest.approx(85.94, abs=0.01)],
+                             ["start cart position [m]", 2.0]]  # fmt: skip
+    (line,) = sweep["lines"]
+    assert (line["x"], line["y"], line["good"]) == ([50.0, 100.0], [2.0, 1.0], [False, True])
+    assert (sweep["marks"], sweep["titles"][0]) == ([62.5], "bandwidth [rad/s]")
 
 
 def test_an_older_document_has_less_and_is_read(tmp_path: Path) -> None:

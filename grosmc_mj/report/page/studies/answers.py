@@ -44,12 +44,16 @@ def _region(content: StoredRegion) -> Answer:
     for each in content.maps:
         starts = sum(each.counts.values())
         share = 100 * each.counts.get(converged, 0) / starts if starts > 0 else 0.0
-        least[each.controller] = min(least.get(each.controller, (share, each.case)), (share, each.case))
-    words = "; ".join(
-        f"{law} converges from {number(share)} % of the starts in {case}"
+        found = (share, each.case)
+        least[each.controller] = min(least.get(each.controller, found), found)
+    words = [
+        f"{law} converges from "
+        + ("every start" if share == 100 else f"{number(share)} % of the starts in {case}")
         for law, (share, case) in least.items()
-    )
-    return Answer(f"Region of {content.system}", MEASURED, words or "no maps", "the worst case")
+    ]
+    cases = ", ".join(dict.fromkeys(each.case for each in content.maps))
+    said = f"the worst of {cases}" if cases else ""
+    return Answer(f"Region of {content.system}", MEASURED, "; ".join(words) or "no maps", said)
 
 
 def _agreement(content: StoredAgreements) -> Answer:

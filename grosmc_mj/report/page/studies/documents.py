@@ -32,8 +32,8 @@ class StoredOutcome(StoredPart):
 class StoredInterval(StoredPart):
     """From where to where."""
 
-    start: Number = Field(None, alias="from")
-    stop: Number = Field(None, alias="to")
+    start: Number = Field(default=None, alias="from")
+    stop: Number = Field(default=None, alias="to")
 
 
 class StoredMap(StoredPart):
@@ -41,7 +41,7 @@ class StoredMap(StoredPart):
 
     case: Text
     controller: Text
-    counts: dict[str, int] = {}
+    counts: dict[str, int] = Field(default={})
     converges_on_first_axis: StoredInterval = StoredInterval()
     grid: list[Text]
 
@@ -70,7 +70,7 @@ class StoredAgreements(StoredPart):
     """What ``study agreement`` writes."""
 
     bound: Number = None
-    disagreements: list[Text] = []
+    disagreements: list[Text] = Field(default=[])
     agreement: list[StoredAgreement]
 
 
@@ -87,9 +87,9 @@ class StoredBenchmark(StoredPart):
     """The scalar benchmark."""
 
     equation: Text = ""
-    orders: dict[str, Number] = {}
+    orders: dict[str, Number] = Field(default={})
     sample_times: list[StoredSample]
-    gain_ratios: list[StoredSample] = []
+    gain_ratios: list[StoredSample] = Field(default=[])
 
 
 class StoredSwitchingCase(StoredPart):
@@ -101,9 +101,6 @@ class StoredSwitchingCase(StoredPart):
     surface: Text = ""
     control_period: float
     deviation: Number = None
-    max_sliding: Number = None
-    total_variation: Number = None
-    cost_ratio: Number = None
     ended: Text = ""
 
 
@@ -120,7 +117,7 @@ class StoredHeld(StoredPart):
     case: Text
     controller: Text
     ended: Text = ""
-    measures: dict[str, StoredMetric] = {}
+    measures: dict[str, StoredMetric] = Field(default={})
 
 
 class StoredProjection(StoredPart):
@@ -147,7 +144,7 @@ class StoredCart(StoredPart):
 
     runs: list[StoredHeld]
     projections: list[StoredProjection]
-    uncertainties: list[StoredUncertainty] = []
+    uncertainties: list[StoredUncertainty] = Field(default=[])
 
 
 class StoredTrial(StoredPart):

@@ -38,7 +38,7 @@ Row = TypeVar("Row", bound=BaseModel)
 # As the figure of the study has them.
 _OUTCOMES = {"c": BLUE, "l": ORANGE, "s": PURPLE, "n": YELLOW, "d": BLACK}
 _OTHER = "#888888"
-# "declared reaching rate = 0.02 A"
+# Such as: declared reaching rate = 0.02 A.
 _CHOICE = re.compile(r".*= (?P<number>[-+]?\d[\d.]*(?:e[-+]?\d+)?)(?P<unit> .*)?", re.DOTALL)
 
 
@@ -91,9 +91,7 @@ def _region(content: StoredRegion) -> Sheet:
         ["map", *names, "converges at rest"],
         rows,
         [
-            grid_chart(
-                f"{each.case}, {each.controller}", [x[:2] for x in axes], each.grid, legend
-            )
+            grid_chart(f"{each.case}, {each.controller}", [x[:2] for x in axes], each.grid, legend)
             for each in content.maps
         ],
     )
@@ -105,30 +103,33 @@ def _share(count: int, of: int) -> str:
 
 def _agreement(content: StoredAgreements) -> Sheet:
     """How far equations and MuJoCo differ."""
+    numbered = [(str(place), each) for place, each in enumerate(content.agreement, 1)]
     rows = [
         [
-            f"{each.system}, {each.variant}", each.edit, number(each.acceleration),
+            place, f"{each.system}, {each.variant}", each.edit, number(each.acceleration),
             number(each.trajectory), str(each.states),
         ]
-        for each in content.agreement
+        for place, each in numbered
     ]  # fmt: skip
     lines = [
         Line(
             variant,
-            [each.edit for each in own],
+            [place for place, each in numbered if each.variant == variant],
             # On a logarithmic axis there is no zero.
-            [each.acceleration or None for each in own],
+            [each.acceleration or None for _, each in numbered if each.variant == variant],
+            [each.edit for _, each in numbered if each.variant == variant],
         )
-        for variant, own in _by(content.agreement, "variant")
+        for variant in dict.fromkeys(each.variant for each in content.agreement)
     ]
-    words = "acceleration difference over largest term"
     return Sheet(
         "Agreement of the equations with MuJoCo",
         f"Dashed: the bound, {number(content.bound)}. Below it there is rounding alone.",
-        ["equations", "model", words, "trajectory difference [m, rad]", "states"],
+        ["model", "equations", "its edits", "acceleration difference over largest term",
+         "trajectory difference [m, rad]", "states"],
         rows,
-        [lines_chart("accelerations", ("", words), lines, limit=content.bound)],
-    )
+        [lines_chart("accelerations", ("model", "acceleration difference"), lines,
+                     limit=content.bound)],
+    )  # fmt: skip
 
 
 def _scalar(content: StoredSwitching) -> Sheet:
@@ -163,32 +164,28 @@ def _over(name: str, title: str, key: str, samples: Sequence[StoredSample]) -> d
 
 
 def _switching(cases: Sequence[StoredSwitchingCase]) -> Sheet:
-    """The switching laws in the cases."""
-    numbers = ("deviation", "max_sliding", "total_variation", "cost_ratio")
-    rows = [
-        [
-            f"{each.system}/{each.case}, {each.surface}", each.law,
-            f"{number(each.control_period * 1e3)} ms",
-            *(number(getattr(each, name)) for name in numbers), each.ended,
-        ]
-        for each in cases
-    ]  # fmt: skip
-    charts = []
+    """How far each switching law strays in the cases, over the control period."""
+    periods = sorted({each.control_period for each in cases})
+    rows, charts = [], []
     for named, own in _by(cases, "system", "case", "surface"):
-        lines = [
-            Line(law, [x.control_period for x in found], [x.deviation for x in found])
-            for law, found in _by(own, "law")
-        ]
+        lines = []
+        for law, found in _by(own, "law"):
+            lines.append(Line(law, [x.control_period for x in found], [x.deviation for x in found]))
+            at = {each.control_period: _deviation(each) for each in found}
+            rows.append([named, law, *(at.get(period, "-") for period in periods)])
         titles = ("control period [s]", "deviation [m or rad]")
         charts.append(lines_chart(f"{named} surface", titles, lines))
     return Sheet(
         "Switching laws in the cases, in MuJoCo",
-        "Deviation: max |x1 - x1*|. J over J*: cost of all of u over the nominal optimum's.",
-        ["case, surface", "law", "period", "deviation [m or rad]", "max |s|", "variation of u",
-         "J over J*", "ended"],
+        "Deviation: max |x1 - x1*| in the unit of x1, m or rad.",
+        ["case, surface", "law", *(f"deviation at {x * 1e3:.4g} ms" for x in periods)],
         rows,
         charts,
-    )  # fmt: skip
+    )
+
+
+def _deviation(each: StoredSwitchingCase) -> str:
+    return f"ended: {each.ended}" if each.ended else number(each.deviation)
 
 
 def _cart(content: StoredCart) -> Iterator[Sheet]:
