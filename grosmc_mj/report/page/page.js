@@ -8,6 +8,7 @@
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const narrow = () => innerWidth < 720;
+  let paper = false;
   const said = (x) => (x == null ? "-" : typeof x === "string" ? x : String(+x.toPrecision(4)));
   // Plotly reads some tags in its texts; a name has none.
   const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
@@ -267,7 +268,7 @@
     const shapes = [...limited.filter((y) => seen(y, up)).map((y) => ({ ...rule, xref: "paper", x0: 0, x1: 1, y0: y, y1: y })),
       ...chart.marks.filter((x) => seen(x, across)).map((x) => ({ ...rule, line: { ...rule.line, dash: "dot" }, yref: "paper", y0: 0, y1: 1, x0: x, x1: x }))];
     const named = chart.lines.length > 1;
-    return { high: named && narrow() ? 460 : 380, wide: 0, traces,
+    return { high: paper ? 290 : named && narrow() ? 460 : 380, wide: 0, traces,
       more: { shapes, showlegend: named, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 64, r: 12, t: 40, b: 48 },
         xaxis: axis({ title: { text: plain(chart.titles[0]) }, type: across }), yaxis: axis({ title: { text: plain(chart.titles[1]) }, type: up, exponentformat: "power" }) } };
   }
@@ -280,7 +281,7 @@
     const z = rows.map((row) => Array.from({ length: wide }, (_, i) => number.get(row[i]) ?? null));
     const traces = [{ type: "heatmap", x: middles(chart.axes[0][1], wide), y: middles(chart.axes[1][1], rows.length), z, text: z.map((row) => row.map((i) => (i == null ? "" : plain(legend[i].name)))), zmin: -0.5, zmax: count - 0.5, showscale: false, hovertemplate: "%{text} from %{x:.4g}, %{y:.4g}<extra></extra>", ...(scale.length ? { colorscale: scale } : {}) },
       ...legend.map((each) => ({ type: "scatter", mode: "markers", x: [null], y: [null], name: plain(each.name), marker: { color: each.colour, symbol: "square", size: 12, line: { width: 1, color: style("--ink") } } }))];
-    return { high: 460, wide: 0, traces, more: { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 64, r: 12, t: 40, b: 48 },
+    return { high: paper ? 290 : 460, wide: 0, traces, more: { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 64, r: 12, t: 40, b: 48 },
       xaxis: axis({ title: { text: plain(chart.axes[0][0]) } }), yaxis: axis({ title: { text: plain(chart.axes[1][0]) } }) } };
   }
   const FORMS = { cells, lines, grid };
@@ -312,12 +313,14 @@
   dark.addEventListener("change", () => redraws.forEach((draw) => draw()));
   // On paper there is nothing to open, and less width.
   addEventListener("beforeprint", () => {
+    paper = true;
     later.forEach(show);
     all("main details:not(.notices), footer > details").forEach((each) => { each.dataset.was = each.open; each.open = true; });
     redraws.forEach((draw) => draw());
     all(".js-plotly-plot").forEach((each) => { each.style.minWidth = 0; Plotly.relayout(each, { width: each.closest(".pair") ? 640 : 680 }); });
   });
   addEventListener("afterprint", () => {
+    paper = false;
     all("details[data-was]").forEach((each) => { each.open = each.dataset.was === "true"; });
     all(".js-plotly-plot").forEach((each) => Plotly.relayout(each, { autosize: true, width: null }));
     redraws.forEach((draw) => draw());
