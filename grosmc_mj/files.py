@@ -23,7 +23,7 @@ def written_aside(path: Path) -> Iterator[Path]:
 
     Its name cannot be foretold and it is a new file: no link that somebody has put there is
     followed, and several processes may write the same file, of which the last one to end counts.
-    A link at the real path is replaced.
+    A link at the real path is replaced; a device, a pipe or a socket there is not.
 
     Raises:
         SetupError: If it cannot be written.
@@ -33,6 +33,8 @@ def written_aside(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if path.exists() and not path.is_file():
+            raise FileExistsError(errno.EEXIST, "is a device, a pipe or a socket")
         os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         yield part
         part.replace(path)

@@ -87,3 +87,12 @@ def test_without_a_home_there_is_no_cache(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(os, "getuid", lambda: 4_000_000_000)  # no such user
     assert private_cache() is None
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_no_file_is_never_replaced(tmp_path: Path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(SetupError, match="is a device, a pipe or a socket"), written_aside(pipe):
+        pass
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]

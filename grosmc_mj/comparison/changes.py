@@ -8,15 +8,20 @@ from enum import Enum
 from typing import NamedTuple
 
 from grosmc_mj.chapter.expected_results import tolerance_of
-from grosmc_mj.comparison.figures import OTHER, Figure, direction
+from grosmc_mj.comparison.figure import OTHER, Figure
+from grosmc_mj.comparison.figures import direction
 
 
 class Effect(Enum):
-    """What a change is."""
+    """What a change is.
+
+    ``UNJUDGED`` is of a single run whose chance had another seed: it has no spread to judge by.
+    """
 
     WORSE = "worse"
     BETTER = "better"
     CHANGED = "changed"
+    UNJUDGED = "not judged"
     NOISE = "noise"
     GONE = "gone"
     NEW = "new"
@@ -97,7 +102,7 @@ def _change(old: Figure, new: Figure, under: Conditions) -> Change | None:
         return None
     change = Change(old.kind, old.name, old.value, new.value, Effect.CHANGED, new.unit)
     if under.chance:
-        return change._replace(effect=Effect.NOISE, note="single runs of other seeds")
+        return change._replace(effect=Effect.UNJUDGED, note="single runs of other seeds")
     if isinstance(old.value, str) and isinstance(new.value, str):
         return change._replace(effect=_effect(direction(old.value, new.value)))
     if old.value is None or new.value is None or isinstance(old.value, str | None):

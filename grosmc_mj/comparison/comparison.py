@@ -69,6 +69,9 @@ def compare(old: Path, new: Path) -> ResultComparison:
         found += more
         compared += tests
     if not compared:
+        for place, found_there in ((old, before), (new, after)):
+            if not found_there.documents and found_there.notices:
+                raise ArgumentError(f"no results in {place}: {found_there.notices[0]}")
         raise ArgumentError(
             f"{old} and {new} have no results in common: name two files or folders with results "
             "of the same command and target"

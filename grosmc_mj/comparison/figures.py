@@ -3,43 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
+from grosmc_mj.comparison.figure import LESS, MORE, OTHER, Figure
+from grosmc_mj.comparison.study_figures import STUDIES
 from grosmc_mj.report.page import documents
 from grosmc_mj.report.page.reading import Document
 
-# What is more on one side of a comparison than on the other is better, worse, or just other.
-MORE, LESS, OTHER = 1, -1, 0
-
-
-class Figure(NamedTuple):
-    """One thing that results tell.
-
-    Attributes:
-        kind: Of document that tells it.
-        name: Of what, and which number of it.
-        value: A number, a word, or None for what has none.
-        better: ``MORE`` if more is better, ``LESS`` if less is, else ``OTHER``; words are ranked by
-            ``_RANK``.
-        metric: Name of the metric that the number is, or is a margin of; empty for others.
-        switched: Whether a switching law made it, which amplifies rounding.
-        unit: Of the number.
-        size: What the number's relative accuracy is of; None for itself.
-    """
-
-    kind: str
-    name: str
-    value: float | str | None
-    better: int = OTHER
-    metric: str = ""
-    switched: bool = False
-    unit: str = ""
-    size: float | None = None
-
-
 # Words that are better than others, best first; between others there is no order.
 _RANK = (("kept", "not kept"), ("completed", "diverged"), ("as recorded", "not as recorded"),
-         ("as expected", "not as expected"))  # fmt: skip
+         ("as expected", "not as expected"), ("agree", "disagree"), ("holds", "fails"))  # fmt: skip
 # A requirement on a metric is called after it: deviation_below, settles_within.
 _METRICS = {"settles_within": "settling_time"}
 
@@ -135,4 +108,5 @@ _TELL: dict[str, Callable[[Any], Iterator[Figure]]] = {
     "claims": _claims,
     "tolerance": _tolerances,
     "ladder": _ladder,
+    **STUDIES,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from page_documents import DOCUMENTS
 from scipy import stats
 
 from grosmc_mj import cli
@@ -88,7 +90,7 @@ def effects(tmp_path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> d
         ({"deviation": 4.1e-3, "machine": "there"}, {"deviation": Effect.NOISE}),
         ({"deviation": 9e-3, "machine": "there"}, {"deviation": Effect.CHANGED}),
         # A single run of another seed tells nothing.
-        ({"margin": 0.5, "seed": 7}, {"settles_within, margin": Effect.NOISE}),
+        ({"margin": 0.5, "seed": 7}, {"settles_within, margin": Effect.UNJUDGED}),
     ],
 )
 def test_a_change_is_told_from_noise(
@@ -121,6 +123,31 @@ def test_the_command_exits_1_if_something_got_worse(
     document = json.loads((out / "diff.json").read_text())
     assert document["counts"]["worse"] == 1
     assert run("diff", str(new), str(old), "--out", str(out)) == cli.DONE
+
+
+def test_what_chance_did_to_single_runs_is_not_judged_and_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = written(tmp_path / "old", run_document(seed=1))
+    new = written(tmp_path / "new", run_document(seed=2, margin=0.5))
+    assert run("diff", str(old), str(new), "--out", str(tmp_path)) == cli.DONE
+    said = " ".join(capsys.readouterr().out.split())
+    assert "1 not judged" in said
+    assert "single runs whose chance had another seed" in said
+
+
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n", b'{"runs": [', b"[" * 10**6])
+def test_what_cannot_be_read_is_one_clear_line(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    odd = tmp_path / "odd.json"
+    odd.write_bytes(content)
+    good = written(tmp_path / "good", run_document())
+    for sides in ((odd, good), (good, odd)):
+        assert run("diff", *map(str, sides), "--out", str(tmp_path)) == cli.WRONG
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert f"no results in {odd}: " in said
 
 
 def test_what_was_made_from_other_things_is_told(tmp_path: Path) -> None:
@@ -168,6 +195,30 @@ def test_documents_that_lack_something_are_compared_as_far_as_they_go(
     except ArgumentError:
         return
     assert found.compared > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "path", "value", "effect"),
+    [
+        ("region", ("maps", 0, "counts", "left the region"), 2, Effect.WORSE),
+        ("agreement", ("disagreements",), [], Effect.BETTER),
+        ("switching", ("benchmark", "sample_times", 0, "max_sliding"), 2.2e-3, Effect.WORSE),
+        ("cart", ("projections", 0, "deviation", "value"), 37.0, Effect.BETTER),
+        ("sweeps", ("sweeps", 0, "values", 0, "holds"), True, Effect.CHANGED),
+        ("premises", ("premises", 0, "premises", 0, "holds"), True, Effect.BETTER),
+        ("premises", ("premises", 0, "premises", 0, "region", "margin"), -0.6, Effect.WORSE),
+    ],
+)
+def test_a_change_of_a_study_is_told(
+    kind: str, path: tuple[Any, ...], value: Any, effect: Effect, tmp_path: Path
+) -> None:
+    document = copy.deepcopy(DOCUMENTS[kind])
+    place: Any = document
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    assert set(effects(tmp_path, DOCUMENTS[kind], DOCUMENTS[kind]).values()) == set()
+    assert set(effects(tmp_path, DOCUMENTS[kind], document).values()) == {effect}
 
 
 # Campaigns.

@@ -80,7 +80,14 @@ def _say(console: Console, comparison: ResultComparison, *, full: bool) -> None:
     )
     told = f"; {others}" if others else ""
     screen.say_verdict(console, f"{said}, of {comparison.compared} compared{told}.", good=not worse)
-    real = [each for each in comparison.changes if full or each.effect is not Effect.NOISE]
+    if unjudged := counts[Effect.UNJUDGED]:
+        console.print(
+            f"{unjudged} differences cannot be judged: they are of single runs whose chance had "
+            "another seed, which tell nothing of how far it scatters. Compare campaigns of both, "
+            "or runs of the same seed."
+        )
+    told_of = (Effect.NOISE, Effect.UNJUDGED)
+    real = [each for each in comparison.changes if full or each.effect not in told_of]
     if real:
         rows = [
             (each.effect.value, each.name, _value(each.before), _value(each.after), each.unit)

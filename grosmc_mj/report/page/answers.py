@@ -26,6 +26,9 @@ from grosmc_mj.report.page.studies.answers import study_answer
 from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, OPEN, VERDICTS, Answer
 from grosmc_mj.report.tables import number, prefixed
 
+# Effects of what may be chance.
+_NO_CHANGE = ("noise", "not judged")
+
 
 class Break(NamedTuple):
     """Where a law breaks first.
@@ -247,7 +250,9 @@ def _diff(content: StoredDiff) -> Answer:
 def changed(documents: Sequence[Document]) -> list[StoredChange]:
     """What comparisons found to be more than noise."""
     found = [each.content.changes for each in documents if isinstance(each.content, StoredDiff)]
-    return [change for each in found for change in each if change.effect != "noise"]
+    return [
+        change for each in found for change in each if change.effect not in ("noise", "not judged")
+    ]
 
 
 def rate_text(rate: Any) -> str:

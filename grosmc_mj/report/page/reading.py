@@ -164,6 +164,8 @@ def _reason(error: Exception) -> str:
         said = f"{where}: {first['msg']}"
     elif isinstance(error, UnicodeDecodeError | json.JSONDecodeError):
         said = "is no whole JSON"
+    elif isinstance(error, RecursionError):
+        said = "is nested too deeply"
     else:
         said = str(error) or type(error).__name__
     return one_line(said)[:_REASON]
