@@ -36,6 +36,10 @@ def style() -> str:
   min-width: 0;
   padding: 0.4em 0.7em;
 }}
+/* Paths and names in a table: on a telephone it scrolls sooner than it breaks them in pieces. */
+.md-typeset table:not([class]) td:has(a > code) {{
+  min-width: 9.5rem;
+}}
 """
 
 
