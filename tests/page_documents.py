@@ -127,6 +127,8 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
         **ORIGIN,
         "complete": True,
         "configuration": {"target": "servo/machine"},
+        # What else it has makes it no other document.
+        "claims": [{"claim": "servo-index", "of": ["lqr"]}],
         "standings": [
             {
                 "law": "lqr",

@@ -298,6 +298,14 @@
     return draw;
   }
 
+  // A table that goes on below its edge shows so.
+  for (const each of all(".short")) {
+    const look = () => each.classList.toggle("more", each.scrollTop + each.clientHeight < each.scrollHeight - 2);
+    each.addEventListener("scroll", look);
+    addEventListener("resize", look);
+    look();
+  }
+
   const redraws = [];
   const begin = (there, show) => { if (there) redraws.push(show(there)); };
   begin(one("#curves"), showCurves);
