@@ -248,7 +248,7 @@
   function cells(chart) {
     const middle = dark.matches ? "#3a4046" : "#f4f4f4";
     return { high: 134 + 30 * chart.rows.length, wide: Math.min(900, 150 + 52 * chart.columns.length),
-      traces: [{ type: "heatmap", x: chart.columns.map(plain), y: chart.rows.map(plain), z: chart.values, text: chart.texts, customdata: chart.whys.map((row) => row.map((w) => plain(w ?? ""))), texttemplate: "%{text}", zmin: -chart.most, zmax: chart.most, xgap: 2, ygap: 2, showscale: false,
+      traces: [{ type: "heatmap", x: chart.columns.map(plain), y: chart.rows.map(plain), z: chart.values, text: chart.texts.map((row) => row.map((each) => each && plain(each))), customdata: chart.whys.map((row) => row.map((w) => plain(w ?? ""))), texttemplate: "%{text}", zmin: -chart.most, zmax: chart.most, xgap: 2, ygap: 2, showscale: false,
         colorscale: dark.matches ? [[0, "#1f6fa8"], [0.5, middle], [1, "#b84f00"]] : [[0, "#7ab8e0"], [0.5, middle], [1, "#f0925a"]], hovertemplate: "%{y}, %{x}: %{text}<br>%{customdata}<extra></extra>" }],
       more: { xaxis: axis({ side: "top", type: "category", tickangle: -35, showgrid: false }), yaxis: axis({ autorange: "reversed", type: "category", showgrid: false }), margin: { l: 110, r: 70, t: 110, b: 8 } } };
   }

@@ -332,6 +332,10 @@ def test_names_of_somebody_else_are_drawn_as_text(browser: Any, tmp_path: Path) 
     for section in ("claims", "campaigns", "studies"):
         opened.page.locator(f"#{section}").scroll_into_view_if_needed()
         opened.page.wait_for_timeout(200)
+    for study in opened.page.locator(".sheet").all():
+        study.scroll_into_view_if_needed()
+        opened.page.wait_for_timeout(100)
+    assert opened.page.locator(".sheet .main-svg").count() > 10
     assert opened.page.evaluate("window.stolen") is None
     assert opened.page.locator("img").count() == 0
     assert HOSTILE in opened.page.inner_text("#answer")
