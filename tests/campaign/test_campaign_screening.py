@@ -21,8 +21,6 @@ from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.screened import WORST, screened_all
 from grosmc_mj.campaign.runs.screening import (
-    FACTOR,
-    LEAST_BAND,
     SAMPLE,
     Screening,
     equations_of,
@@ -31,6 +29,7 @@ from grosmc_mj.campaign.runs.screening import (
 from grosmc_mj.campaign.runs.shard import EQUATIONS, PHYSICS, Outcomes, evaluate_all
 from grosmc_mj.campaign.whole import run_campaign
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.studies.agreement.band import FACTOR, LEAST_BAND
 
 POLE = """
 [[uncertain]]

@@ -202,6 +202,36 @@ def test_lqr_stands_its_delay_margin_and_physics_agrees(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_physics_is_asked_about_the_least_and_what_is_next_to_a_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And about everything once it has said something else."""
+    sensor = '[[sensor]]\nof = "rotor angle"\ndelay = "0.1 s"\nresolution = "0.1 rad"\n'
+    studied = of_file(tmp_path, FILE.replace("[[controller]]", f"{sensor}[[controller]]"))
+
+    def asked(*, every: bool = False) -> list[Tolerance]:
+        rows = tolerances(studied, studied.laws[0], 1, every=every)
+        return [row for row in rows if row.agreed is not None]
+
+    monkeypatch.setattr(measure, "_RANDOM", 0.0)
+    whole = asked(every=True)
+    assert len(whole) == len(studied.imperfections) == 4
+    assert all(row.agreed for row in whole)
+    found = asked()
+    assert found == [min(whole, key=lambda row: row.largest)]
+    # The distance of the others from their limits is less than that.
+    monkeypatch.setattr(measure, "LEAST_BAND", math.inf)
+    assert asked() == whole
+    monkeypatch.undo()
+    monkeypatch.setattr(measure, "_RANDOM", 0.0)
+    confirmed = measure._confirmed
+    monkeypatch.setattr(
+        measure, "_confirmed", lambda *given: dict.fromkeys(confirmed(*given), False)
+    )
+    assert [row.agreed for row in asked()] == [False] * 4
+
+
+@pytest.mark.slow
 def test_a_law_that_ignores_its_state_stands_everything(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text("def rests(t, x, memory, p):\n    return 0.0\n")
     text = FILE.replace('law = "lqr"', 'name = "rests"\nlaw = "law:rests"').replace(

@@ -15,14 +15,11 @@ from grosmc_mj.campaign.runs.shard import Outcomes, plants_of, run_on
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.studies.agreement.band import FACTOR, LEAST_BAND
 from grosmc_mj.studies.agreement.lacking import lacking
 
 # Runs of the sample, and on how many of its plants accelerations are compared.
 SAMPLE, _PLANTS = 32, 8
-# A margin by the equations is confirmed within this many times the largest difference found...
-FACTOR = 10.0
-# ...and within what rounding may come to on another machine, in parts of a limit.
-LEAST_BAND = 1e-9
 # Beyond it equations would judge little: ``auto`` leaves all to MuJoCo.
 LARGEST_BAND = 0.1
 # With fewer runs the sample and the confirmed ones are most of them: nothing is said, or lost.

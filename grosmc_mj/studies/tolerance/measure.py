@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.studies.agreement.band import FACTOR, LEAST_BAND
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 from grosmc_mj.studies.tolerance.search import Search, Span
 from grosmc_mj.studies.tolerance.setting import Condition, Setting, StudiedLaw
@@ -15,6 +19,8 @@ from grosmc_mj.studies.tolerance.trials import Trial, TrialResult, Trials
 
 # Of the bench, for what is there or not.
 _THERE = 1.0
+# Of what the equations are sure of, this part is confirmed all the same.
+_RANDOM = 0.1
 
 
 class Tolerance(NamedTuple):
@@ -97,6 +103,11 @@ class _Question:
         return [found]
 
     @property
+    def nearest(self) -> float:
+        """The least distance of an end's margin from its limit, in parts of it."""
+        return min(abs(self.results[end].margin) for end in _ends(self))
+
+    @property
     def impossible(self) -> str:
         """Why there can be no such loop, with whatever amount; empty if there can."""
         said = [each.impossible for factor, each in self.results.items() if factor > 0]
@@ -132,8 +143,9 @@ def tolerances(
         studied: The target.
         law: One of its laws.
         seeds: Runs of a loop in which something is random.
-        every: Whether physics is asked at both ends of each answer of the equations, instead of the
-            least one over the conditions for each imperfection.
+        every: Whether physics is asked at both ends of each answer of the equations, instead of
+            those that matter: of the least one over the conditions for each imperfection those
+            next to a limit, the least of all, and some at random.
     """
     first, *rest = studied.plants
     trials = Trials(studied, law, first, seeds)
@@ -145,12 +157,13 @@ def tolerances(
     _answer(questions, trials, _asks)
     agreed: dict[_Question, bool] = {}
     if rest:
-        asked = (
-            questions if every else [_weakest(questions, each) for each in studied.imperfections]
-        )
-        hopeless = [each for each in questions if each.hopeless]
         physics = Trials(studied, law, rest[0], seeds)
-        agreed = _confirmed(list(dict.fromkeys([*asked, *hopeless])), physics)
+        if every:
+            agreed = _confirmed(questions, physics)
+        else:
+            asked = [_weakest(questions, each) for each in studied.imperfections]
+            hopeless = [each for each in questions if each.hopeless]
+            agreed = _screened(list(dict.fromkeys([*asked, *hopeless])), physics)
     return [
         each.tolerance(law.name, first if agreed.get(each, True) else rest[0], agreed.get(each))
         for each in questions
@@ -159,8 +172,37 @@ def tolerances(
 
 def _weakest(questions: Sequence[_Question], imperfection: Imperfection) -> _Question:
     """The condition under which a law stands the least, of those under which it stands any."""
-    own = [each for each in questions if each.imperfection is imperfection]
-    return min(own, key=lambda each: (each.hopeless, each.search.largest or 0.0))
+    return min((each for each in questions if each.imperfection is imperfection), key=_weakness)
+
+
+def _weakness(question: _Question) -> tuple[bool, float]:
+    """By which the least is found."""
+    return question.hopeless, question.search.largest or 0.0
+
+
+def _screened(questions: Sequence[_Question], physics: Trials) -> dict[_Question, bool]:
+    """As ``_confirmed``, of the least, of some at random and of all that are next to a limit.
+
+    That is as near as the equations have been found to be wrong, with a factor. Where physics says
+    something else once, it is asked about all.
+    """
+    random = np.random.default_rng(len(questions))
+    chance = random.random(len(questions)) < _RANDOM
+    wanted = [each for each, drawn in zip(questions, chance, strict=True) if drawn]
+    wanted.append(min(questions, key=_weakness))
+    agreed: dict[_Question, bool] = {}
+    band = LEAST_BAND
+    while wanted:
+        ours = {(each, end): each.results[end] for each in wanted for end in _ends(each)}
+        agreed |= _confirmed(list(dict.fromkeys(wanted)), physics)
+        for (each, end), result in ours.items():
+            trial = each.trial(end), result.number
+            difference = abs(result.margin - physics.known[trial].margin)
+            if math.isfinite(difference):
+                band = max(band, FACTOR * difference)
+        left = [each for each in questions if each not in agreed]
+        wanted = [each for each in left if each.nearest <= band] if all(agreed.values()) else left
+    return agreed
 
 
 def _confirmed(questions: Sequence[_Question], physics: Trials) -> dict[_Question, bool]:

@@ -31,8 +31,9 @@ class ToleranceCommand(Command):
     For each law and each number of the bench's loop alone (delay, resolution, lag and so on), and
     for all of them together: the largest amount up to which all that the target requires is kept,
     nominal and under its edits and disturbances, or else those of the system's case1 and case2.
-    Amounts are searched on the equations, from 1/16 to 1024 times the bench's, and confirmed in
-    MuJoCo at both ends of the least answer over the conditions.
+    Amounts are searched on the equations, from 1/16 to 1024 times the bench's. Of the least answers
+    over the conditions MuJoCo confirms, at both ends, each law's least, those next to a limit and
+    some at random; all of a law's once one differs.
 
     Writes tolerance_NAME.json, .png and .svg to --out; after Ctrl-C what there is of them.
 
