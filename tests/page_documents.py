@@ -272,6 +272,40 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
             }
         ],
     },
+    "worst": {
+        **ORIGIN,
+        "says": "no proof",
+        "controllers": {
+            "lqr": {
+                "fails": True,
+                "relative": -0.5,
+                "worst": {"mass": 2.0, "length": 1.5},
+                "evaluations": 128,
+                "shrunk": {"mass": 1.25, "length": 1.0},
+                "not_nominal": ["mass"],
+            }
+        },
+    },
+    "radius": {
+        **ORIGIN,
+        "says": "no proof",
+        "controllers": {
+            "lqr": {
+                "found": 0.75,
+                "largest_looked_at": 1.5,
+                "promised": None,
+                "promised_note": "nothing is promised",
+                "looks": [
+                    {"scale": 0.5, "least": 0.25, "failures": 0},
+                    {"scale": 1.5, "least": -0.5, "failures": 3},
+                ],
+            }
+        },
+    },
+    "self_test": {
+        **ORIGIN,
+        "noticed_by": {"G too small": ["servo-index"], "slow sampling": []},
+    },
     "film": {
         **ORIGIN,
         "configuration": {

@@ -33,6 +33,7 @@ from grosmc_mj.report.page.studies.documents import (
     StoredSweeps,
     StoredSwitching,
 )
+from grosmc_mj.report.page.studies.searches import StoredSearch, StoredSelfTest
 
 # By the keys that tell them, the more telling first.
 KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
@@ -50,6 +51,8 @@ KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
     ("agreement", frozenset({"agreement", "bound"}), StoredAgreements),
     ("sweep", frozenset({"sweeps"}), StoredSweeps),
     ("premises", frozenset({"premises"}), StoredPremises),
+    ("self-test", frozenset({"noticed_by"}), StoredSelfTest),
+    ("search", frozenset({"controllers", "says"}), StoredSearch),
     ("film", frozenset({"drawn_from", "sha256"}), StoredFilm),
 )
 # What is told of the others: no more than where they come from.

@@ -135,7 +135,7 @@ def test_a_text_of_somebody_else_stays_text(tmp_path: Path) -> None:
     assert tags.odd == []
     assert [each for each in tags.scripts if each != "text/plain"] == [None, None]
     assert "{{7*7}}" in text  # and not 49
-    assert len(page.answers) == 11
+    assert len(page.answers) == 14
 
 
 def test_what_runs_is_named_by_its_hash_and_nothing_leaves(tmp_path: Path) -> None:
@@ -194,6 +194,14 @@ def test_what_is_interrupted_is_kept_by_nobody(
         ("cart", "measured", "1 of 1 runs end early or leave the rail", ["-1 m", "38 %", "15"]),
         ("sweeps", "measured", "1 of 1 choices turn a claim's answer", ["1 to 2", "1 of 2"]),
         ("premises", "not kept", "1 of 1 premises fail", ["-0.5 A (25 %)", "rho = 2 A"]),
+        ("worst", "not kept", "lqr can be made to fail", ["mass 2, length 1.5", "mass 1.25"]),
+        ("radius", "measured", "lqr up to 0.75 of what is declared", ["0.75", "1.5"]),
+        (
+            "self_test",
+            "not kept",
+            "1 of 2 faults are not noticed",
+            ["servo-index", "0"],
+        ),
     ],
 )
 def test_a_study_has_its_answer_and_its_numbers(

@@ -12,6 +12,7 @@ from grosmc_mj.report.page.studies.documents import (
     StoredSweeps,
     StoredSwitching,
 )
+from grosmc_mj.report.page.studies.searches import search_answer
 from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, Answer
 from grosmc_mj.report.tables import number
 
@@ -34,7 +35,7 @@ def study_answer(content: BaseModel | None) -> Answer | None:
         case StoredPremises():
             return _premises(content)
         case _:
-            return None
+            return search_answer(content)
 
 
 def _region(content: StoredRegion) -> Answer:

@@ -30,6 +30,7 @@ from grosmc_mj.report.page.studies.documents import (
     StoredSwitching,
     StoredSwitchingCase,
 )
+from grosmc_mj.report.page.studies.searches import search_sheets
 from grosmc_mj.report.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW
 from grosmc_mj.report.tables import number, shown_unit
 
@@ -58,7 +59,7 @@ def study_sheets(content: BaseModel | None) -> Sequence[Sheet]:
         case StoredPremises():
             return [_premises(content.premises)]
         case _:
-            return []
+            return search_sheets(content)
 
 
 def _region(content: StoredRegion) -> Sheet:
