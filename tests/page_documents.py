@@ -128,7 +128,11 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
         "complete": True,
         "configuration": {"target": "servo/machine"},
         # What else it has makes it no other document.
-        "claims": [{"claim": "servo-index", "of": ["lqr"]}],
+        "claims": [{"claim": "servo-index", "statement": "J is least", "of": ["lqr"]}],
+        "fallen": [
+            {"law": "lqr", "condition": "nominal", "claim": "servo-index", "rung": "friction"},
+            {"law": "sign", "condition": "nominal", "claim": "servo-index", "rung": None},
+        ],
         "standings": [
             {
                 "law": "lqr",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from grosmc_mj.report.page.answers import standing_text, target_of, tolerance_text
@@ -72,44 +72,62 @@ def sheets(documents: Iterable[Document]) -> list[Sheet]:
     for each in documents:
         content: StoredPart | Any = each.content
         if isinstance(content, StoredLadder):
-            for condition in dict.fromkeys(row.condition for row in content.standings):
-                for together in (True, False):
-                    rows = [
-                        row
-                        for row in content.standings
-                        if row.together is together and row.condition == condition
-                    ]
-                    title = "each rung on top of the others" if together else "each rung alone"
-                    cells = {
-                        (row.law, row.rung): (
-                            _redness(row.kept, row.share_of_the_tightest_limit),
-                            standing_text(row),
-                            (row.tightest or "").replace("_", " "),
-                        )
-                        for row in rows
-                        if not row.impossible
-                    }
-                    named = f"{target_of(each)}, {condition}: {title}"
-                    note = "Of the tightest limit, how much is used; above 1 it is not kept."
-                    found.append(_map(named, note, cells, _MOST))
+            found += _ladder(target_of(each), content)
         elif isinstance(content, StoredTolerances):
-            for condition in dict.fromkeys(row.condition for row in content.tolerances):
-                cells = {
-                    (row.law, row.imperfection): (
-                        _weakness(row.largest_kept.factor if row.largest_kept else 0.0)
-                        if row.kept_ideally
-                        else _OCTAVES,
-                        tolerance_text(row),
-                        f"then breaks: {row.breaks.replace('_', ' ')}" if row.breaks else "",
-                    )
-                    for row in content.tolerances
-                    if row.condition == condition and not row.impossible
-                }
-                named = f"{target_of(each)}, {condition}: how much of it each law stands"
-                note = "Blue: more than the bench has; red: less. no: not kept even without it."
-                found.append(_map(named, note, cells, _OCTAVES))
+            found += _tolerances(target_of(each), content)
         found += study_sheets(content)
     return [each for each in found if each.rows]
+
+
+def _ladder(target: str, content: StoredLadder) -> Iterator[Sheet]:
+    """Maps of where each law stands, and the rungs on which claims fall."""
+    for condition in dict.fromkeys(row.condition for row in content.standings):
+        for together in (True, False):
+            rows = [
+                row
+                for row in content.standings
+                if row.together is together and row.condition == condition
+            ]
+            title = "each rung on top of the others" if together else "each rung alone"
+            cells = {
+                (row.law, row.rung): (
+                    _redness(row.kept, row.share_of_the_tightest_limit),
+                    standing_text(row),
+                    (row.tightest or "").replace("_", " "),
+                )
+                for row in rows
+                if not row.impossible
+            }
+            named = f"{target}, {condition}: {title}"
+            note = "Of the tightest limit, how much is used; above 1 it is not kept."
+            yield _map(named, note, cells, _MOST)
+    named = {each.claim for each in content.fallen}
+    statements = {each.claim: each.statement for each in content.claims if each.claim in named}
+    yield Sheet(
+        f"{target}: on which rung claims of the chapter fall",
+        " ".join(f"{claim}: {said}." for claim, said in statements.items()),
+        ["law", "condition", "claim", "falls at"],
+        [[each.law, each.condition, each.claim, each.rung or "stands"] for each in content.fallen],
+    )
+
+
+def _tolerances(target: str, content: StoredTolerances) -> Iterator[Sheet]:
+    """Maps of how much of each imperfection each law stands."""
+    for condition in dict.fromkeys(row.condition for row in content.tolerances):
+        cells = {
+            (row.law, row.imperfection): (
+                _weakness(row.largest_kept.factor if row.largest_kept else 0.0)
+                if row.kept_ideally
+                else _OCTAVES,
+                tolerance_text(row),
+                f"then breaks: {row.breaks.replace('_', ' ')}" if row.breaks else "",
+            )
+            for row in content.tolerances
+            if row.condition == condition and not row.impossible
+        }
+        named = f"{target}, {condition}: how much of it each law stands"
+        note = "Blue: more than the bench has; red: less. no: not kept even without it."
+        yield _map(named, note, cells, _OCTAVES)
 
 
 def _redness(kept: bool, share: float | None) -> float:

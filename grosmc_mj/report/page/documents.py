@@ -189,11 +189,29 @@ class StoredStanding(StoredPart):
     impossible: Text | None = None
 
 
+class StoredStatement(StoredPart):
+    """A statement of the chapter that is judged on each rung."""
+
+    claim: Text
+    statement: Text = ""
+
+
+class StoredFall(StoredPart):
+    """The rung on which a claim on a law falls; None if it stands on all."""
+
+    law: Text
+    condition: Text
+    claim: Text
+    rung: Text | None = None
+
+
 class StoredLadder(StoredPart):
     """What ``study ladder`` writes."""
 
     configuration: dict[str, Any] = {}
     complete: bool = True
+    claims: list[StoredStatement] = Field(default=[])
+    fallen: list[StoredFall] = Field(default=[])
     standings: list[StoredStanding]
 
 

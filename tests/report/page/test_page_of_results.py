@@ -216,6 +216,16 @@ def test_a_study_has_its_answer_and_its_numbers(
         assert f">{each}</td>" in studies
 
 
+def test_a_ladder_says_on_which_rung_a_claim_falls(tmp_path: Path) -> None:
+    page, text = page_of(write_documents(tmp_path, "ladder"))
+    assert page.notices == []
+    studies = " ".join(text[text.index('id="studies"') :].split())
+    assert "servo-index: J is least." in studies
+    for law, rung in (("lqr", "friction"), ("sign", "stands")):
+        row = studies[studies.rindex(f">{law}</th>") :]
+        assert re.findall(r"<td[^>]*>([^<]*)</td>", row)[:3] == ["nominal", "servo-index", rung]
+
+
 def test_a_chart_of_a_study_has_the_numbers_of_its_document(tmp_path: Path) -> None:
     _, text = page_of(write_documents(tmp_path, "region", "sweeps"))
     (nominal, case1), (sweep,) = data_in(text)["sheets"]
