@@ -143,7 +143,12 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
                 "share_of_the_tightest_limit": share,
                 "tightest": "deviation_below",
             }
-            for rung, share in (("sensors", 0.5), ("friction", 3.0), ("stops", 0.25))
+            for rung, share in (
+                ("printed", 2.0),
+                ("sensors", 0.5),
+                ("friction", 3.0),
+                ("stops", 0.25),
+            )
         ],
     },
     "results": {

@@ -26,6 +26,8 @@ from grosmc_mj.report.page.studies.answers import study_answer
 from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, OPEN, VERDICTS, Answer
 from grosmc_mj.report.tables import number, prefixed
 
+# The rung of the chapter's misprinted equations.
+_PRINTED = "printed"
 # Effects of what may be chance.
 _NO_CHANGE = ("noise", "not judged")
 
@@ -81,8 +83,15 @@ def target_of(document: Document) -> str:
 def breaking(
     standings: Iterable[StoredStanding], law: str, condition: str
 ) -> StoredStanding | None:
-    """The first rung on which a law does not keep all, going up; None if it stands."""
-    way = (x for x in standings if x.together and (x.law, x.condition) == (law, condition))
+    """The first rung on which a law does not keep all, going up; None if it stands.
+
+    It is from equations that are true: what a misprint does says nothing of a law.
+    """
+    way = (
+        x
+        for x in standings
+        if x.together and x.rung != _PRINTED and (x.law, x.condition) == (law, condition)
+    )
     return next((each for each in way if not each.kept and not each.impossible), None)
 
 
