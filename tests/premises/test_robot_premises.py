@@ -304,7 +304,7 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
         nominal=SimpleNamespace(robot=None, at=None, system=None),
         runs=lambda: iter(results),
         document=dict,
-        file=SimpleNamespace(uncertain=[]),
+        file=SimpleNamespace(uncertain=[], claim=[]),
         path=Path("robot.toml"),
     )
     monkeypatch.setattr(catalogue, "find_experiments", lambda _target: [prepared])
