@@ -260,7 +260,7 @@ def sheet(seen: Seen, title: str) -> Any:
 
 def test_maps_say_what_each_law_stands(seen: Seen) -> None:
     for title, texts in (
-        ("each rung on top of the others", [["0.5", "3", "0.25"]]),
+        ("each rung on top of the others", [["2", "0.5", "3", "0.25"]]),
         ("how much of it each law stands", [["1.5 ms"]]),
         ("Premises of the theorems", [["✗ -0.5"]]),
     ):
