@@ -12,10 +12,10 @@ from looped import H, nominal, servo
 from grosmc_mj.arguments import whole
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.campaign.findings.statistics import pass_rate
-from grosmc_mj.campaign.runs.executors import make_executor
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.references import setpoints
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.executors import make_executor
 from grosmc_mj.plants import SERVO
 from grosmc_mj.plants.operating_point import equilibrium
 from grosmc_mj.simulation.loop import Loop, in_loop

@@ -17,11 +17,11 @@ from grosmc_mj.bench.batches import closed_loop, open_batch
 from grosmc_mj.bench.timing import Throughput, measured
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import specification_of
-from grosmc_mj.campaign.runs.executors import make_executor
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.shard import laws_with_meters, plants_of
 from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.errors import SetupError
+from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.mujoco_plant import Integrator

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.findings import Findings, findings
-from grosmc_mj.campaign.runs.executors import make_executor
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.running import run_missing
+from grosmc_mj.executors import make_executor
 
 
 def run_campaign(

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, Verdict
-from grosmc_mj.chapter.claims.faults import Caught
+from grosmc_mj.chapter.claims.self_test import Caught
 from grosmc_mj.chapter.claims.sweep import Swept, flips_of
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.premises.audit import Audit, Reading

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -59,6 +60,11 @@ def say_files(to: Console, *files: Path) -> None:
     words = ", ".join(map(str, files))
     for line in [words] if len(words) <= WIDTH else map(str, files):
         to.print(line, soft_wrap=True, markup=False)
+
+
+def notice(line: str) -> None:
+    """Say what is no result, beside the results."""
+    print(line, file=sys.stderr)
 
 
 @contextlib.contextmanager

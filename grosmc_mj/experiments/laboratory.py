@@ -71,6 +71,10 @@ class Laboratory:
         }
         self._kept: dict[Any, Any] = {}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What another process gets: the same laboratory, without the runs made here."""
+        return Laboratory, (self.settings, self._same_fault, (), self._number)
+
     @cached_property
     def refined(self) -> Laboratory:
         """The same laboratory with half the timestep and half the control period."""

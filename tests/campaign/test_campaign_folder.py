@@ -17,7 +17,6 @@ from campaign_cases import begun, bits, campaign, forged, kept, pair
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.findings import ALL, findings
-from grosmc_mj.campaign.runs.executors import Executor, make_executor
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest
 from grosmc_mj.campaign.runs.part import EVERYTHING
@@ -26,6 +25,7 @@ from grosmc_mj.campaign.runs.running import missing, run_missing
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
+from grosmc_mj.executors import Executor, make_executor
 
 FROZEN = Path(__file__).parents[1] / "data" / "campaign_v1"
 

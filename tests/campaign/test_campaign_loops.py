@@ -13,12 +13,12 @@ from campaign_cases import PLANT, begun, bits, campaign, kept
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.report.pass_map_figure import pass_map_of
 from grosmc_mj.campaign.report.tables import numbers_as_run, plant_words
-from grosmc_mj.campaign.runs.executors import make_executor
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.running import run_missing
 from grosmc_mj.campaign.runs.shard import evaluate_all
 from grosmc_mj.errors import GrosmcError
+from grosmc_mj.executors import make_executor
 
 LOOP = """
 [computing]

@@ -14,9 +14,9 @@ pytest.importorskip("distributed")
 
 from distributed import Future, KilledWorker
 
-from grosmc_mj.campaign.runs.executors import dask_workers
-from grosmc_mj.campaign.runs.executors.interface import Finished
 from grosmc_mj.errors import SetupError
+from grosmc_mj.executors import dask_workers
+from grosmc_mj.executors.interface import Finished
 
 
 class Answer(Future):

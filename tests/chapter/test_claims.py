@@ -31,7 +31,7 @@ from grosmc_mj.chapter.claims.claim import (
     PlantFinding,
     Verdict,
 )
-from grosmc_mj.chapter.claims.faults import FAULTS, Caught, self_test
+from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.claims.ledger import (
     CLAIMS,
     find_claim,
@@ -40,6 +40,7 @@ from grosmc_mj.chapter.claims.ledger import (
     verdict_differences,
 )
 from grosmc_mj.chapter.claims.reading import read_claims
+from grosmc_mj.chapter.claims.self_test import Caught, self_test
 from grosmc_mj.chapter.claims.sweep import STORED, stored_flips, sweep
 from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.chapter.claims_document import claim_document
@@ -47,6 +48,7 @@ from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, 
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GainError, SetupError
+from grosmc_mj.executors.batch import Batch
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.plants import PlantName
@@ -732,6 +734,7 @@ def test_every_fault_is_noticed() -> None:
         "servo-load-lqr": ("disturbance dropped",),
         "pendulum-naive-gain": ("printed a in the law",),
         "arm-variations": ("zero switching gain", "G too small", "slow sampling"),
+        "two-link-projection": ("edit done twice",),
     }
     tried = [(quick, FAULTS)] + [
         ((name,), [each for each in FAULTS if each.name in noticed])
@@ -740,7 +743,7 @@ def test_every_fault_is_noticed() -> None:
     caught: dict[str, set[str]] = {each.name: set() for each in FAULTS}
     for names, faults in tried:
         for each in self_test(
-            Settings(), [find_claim(name) for name in names], faults, thorough=True
+            Settings(), [find_claim(name) for name in names], faults, Batch(), thorough=True
         ):
             caught[each.fault.name] |= set(each.claims)
     assert all(caught.values()), [name for name, claims in caught.items() if not claims]
@@ -757,13 +760,13 @@ def test_a_claim_that_has_noticed_is_asked_no_more() -> None:
     """Every fault is still put in, and asked of others as long as nobody notices."""
     claims = [find_claim("pendulum-eq40"), find_claim("arm-eq57")]
     blind, printed = fault("gravity upside down"), fault("printed physics")
-    found = list(self_test(Settings(), claims, [printed, printed, blind]))
+    found = self_test(Settings(), claims, [printed, printed, blind], Batch())
     assert [(each.claims, each.tried) for each in found[:2]] == [
         (("pendulum-eq40", "arm-eq57"), 2),
         (("pendulum-eq40",), 1),
     ]
     assert found[2].tried in (1, 2)
-    thorough = list(self_test(Settings(), claims, [printed, printed], thorough=True))
+    thorough = self_test(Settings(), claims, [printed, printed], Batch(), thorough=True)
     assert [each.tried for each in thorough] == [2, 2]
     assert thorough[0].became == (Verdict.REFUTED,)
 

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from contextlib import closing
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.executors import Executor, Notice
 from grosmc_mj.campaign.runs.folder import Folder, add
 from grosmc_mj.campaign.runs.part import EVERYTHING
 from grosmc_mj.campaign.runs.screening import UNSCREENED, screening_of
 from grosmc_mj.campaign.runs.work import ShardReport, shards_of
+from grosmc_mj.executors import Executor, Notice
 
 # Number of runs done and, by law, the share of these that keeps everything so far.
 Advance = Callable[[int, dict[str, float]], object]

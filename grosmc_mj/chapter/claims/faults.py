@@ -1,20 +1,17 @@
-"""Faults put in on purpose, to see which claims notice."""
+"""Faults to put in on purpose: claims that are worth something notice them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 
-from grosmc_mj.chapter.claims.claim import Claim, Verdict
-from grosmc_mj.chapter.claims.ledger import CLAIMS, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Fault, Laboratory
+from grosmc_mj.experiments.laboratory import Fault
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.jitable import jitable
@@ -23,22 +20,6 @@ from grosmc_mj.simulation.edits import BodyEdit, apply_edits
 from grosmc_mj.simulation.models import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.vectors import each
-
-
-class Caught(NamedTuple):
-    """What a fault did to the ledger.
-
-    Attributes:
-        fault: The fault.
-        claims: Ids of the claims that noticed: a verdict is not what it is in a sound laboratory.
-        tried: How many claims were tried.
-        became: Verdicts that were not given in the sound laboratory.
-    """
-
-    fault: Fault
-    claims: tuple[str, ...]
-    tried: int = 0
-    became: tuple[Verdict, ...] = ()
 
 
 @cache
@@ -121,6 +102,12 @@ def _no_edit(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
     return plant.changed()
 
 
+def _edit_twice(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
+    if not isinstance(plant, MujocoPlant) or not plant.edits:
+        return plant
+    return replace(plant, spec=apply_edits(plant.spec, plant.edits))
+
+
 def _gravity_up(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
     if not isinstance(plant, MujocoPlant):
         return plant
@@ -145,6 +132,7 @@ FAULTS = (
     Fault("printed a in the law", "the pendulum's laws believe eq. (40)", controller=_printed_a),
     Fault("mass without inertia", "an edit forgets inertia and centre of mass", plant=_no_inertia),
     Fault("edit dropped", "MuJoCo runs the nominal model", plant=_no_edit),
+    Fault("edit done twice", "MuJoCo's model is edited once more", plant=_edit_twice),
     Fault(
         "disturbance dropped",
         "no wrench reaches the plant",
@@ -163,52 +151,3 @@ FAULTS = (
         plant=_printed_physics,
     ),
 )
-
-
-def self_test(
-    settings: Settings,
-    claims: Sequence[Claim] = CLAIMS,
-    faults: Sequence[Fault] = FAULTS,
-    advance: Callable[[str], object] = lambda _: None,
-    *,
-    thorough: bool = False,
-) -> Iterator[Caught]:
-    """Put in each fault in turn and see which claims change a verdict.
-
-    Without refinement: a fault shows at the first look. A claim that has noticed a fault is asked
-    again only where no other notices one.
-
-    Args:
-        settings: How cases are run.
-        claims: Claims to try.
-        faults: Faults to put in.
-        advance: Called with a fault's name when it has been tried.
-        thorough: Whether to ask every claim of every fault.
-    """
-    lab, sound = Laboratory(settings), {}
-    noticed: set[str] = set()
-    for fault in faults:
-        faulty, found, became, tried = Laboratory(settings, fault), [], [], 0
-        for claim in sorted(claims, key=lambda claim: claim.id in noticed):
-            if not thorough and found and claim.id in noticed:
-                break
-            if claim.id not in sound:
-                sound[claim.id] = _verdicts(lab, claim)
-            verdicts, tried = _verdicts(faulty, claim), tried + 1
-            if verdicts != sound[claim.id]:
-                found.append(claim.id)
-                was = sound[claim.id]
-                became += [each for name, each in verdicts.items() if each != was.get(name)]
-        noticed.update(found)
-        yield Caught(fault, tuple(found), tried, tuple(v for v in Verdict if v in became))
-        advance(fault.name)
-
-
-def _verdicts(lab: Laboratory, claim: Claim) -> dict[str, Verdict | str]:
-    """A claim's verdict on every plant."""
-    try:
-        judged = judge(lab, claim, refine=False)
-    except (ValueError, RuntimeError) as error:
-        # A laboratory so wrong that it cannot measure has been noticed as well.
-        return {"error": type(error).__name__}
-    return {name: each.verdict for name, each in judged.plants.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from grosmc_mj.chapter.claims.claim import Claim, Finding
+    from grosmc_mj.executors import Executor
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
 
@@ -178,12 +179,15 @@ class ClaimsCommand(Command):
 
     def _self_test(self, settings: Settings, chosen: Sequence[Claim]) -> int:
         """Faults, and who notices."""
-        from grosmc_mj.chapter.claims.faults import FAULTS, self_test
+        from grosmc_mj.chapter.claims.faults import FAULTS
+        from grosmc_mj.chapter.claims.self_test import self_test
         from grosmc_mj.chapter.claims_tables import caught_table
         from grosmc_mj.report.document import origin, write_json
 
-        with screen.progress(len(FAULTS), "faults") as advance:
-            found = list(self_test(settings, chosen, FAULTS, advance, thorough=self.verbose))
+        with screen.progress(len(chosen), "claims") as advance:
+            found = self_test(
+                settings, chosen, FAULTS, _executor(chosen), advance, thorough=self.verbose
+            )
         noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
         write_json(self.out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
         missed = [caught.fault.name for caught in found if not caught.claims]
@@ -210,14 +214,24 @@ class ClaimsCommand(Command):
 
 def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Finding]:
     """Judge claims with a progress bar."""
-    from grosmc_mj.chapter.claims.ledger import judge
-
-    findings = []
     with screen.progress(len(chosen), "claims") as advance:
-        for claim in chosen:
-            findings.append(judge(lab, claim))
-            advance(claim.id)
-    return findings
+        return judge_in_processes(lab, chosen, advance)
+
+
+def judge_in_processes(
+    lab: Laboratory, chosen: Sequence[Claim], advance: Callable[[str], object]
+) -> list[Finding]:
+    """Judge claims on all cores."""
+    from grosmc_mj.chapter.claims.judging import judge_claims
+
+    return judge_claims(lab, chosen, _executor(chosen), advance, screen.notice)
+
+
+def _executor(chosen: Sequence[Claim]) -> Executor:
+    """This process for a claim, whose runs are drawn afterwards; processes for several."""
+    from grosmc_mj.executors import make_executor
+
+    return make_executor("batch" if len(chosen) == 1 else "processes")
 
 
 def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands.claims import documents
+from grosmc_mj.cli.commands.claims import documents, judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import CASES, recorded_experiments
@@ -84,7 +84,7 @@ class ValidateCommand(Command):
     def execute(self) -> int:
         """Run, write, compare, print."""
         from grosmc_mj.chapter import expected_results as expected
-        from grosmc_mj.chapter.claims.ledger import CLAIMS, judge, verdict_differences
+        from grosmc_mj.chapter.claims.ledger import CLAIMS, verdict_differences
         from grosmc_mj.chapter.document import document
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
@@ -125,9 +125,7 @@ class ValidateCommand(Command):
                     done.agreements.extend(agreements(MujocoPlant.load(system), seed=seed))
                     advance(f"{system}: analytic against physics")
                 lab = Laboratory(settings, known=done.results)
-                for claim in claims:
-                    done.findings.append(judge(lab, claim))
-                    advance(claim.id)
+                done.findings = judge_in_processes(lab, claims, advance)
                 if self.record:
                     expected.record_expected(done.results, settings)
                 done.differing = expected.differences(done.results, settings)

@@ -53,6 +53,8 @@ def largest_start(
 ) -> Measured:
     """The largest start angle such that it and every smaller one converge within the region.
 
+    There is none where the least start fails already: a law that works nowhere has no region.
+
     Args:
         lab: Where it is measured.
         plant: On what.
@@ -67,18 +69,18 @@ def largest_start(
     ]
     key = ("region", controller, edits, plant)
     law, runs = lab.once(key, lambda: lab.batch(cases, plant, controller))
-    reached = 0
+    reached = None
     for index, angle in enumerate(_ANGLES):
         theta = runs.state[index, :, 1]
         kept = runs.status[index] is Status.COMPLETED and np.abs(theta).max() < math.pi / 2
         if not (kept and abs(theta[-1]) <= 0.02 * math.radians(angle)):
-            return Measured(float(reached), f"not from {angle} degrees")
+            return Measured(reached, f"not from {angle} degrees")
         away = from_optimum(compare_with_optimum(runs[index], law))
         if away > within_percent:
-            return Measured(float(reached), f"from {angle} degrees it goes {away:.3g} % astray")
-        reached = angle
+            return Measured(reached, f"from {angle} degrees it goes {away:.3g} % astray")
+        reached = float(angle)
     asked = float(np.abs(runs.input[-1]).max())
-    return Measured(float(reached), f"from every angle tried; up to {asked:.3g} N")
+    return Measured(reached, f"from every angle tried; up to {asked:.3g} N")
 
 
 def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:

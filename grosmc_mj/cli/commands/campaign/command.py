@@ -14,7 +14,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.campaign import answer
 from grosmc_mj.cli.commands.campaign.replay import replay_run
-from grosmc_mj.cli.commands.campaign.running import notice, run_parts, say_integrator
+from grosmc_mj.cli.commands.campaign.running import run_parts, say_integrator
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError, unknown_name
 
@@ -133,10 +133,10 @@ class CampaignCommand(Command):
         from grosmc_mj.campaign.family.specification import specification_of
         from grosmc_mj.campaign.findings.findings import findings
         from grosmc_mj.campaign.report.document import RESULTS, results_document
-        from grosmc_mj.campaign.runs.executors import make_executor
         from grosmc_mj.campaign.runs.folder import Folder
         from grosmc_mj.campaign.runs.manifest import read_manifest, refuse_other_code
         from grosmc_mj.campaign.runs.replay import RADIUS
+        from grosmc_mj.executors import make_executor
         from grosmc_mj.report.document import write_json
 
         self._refuse_idle()
@@ -164,12 +164,14 @@ class CampaignCommand(Command):
         console = screen.console()
         with folder.held():
             for line in folder.begin(asked, resume=self.resume):
-                notice(line)
+                screen.notice(line)
             say_integrator(asked)
             for line in asked.not_judged:
-                notice(line)
+                screen.notice(line)
             for name in asked.idle:
-                notice(f"{name} never acts: runs end at {asked.duration:g} s, before it begins.")
+                screen.notice(
+                    f"{name} never acts: runs end at {asked.duration:g} s, before it begins."
+                )
             done = run_parts(asked, folder, executor)
         found = findings(asked, folder, self.confidence)
         files = [folder.path / RESULTS]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -10,14 +9,14 @@ from grosmc_mj.cli import screen
 
 if TYPE_CHECKING:
     from grosmc_mj.campaign.family.campaign import Campaign
-    from grosmc_mj.campaign.runs.executors import Executor
     from grosmc_mj.campaign.runs.folder import Folder
+    from grosmc_mj.executors import Executor
 
 
 def say_integrator(asked: Campaign) -> None:
     """One line if the physics steps otherwise than its model says."""
     if asked.plant.restepped:
-        notice(
+        screen.notice(
             f"Steps by {asked.experiment.settings.integrator} instead of the model's own "
             "integrator, which may judge some plants otherwise."
         )
@@ -50,7 +49,7 @@ def run_parts(asked: Campaign, folder: Folder, executor: Executor) -> list[str]:
                 advance(f"{speed:.3g} runs/s; kept so far: {shares}", runs)
 
             advance("designed; the first part takes a while", 0)
-            again = run_missing(asked, folder, executor, notice, told)
+            again = run_missing(asked, folder, executor, screen.notice, told)
     except KeyboardInterrupt:
         there = shards - len(missing(asked, folder))
         raise KeyboardInterrupt(
@@ -65,8 +64,3 @@ def run_parts(asked: Campaign, folder: Folder, executor: Executor) -> list[str]:
         f"{steps / seconds:.3g} timesteps a second{repeated}."
     )
     return lines
-
-
-def notice(line: str) -> None:
-    """Say what is no result, beside the results."""
-    print(line, file=sys.stderr)

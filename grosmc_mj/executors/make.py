@@ -7,10 +7,10 @@ from importlib.util import find_spec
 from loky import cpu_count
 
 from grosmc_mj.arguments import require_whole
-from grosmc_mj.campaign.runs.executors.batch import Batch
-from grosmc_mj.campaign.runs.executors.interface import Executor
-from grosmc_mj.campaign.runs.executors.processes import Processes
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+from grosmc_mj.executors.batch import Batch
+from grosmc_mj.executors.interface import Executor
+from grosmc_mj.executors.processes import Processes
 
 # On one machine.
 _MOST_WORKERS = 1024
@@ -52,6 +52,6 @@ def make_executor(
         return Processes(workers or cpu_count())
     if find_spec("distributed") is None:
         raise SetupError("executor 'dask' needs Dask: pip install 'grosmc_mj[dask]'")
-    from grosmc_mj.campaign.runs.executors.dask_workers import DaskWorkers
+    from grosmc_mj.executors.dask_workers import DaskWorkers
 
     return DaskWorkers(workers or cpu_count(), scheduler)

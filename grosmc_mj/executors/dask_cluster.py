@@ -17,9 +17,9 @@ from distributed.comm import connect
 from distributed.utils import silence_logging_cmgr
 from distributed.versions import VersionMismatchWarning
 
-from grosmc_mj.campaign.runs.executors.interface import ATTEMPTS, one_line
 from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import SetupError
+from grosmc_mj.executors.interface import ATTEMPTS, one_line
 
 # How long a scheduler may take to answer [s].
 _PATIENCE = 10.0

@@ -11,8 +11,8 @@ from multiprocessing.connection import Connection, Pipe
 from loky.backend.process import LokyProcess
 from loky.backend.reduction import dumps, loads
 
-from grosmc_mj.campaign.runs.executors.interface import ShardOutcome, Work, attempt, failure
 from grosmc_mj.child_processes import end_with, interrupts_held
+from grosmc_mj.executors.interface import ShardOutcome, Work, attempt, failure
 
 # How long an idle worker may take to end by itself [s].
 _PATIENCE = 5.0

@@ -20,10 +20,10 @@ import pytest
 from conftest import hear_interrupts
 from loky import cpu_count
 
-from grosmc_mj.campaign.runs.executors import make_executor
-from grosmc_mj.campaign.runs.executors.interface import attempt
-from grosmc_mj.campaign.runs.executors.processes import Processes
 from grosmc_mj.errors import ArgumentError, DivergenceError, GainError, GrosmcError, SetupError
+from grosmc_mj.executors import make_executor
+from grosmc_mj.executors.interface import attempt
+from grosmc_mj.executors.processes import Processes
 
 # A child that has not begun or ended by then never will [s].
 SOON = 30.0
@@ -147,7 +147,7 @@ PROGRAM = textwrap.dedent(
     from functools import partial
     from pathlib import Path
     import executor_work
-    from grosmc_mj.campaign.runs.executors import make_executor
+    from grosmc_mj.executors import make_executor
 
     # No guard for the main module: workers do not run it.
     work = partial(executor_work.leave_pid, Path(sys.argv[1]), 60.0)
@@ -230,14 +230,14 @@ def test_wrong_arguments_are_one_line(arguments: dict[str, Any], message: str) -
 
 
 def test_dask_that_is_not_installed_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grosmc_mj.campaign.runs.executors.make.find_spec", lambda name: None)
+    monkeypatch.setattr("grosmc_mj.executors.make.find_spec", lambda name: None)
     with pytest.raises(SetupError, match=r"needs Dask: pip install 'grosmc_mj\[dask\]'"):
         make_executor("dask")
 
 
 def test_the_other_executors_do_not_import_dask() -> None:
     code = (
-        "import sys; from grosmc_mj.campaign.runs.executors import make_executor; "
+        "import sys; from grosmc_mj.executors import make_executor; "
         "make_executor('processes'); sys.exit('distributed' in sys.modules)"
     )
     assert importlib.util.find_spec("distributed"), "the test extra brings it"

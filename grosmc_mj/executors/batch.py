@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from loky import cpu_count
 
-from grosmc_mj.campaign.runs.executors.interface import Finished, Notice, Work, unexpected
 from grosmc_mj.errors import GrosmcError, SetupError
+from grosmc_mj.executors.interface import Finished, Notice, Work, unexpected
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ pytest.importorskip("distributed")
 
 from distributed import Client, Security
 
-from grosmc_mj.campaign.runs.executors import dask_cluster, dask_workers, make_executor
-from grosmc_mj.campaign.runs.executors.dask_cluster import cluster_client
 from grosmc_mj.errors import GainError, SetupError
+from grosmc_mj.executors import dask_cluster, dask_workers, make_executor
+from grosmc_mj.executors.dask_cluster import cluster_client
 
 # Each starts a cluster or waits for one that does not answer.
 pytestmark = pytest.mark.slow

@@ -17,8 +17,9 @@ from typing import Any
 
 from distributed import Client, Future, KilledWorker
 
-from grosmc_mj.campaign.runs.executors.dask_cluster import cluster_client
-from grosmc_mj.campaign.runs.executors.interface import (
+from grosmc_mj.errors import SetupError
+from grosmc_mj.executors.dask_cluster import cluster_client
+from grosmc_mj.executors.interface import (
     Finished,
     Notice,
     ShardOutcome,
@@ -26,7 +27,6 @@ from grosmc_mj.campaign.runs.executors.interface import (
     attempt,
     one_line,
 )
-from grosmc_mj.errors import SetupError
 from grosmc_mj.versions import DECISIVE, versions
 
 # Shards with the scheduler, for each thread of its workers: enough to keep them busy while

@@ -11,9 +11,9 @@ from typing import Any
 from loky import cpu_count
 from loky.backend.reduction import dumps
 
-from grosmc_mj.campaign.runs.executors.interface import ATTEMPTS, Finished, Notice, Work
-from grosmc_mj.campaign.runs.executors.worker import Worker
 from grosmc_mj.errors import SetupError
+from grosmc_mj.executors.interface import ATTEMPTS, Finished, Notice, Work
+from grosmc_mj.executors.worker import Worker
 
 
 @dataclass(frozen=True)
