@@ -16,7 +16,7 @@ import sympy as sp
 
 import grosmc_mj as gm
 from grosmc_mj.plants import SERVO
-from grosmc_mj.simulation.models import load_spec
+from grosmc_mj.simulation.models.files import load_spec
 
 # What somebody may give by mistake: other kinds, shapes and sizes.
 ODD: dict[str, Any] = {

@@ -3,7 +3,7 @@ from .linearization import linearize
 from .loop import Actuator, Computing, Estimator, Loop, Sensor
 from .loop.in_loop import in_loop
 from .machine import LuGre, Motor, SlidingLoad, Stop, SwingingLoad, Transmission, Wall
-from .models import load_model
+from .models.files import load_model
 from .trajectory import Status
 
 __all__ = [

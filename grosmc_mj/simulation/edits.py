@@ -15,7 +15,7 @@ from grosmc_mj.errors import ModelError, shown, unknown_name
 from grosmc_mj.simulation.machine.building import build
 from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.machine.writing import draw_ball, linear, write_inertia
-from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.models.files import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 

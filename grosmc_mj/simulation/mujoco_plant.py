@@ -24,8 +24,9 @@ from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.machine.stability import refuse_unstable
 from grosmc_mj.simulation.machine.unseen import UnseenState, unseen_states
-from grosmc_mj.simulation.model_checks import fingerprint, spec_fingerprint
-from grosmc_mj.simulation.models import compile_spec, load_spec, model_path
+from grosmc_mj.simulation.models.checks import fingerprint, spec_fingerprint
+from grosmc_mj.simulation.models.files import compile_spec, load_spec, model_path
+from grosmc_mj.simulation.template import Template
 
 _INTEGRATORS: dict[int, Integrator] = {
     int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")): name
@@ -35,6 +36,8 @@ _INTEGRATORS: dict[int, Integrator] = {
 
 # Compiled nominal models by their spec, for as long as a plant has it.
 _nominal_models: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjModel] = WeakKeyDictionary()
+# What edits are written into, by spec and by timestep, integrator and room in userdata.
+_templates: WeakKeyDictionary[mujoco.MjSpec, dict[tuple[Any, ...], Template]] = WeakKeyDictionary()
 
 # What a spec was like when the first plant was made of it.
 _as_made: WeakKeyDictionary[mujoco.MjSpec, str] = WeakKeyDictionary()
@@ -163,12 +166,17 @@ class MujocoPlant(Plant):
     def unseen(self) -> tuple[UnseenState, ...]:
         """Its states that no law sees."""
         gears = {a.name: float(a.gear[0] * a.gainprm[0]) for a in self.spec.actuators}
-        return unseen_states(self.any_model, self.system, self.parts, gears)
+        return unseen_states(self._model_like, self.system, self.parts, gears)
 
     @cached_property
     def parameters(self) -> Any:
         """The numbers of its analytic twin; None where it has none."""
         return self.analytic().parameters if self.system.read_parameters else None
+
+    @property
+    def _model_like(self) -> mujoco.MjModel:
+        """A compiled model with its states and drives: edits that are no parts change neither."""
+        return self.any_model if self.parts else _nominal_model(self.spec)
 
     @property
     def stepped_by(self) -> Integrator:
@@ -183,7 +191,7 @@ class MujocoPlant(Plant):
     @property
     def input_limits(self) -> Array:
         """Range of each actuator's control, (2, m)."""
-        model = self.any_model
+        model = self._model_like
         limited = model.actuator_ctrllimited.astype(bool)
         return np.where(limited, model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
 
@@ -278,8 +286,21 @@ class MujocoPlant(Plant):
         """Compiled models by their size of userdata."""
         return {}
 
-    def _compile(self, size: int) -> mujoco.MjModel:
-        """Compile the edited model."""
+    def template(self, size: int) -> Template:
+        """What this plant's edits, or another one's of the same nominal model, are written into.
+
+        Raises:
+            ModelError: If MuJoCo refuses the model or its joints are not the system's.
+        """
+        same = _templates.setdefault(self.spec, {})
+        key = (self.timestep, self.integrator, size)
+        if key not in same:
+            nominal = self.edited()
+            same[key] = Template(nominal._spec(size), nominal.model_with_userdata(size))
+        return same[key]
+
+    def _spec(self, size: int) -> mujoco.MjSpec:
+        """What the edited model is compiled from."""
         nominal = _nominal_model(self.spec) if self.edits else None
         spec = apply_edits(self.spec, self.edits, nominal, self.timestep)
         spec.nuserdata = size
@@ -287,7 +308,11 @@ class MujocoPlant(Plant):
             spec.option.integrator = getattr(
                 mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
             )
-        model = compile_spec(spec, checked=nominal is not None)
+        return spec
+
+    def _compile(self, size: int) -> mujoco.MjModel:
+        """Compile the edited model."""
+        model = compile_spec(self._spec(size), checked=bool(self.edits))
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         joints = tuple(model.joint(i).name for i in range(model.njnt))
@@ -308,7 +333,9 @@ class MujocoPlant(Plant):
 
         What equations lack, the parts of a machine, is left out.
         """
-        return AnalyticPlant.from_model(self.system, self.rigid.model_with_userdata(0), variant)
+        rigid = self.rigid
+        model = None if rigid._models else rigid.template(0).written(rigid.edits)
+        return AnalyticPlant.from_model(self.system, model or rigid.any_model, variant)
 
     def undrawn(self) -> MujocoPlant:
         """The same plant without geoms, materials, textures, meshes, cameras and lights.

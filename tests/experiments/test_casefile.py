@@ -18,7 +18,7 @@ from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files, starter
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
-from grosmc_mj.simulation.models import load_model
+from grosmc_mj.simulation.models.files import load_model
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SOUND = """

@@ -10,7 +10,7 @@ import pytest
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.plants import SYSTEMS, Plant
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.models import load_spec, model_path
+from grosmc_mj.simulation.models.files import load_spec, model_path
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 

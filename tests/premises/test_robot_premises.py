@@ -33,7 +33,7 @@ from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.simulation.machine import Stop, Transmission
-from grosmc_mj.simulation.models import load_spec
+from grosmc_mj.simulation.models.files import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 

@@ -18,7 +18,7 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import SERVO, ArmParameters, CartPendulumParameters, Variant
 from grosmc_mj.simulation import edits, mujoco_plant
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
-from grosmc_mj.simulation.models import compile_spec, load_model, load_spec
+from grosmc_mj.simulation.models.files import compile_spec, load_model, load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 MOVING = [

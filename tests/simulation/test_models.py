@@ -14,8 +14,8 @@ import pytest
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.simulation import models
-from grosmc_mj.simulation.models import load_model, model_path
+from grosmc_mj.simulation.models import files as models
+from grosmc_mj.simulation.models.files import load_model, model_path
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 NAMED = {

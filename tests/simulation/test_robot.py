@@ -39,7 +39,7 @@ from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit
-from grosmc_mj.simulation.models import load_spec, model_path
+from grosmc_mj.simulation.models.files import load_spec, model_path
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate

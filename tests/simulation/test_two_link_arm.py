@@ -41,7 +41,7 @@ from grosmc_mj.plants import SERVO, TWO_LINK_ARM, AnalyticPlant
 from grosmc_mj.plants.two_link_arm import TwoLinkParameters, tip
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.models import load_spec
+from grosmc_mj.simulation.models.files import load_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory

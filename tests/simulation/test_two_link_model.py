@@ -22,7 +22,7 @@ from two_link_oracle import (
 )
 
 from grosmc_mj.simulation.edits import BodyEdit, apply_edits
-from grosmc_mj.simulation.models import compile_spec, model_path
+from grosmc_mj.simulation.models.files import compile_spec, model_path
 
 # Beside the other models, whether or not the package knows the system.
 FILE = model_path("arm").with_name("two_link_arm.xml")

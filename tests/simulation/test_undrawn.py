@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.simulation import mujoco_plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
-from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
@@ -135,8 +136,16 @@ def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, draw
     np.testing.assert_array_equal(saved(found), saved(expected))
 
 
-def test_a_batch_compiles_each_plant_once(
-    monkeypatch: pytest.MonkeyPatch, open_loop: OpenLoop
+@pytest.mark.parametrize(
+    ("edit", "compilations"),
+    [(partial(BodyEdit, "rotor"), 1), (partial(JointEdit, "shaft"), 3)],
+    ids=["written", "compiled"],
+)
+def test_a_batch_compiles_no_plant_twice(
+    edit: Callable[[float], Edit],
+    compilations: int,
+    monkeypatch: pytest.MonkeyPatch,
+    open_loop: OpenLoop,
 ) -> None:
     nominal = MujocoPlant.load("servo").undrawn()
     nominal.edited(BodyEdit("rotor", 2.0)).model  # noqa: B018  the nominal one, once for all
@@ -147,9 +156,9 @@ def test_a_batch_compiles_each_plant_once(
         return compile_spec(spec, checked=checked)
 
     monkeypatch.setattr(mujoco_plant, "compile_spec", counting)
-    plants = [nominal.edited(BodyEdit("rotor", a)) for a in (0.5, 1.0, 1.5)]
+    plants = [nominal.edited(edit(a)) for a in (0.5, 1.0, 1.5)]
     simulate(plants, open_loop(0.3), [1.0, 0.0], duration=0.01, record=False)
-    assert len(compiled) == 3
+    assert len(compiled) == compilations
     # Another law, with more to remember and under a disturbance, takes the same models.
     law = chapter_controller("lqr", MujocoPlant.load("servo").analytic())
     push = [Disturbance("rotor", (0, 0, 0, 0, 0.1, 0))]

@@ -33,7 +33,7 @@ from grosmc_mj.report.tables import shown_unit
 from grosmc_mj.simulation.disturbances import Pulse
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.loop.loop import TIMES, time_as_run
-from grosmc_mj.simulation.models import body_names, joint_names
+from grosmc_mj.simulation.models.files import body_names, joint_names
 
 # How far a family is scaled at most, by searches and promises.
 LARGEST_SCALE = 8.0

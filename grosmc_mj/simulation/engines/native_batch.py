@@ -8,7 +8,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
@@ -25,6 +24,7 @@ from grosmc_mj.simulation.engines.native_pushes import PUSH, most_pushes, packed
 from grosmc_mj.simulation.law_errors import compiling
 from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.problem import Problem, Record, refuse_failed
+from grosmc_mj.simulation.template import batch_of
 from grosmc_mj.simulation.trajectory import Status
 
 # Rows in one call: bounds the memory of a recorded chunk and the wait for Ctrl-C.
@@ -51,16 +51,11 @@ class NativeBatch:
         with compiling(problem.controller):
             self._callback = control_callback(problem.system, problem.controller.law, self._dtype)
         pushes = most_pushes(problem.disturbances) if problem.pushed_in_compiled_code else 0
-        size, nsim = self._dtype.itemsize // 8 + PUSH * pushes, len(problem.x0)
+        size = self._dtype.itemsize // 8 + PUSH * pushes
         if not problem.record:
             size = _ROOM * math.ceil(size / _ROOM)
-        compiled = {
-            plant: plant.model_with_userdata(size) for plant in dict.fromkeys(problem.plants)
-        }
-        models = [compiled[plant] for plant in problem.plants]
-        self._batch = Batch(models[0], nsim, problem.threads)
-        if len(compiled) > 1:
-            self._batch.set_models(models)
+        plants: Any = problem.plants  # in MuJoCo, all of them
+        self._batch, models = batch_of(plants, size, problem.threads)
         self._bodies = {name: models[0].body(name).id for name in problem.system.bodies}
         self._n, self._nq = problem.system.degrees_of_freedom, models[0].nq
         self._batch.bind("qpos")[:], self._batch.bind("qvel")[:] = self._starts(models)

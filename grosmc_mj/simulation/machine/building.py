@@ -31,7 +31,7 @@ from grosmc_mj.simulation.machine.writing import (
     linear,
     write_inertia,
 )
-from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.models.files import compile_spec
 
 # How far from an axis a centre is on it [m].
 _ON_AXIS = 1e-9

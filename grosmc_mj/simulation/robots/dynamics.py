@@ -26,7 +26,7 @@ from grosmc_mj.errors import SetupError
 from grosmc_mj.simulation.engines.compilation import pointer
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, scratch
 from grosmc_mj.simulation.machine.writing import write_inertia
-from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.vectors import each
 
 

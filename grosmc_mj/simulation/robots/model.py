@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.arguments import require_each
 from grosmc_mj.errors import ModelError, unknown_name
-from grosmc_mj.simulation.models import compile_spec
+from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.simulation.robots.actuators import torque_drives
 from grosmc_mj.simulation.robots.couplings import kept_couplings
 from grosmc_mj.simulation.robots.drives import write_drives

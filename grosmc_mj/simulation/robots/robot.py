@@ -16,7 +16,7 @@ from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
-from grosmc_mj.simulation.models import body_names, compile_spec, joint_names
+from grosmc_mj.simulation.models.files import body_names, compile_spec, joint_names
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.quiet import quiet_reading
 from grosmc_mj.simulation.robots.actuators import joint_unit

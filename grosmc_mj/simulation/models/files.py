@@ -8,10 +8,10 @@ import mujoco
 
 from grosmc_mj.errors import ModelError, SetupError
 from grosmc_mj.plants import find_system
-from grosmc_mj.simulation.model_checks import refuse_unusable
+from grosmc_mj.simulation.models.checks import refuse_unusable
 from grosmc_mj.simulation.quiet import quiet_reading
 
-_PACKAGE = Path(__file__).resolve().parents[1]
+_PACKAGE = Path(__file__).resolve().parents[2]
 # The wheel carries the models inside the package; a checkout has them beside it.
 _FOLDERS = (_PACKAGE / "models", _PACKAGE.parent / "models")
 

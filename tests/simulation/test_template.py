@@ -1,0 +1,146 @@
+"""Edits written into a compiled model: the same model as a compiler makes, or none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grosmc_mj.errors import ModelError
+from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
+from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.template import batch_of
+
+NAMES = [name for name in SYSTEMS if name in ("servo", "cart_pendulum", "arm", "two_link_arm")]
+SCALES = st.floats(0.1, 10.0)
+
+
+def differences(one: mujoco.MjModel, other: mujoco.MjModel) -> list[str]:
+    """Names of the arrays in which two models differ."""
+    found = []
+    for name in dir(one):
+        a = getattr(one, name) if not name.startswith("_") else None
+        if isinstance(a, np.ndarray) and not np.array_equal(
+            a, getattr(other, name), equal_nan=a.dtype.kind == "f"
+        ):
+            found.append(name)
+    return found
+
+
+def numbers(plant: MujocoPlant) -> Any:
+    """What its equations are made with, or why it has none."""
+    try:
+        return plant.analytic().parameters
+    except ModelError as error:
+        return str(error)
+
+
+@st.composite
+def families(draw: Any) -> list[MujocoPlant]:
+    """Plants of one system, edited at random."""
+    nominal = MujocoPlant.load(draw(st.sampled_from(NAMES))).undrawn()
+    model = nominal.model
+    bodies = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0]
+    inputs = [model.actuator(i).name for i in range(model.nu)]
+    plants = []
+    for _ in range(draw(st.integers(2, 4))):
+        edits: list[Edit] = [
+            BodyEdit(name, draw(SCALES), draw(SCALES))
+            for name in draw(st.lists(st.sampled_from(bodies), unique=True))
+        ]
+        if draw(st.booleans()):
+            edits.append(InputEdit(inputs[0], draw(SCALES)))
+        plants.append(nominal.edited(*edits))
+    return plants
+
+
+@settings(max_examples=40)
+@given(families())
+def test_a_written_model_is_the_compiled_one_bit_for_bit(plants: list[MujocoPlant]) -> None:
+    batch, _ = batch_of(plants, 16, 1)
+    for index, plant in enumerate(plants):
+        compiled = plant.model_with_userdata(16)
+        assert differences(batch.get_model(index), compiled) == []
+        # Read before anything is compiled, and afterwards.
+        assert numbers(plant.edited(*plant.edits)) == numbers(plant)
+        written = plant.template(0).written(plant.edits)
+        assert written is not None
+        assert differences(written, plant.model_with_userdata(0)) == []
+
+
+def test_a_family_is_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    nominal = MujocoPlant.load("cart_pendulum").undrawn()
+    nominal.template(16)
+    plants = [nominal.edited(BodyEdit("pole", scale, scale)) for scale in (1.0, 1.5, 2.0)]
+    monkeypatch.setattr(MujocoPlant, "_compile", lambda *_: pytest.fail("compiled"))
+    batch, models = batch_of([*plants, plants[0]], 16, 1)
+    assert [batch.get_model(i).body("pole").mass[0] for i in range(4)] == pytest.approx(
+        [0.2, 0.3, 0.4, 0.2], rel=1e-12
+    )
+    assert len({id(model) for model in models}) == 1
+
+
+DRAWN, UNDRAWN = MujocoPlant.load("cart_pendulum"), MujocoPlant.load("cart_pendulum").undrawn()
+
+
+def with_a_massless_body() -> MujocoPlant:
+    """The pendulum with a body that weighs nothing."""
+    spec = UNDRAWN.spec.copy()
+    spec.body("pole").add_body(name="mount")
+    return MujocoPlant(UNDRAWN.system, spec)
+
+
+MASSLESS = with_a_massless_body()
+
+
+@pytest.mark.parametrize(
+    ("plant", "edits"),
+    [
+        (DRAWN, (BodyEdit("pole", 1.0, 2.0),)),
+        (UNDRAWN, (JointEdit("hinge", damping=1.0),)),
+        (UNDRAWN, (AddedMass("pole", 0.1),)),
+        (UNDRAWN, (BodyEdit("pole", 2.0), BodyEdit("pole", 3.0))),
+        (UNDRAWN, (BodyEdit("nobody", 2.0),)),
+        (MASSLESS, (BodyEdit("mount", 2.0),)),
+        (UNDRAWN, (InputEdit("nothing", 2.0),)),
+        (UNDRAWN, (BodyEdit("pole", 1e-300),)),
+        (UNDRAWN, (BodyEdit("pole", 1e200, 1e200),)),
+    ],
+    ids=lambda value: None if isinstance(value, MujocoPlant) else str(value[0]),
+)
+def test_what_only_a_compiler_can_tell_is_left_to_it(
+    plant: MujocoPlant, edits: tuple[Edit, ...]
+) -> None:
+    template = plant.template(0)
+    assert template.changes(edits) is None
+    assert template.written(edits) is None
+
+
+def test_masses_of_what_is_drawn_can_be_written() -> None:
+    assert DRAWN.template(0).changes((BodyEdit("pole", 2.0),)) is not None
+
+
+@pytest.mark.parametrize("numbers", [{"frictionloss": 0.1}, {"range": [-1.0, 1.0]}], ids=str)
+def test_a_model_with_constraints_is_compiled(numbers: dict[str, Any]) -> None:
+    """They are solved by a mean inertia that a compiler alone computes."""
+    spec = UNDRAWN.spec.copy()
+    joint = spec.joints[1]
+    for name, value in numbers.items():
+        setattr(joint, name, value)
+    joint.limited = int("range" in numbers)
+    plant = MujocoPlant(UNDRAWN.system, spec)
+    assert plant.template(0).changes((BodyEdit("pole", 2.0),)) is None
+
+
+def test_a_batch_with_one_that_must_be_compiled_compiles_all() -> None:
+    damped = UNDRAWN.edited(JointEdit("hinge", damping=1.0))
+    plants = [UNDRAWN.edited(BodyEdit("pole", 2.0)), damped]
+    batch, models = batch_of(plants, 16, 1)
+    assert models[0] is not models[1]
+    for index, plant in enumerate(plants):
+        assert differences(batch.get_model(index), plant.model_with_userdata(16)) == []
