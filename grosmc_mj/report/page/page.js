@@ -198,8 +198,9 @@
     // Chosen by numbers, as by dragging; an end that is left empty is none.
     const ends = all("[data-end]", home), fill = (values) => ends.forEach((each, k) => { each.value = values[k] ?? ""; });
     function mark(chosen) {
-      const at = new Set(chosen);
-      plot.data.forEach((trace, k) => { if (trace.customdata) Plotly.restyle(plot, { selectedpoints: [chosen && trace.customdata.flatMap((n, place) => (at.has(n) ? [place] : []))] }, [k]); });
+      // At once: each call draws all runs again.
+      const at = new Set(chosen), drawn = plot.data.flatMap((trace, k) => (trace.customdata ? [k] : []));
+      Plotly.restyle(plot, { selectedpoints: drawn.map((k) => plot.data[k].customdata.flatMap((n, place) => (at.has(n) ? [place] : []))) }, drawn);
     }
     function choose() {
       const [left, right, low, high] = ends.map((each) => (each.value === "" ? null : +each.value));
@@ -207,7 +208,7 @@
       const { points, ids } = own(), across = points[+x.value] ?? ids, up = points[+y.value] ?? ids;
       const within = (v, from, to) => (from == null || size(v) >= from) && (to == null || size(v) <= to);
       const chosen = ids.map((_, n) => n).filter((n) => within(across[n], left, right) && within(up[n], low, high));
-      Plotly.relayout(plot, { selections: [] });
+      if (plot.layout.selections?.length) Plotly.relayout(plot, { selections: [] });
       mark(chosen);
       list(chosen, `The worst of ${chosen.length} chosen runs`);
     }
