@@ -68,6 +68,7 @@ COMPUTED_TORQUE: Laws = {
     "lqi": lqi,
     "pid": pid,
     "adrc": adrc,
+    "adaptive": adaptive,
 }
 # Laws on the linearization about an operating point, and those of a model in MuJoCo with fewer
 # actuators than joints, which has no others.
@@ -146,7 +147,9 @@ def _ours(
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and np.ndim(value):
             _refuse(f"{name} = {shown(value)} must be a number")
-    given = {name: law_number(name, value, of_states=of_states) for name, value in numbers.items()}
+    given: dict[str, Any] = {
+        name: law_number(name, value, of_states=of_states) for name, value in numbers.items()
+    }
     return maker(task, **given)
 
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 
 
@@ -51,6 +53,21 @@ class LinearParametrization:
     def nominal(self) -> Callable[[Any], tuple[float, ...]]:
         """Jitable p -> theta of a plant's parameters, k numbers."""
         return generate("nominal", self.theta, "p", self._places(self.theta))
+
+    def inertia(self, q: Array, p: Any) -> Array:
+        """M(q) of a plant's parameters, (m, m), in the unit of the inputs per that of q''.
+
+        Args:
+            q: Positions, (m,).
+            p: The plant's parameters.
+        """
+        m, theta, zero = len(q), np.array(self.nominal(p)), np.zeros(len(q))
+        x = np.concatenate([q, zero])
+
+        def torques(a: Array) -> Array:
+            return np.reshape(self.regressor(x, zero, a, p), (m, -1)) @ theta
+
+        return np.column_stack([torques(a) - torques(zero) for a in np.eye(m)])
 
     def _places(self, expressions: Sequence[Any]) -> dict[sp.Symbol, str]:
         """Where generated functions find each symbol; those of the plant are fields of p."""

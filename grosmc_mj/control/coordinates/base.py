@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import require, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.chains import Chains
+from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.jitable import jitable
@@ -178,6 +179,18 @@ class OutputCoordinates(ABC):
         Raises:
             PremiseError: With the reason and what is possible instead.
         """
+
+    def torques(self, body: str | None = None) -> LinearTorques:
+        """The joints' torques, linear in what is unknown; for outputs that are all joints.
+
+        Args:
+            body: The body whose inertia is unknown; None for the system's own choice.
+
+        Raises:
+            ArgumentError: If there is no such body to choose.
+            PremiseError: If there are none.
+        """
+        raise PremiseError(f"adaptive: {self.system.name} has no torques Y theta")
 
     def workspace(self, p: Any) -> Workspace | None:
         """What the feedback of one run computes in, for ``memory.workspace``; None for nothing.

@@ -16,7 +16,8 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
-from grosmc_mj.errors import PremiseError
+from grosmc_mj.control.coordinates.torques import LinearTorques, torques_of
+from grosmc_mj.errors import ArgumentError, PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.equations import Equations
@@ -223,6 +224,28 @@ class ErrorCoordinates(OutputCoordinates):
         near = self.guess if near is None else near
         guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
         return self.linearization.place(self.placed(t, z, p), p.plant, guess)
+
+    def torques(self, body: str | None = None) -> LinearTorques:
+        """As for every coordinates: all parameters of the plant's torques are unknown.
+
+        Args:
+            body: None, for there is none to choose.
+
+        Raises:
+            ArgumentError: If a body is given.
+            PremiseError: If the system has no parametrization, or other outputs than its joints.
+        """
+        name, found = self.system.name, self.system.parametrization
+        joints = list(self.system.equations.x[: self.inputs]) if found else []
+        if found is None or list(found.q) != joints:
+            return super().torques(body)
+        if body is not None:
+            raise ArgumentError(f"adaptive: {name} has no body to choose: all of it is adapted")
+        if list(self.linearization.h) != joints:
+            raise PremiseError(
+                f"adaptive: the outputs of {name} must be its joints, {', '.join(map(str, joints))}"
+            )
+        return torques_of(found)
 
     def require_regular(self, p: Any) -> None:
         """Refuse outputs whose E is singular at zero error, as far as a state with it is found."""

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arguments import real
+from grosmc_mj.arguments import real, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Design, Sampled
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.task import Task, require_task
-from grosmc_mj.errors import GainError, PremiseError, shown
-from grosmc_mj.plants.parametrization import LinearParametrization
+from grosmc_mj.errors import GainError, shown
 from grosmc_mj.vectors import algebra, each, row_times
 
 
@@ -56,7 +56,11 @@ class AdaptiveLawMemory(Memory):
 
 
 def adaptive(
-    task: Task, frequency: float, adaptation: float, limit: float = math.inf
+    task: Task,
+    frequency: float,
+    adaptation: float,
+    limit: float = math.inf,
+    body: str | None = None,
 ) -> Controller:
     """Slotine and Li's adaptive law for a mechanical system with an input for each joint.
 
@@ -66,21 +70,28 @@ def adaptive(
     on V = s'M s/2 + |theta - theta*|^2/(2 gamma), V' = -s'K_D s: J.-J. E. Slotine and W. Li, "On
     the adaptive control of robot manipulators", International Journal of Robotics Research 6(3),
     1987. The estimates begin at the nominal parameters, a constant load on each joint among them
-    at zero, and take a step of Euler's method a sample. Nominally, without adaptation and as long
+    at zero, and take a step of Euler's method a sample: with gamma T |Y|^2 near 2 K_D they drift
+    instead of settling. Nominally, without adaptation and as long
     as the inertia stays what it is, both poles of the error are at -Lambda.
 
+    Of a robot what is unknown is the inertia of one body, ten parameters about the nominal ones,
+    beside the loads; all else is MuJoCo's nominal dynamics, which take the place of Y theta.
+
     Args:
-        task: What is designed for; the outputs must be the joints of a system with a
-            parametrization: the servo, the arm, the two-link arm.
+        task: What is designed for; the outputs must be the joints of a robot, or of a system with
+            a parametrization: the servo, the arm, the two-link arm.
         frequency: Lambda [1/s].
         adaptation: gamma, the same for all parameters in SI units.
         limit: Largest |u|, in the unit of the input: the estimates hold while an input is beyond.
+        body: Of a robot, the body that carries what is unknown; by default the one that its last
+            joint moves.
 
     Raises:
+        ArgumentError: If there is no such body.
         GainError: If a number is not positive.
         PremiseError: If the system has no parametrization, or other outputs than its joints.
     """
-    return _adaptive(task, frequency, adaptation, limit, linearizing=True)
+    return _adaptive(task, frequency, adaptation, limit, body, linearizing=True)
 
 
 def linear_adaptive(
@@ -98,11 +109,17 @@ def linear_adaptive(
         GainError: As for ``adaptive``.
         PremiseError: As for ``adaptive``.
     """
-    return _adaptive(task, frequency, adaptation, limit, linearizing=False)
+    return _adaptive(task, frequency, adaptation, limit, None, linearizing=False)
 
 
 def _adaptive(
-    task: Task, frequency: float, adaptation: float, limit: float, *, linearizing: bool
+    task: Task,
+    frequency: float,
+    adaptation: float,
+    limit: float,
+    body: str | None,
+    *,
+    linearizing: bool,
 ) -> Controller:
     require_task(task)
     for name, value in (("frequency", frequency), ("adaptation", adaptation)):
@@ -110,31 +127,24 @@ def _adaptive(
             raise GainError(f"adaptive: {name} = {shown(value)} must be finite and positive")
     if not real(limit) > 0:
         raise GainError(f"adaptive: limit = {shown(limit)} must be positive")
-    error, found = task.error, task.plant.system.parametrization
-    joints = list(task.plant.system.equations.x[: error.inputs]) if found else []
-    if found is None or not isinstance(error, ErrorCoordinates) or list(found.q) != joints:
-        raise PremiseError(f"adaptive: {task.plant.system.name} has no torques Y theta")
-    if list(error.linearization.h) != joints:
-        raise PremiseError(
-            f"adaptive: the outputs of {task.plant.system.name} must be its joints, "
-            f"{', '.join(map(str, joints))}"
-        )
-    plant, reference = task.plant.parameters, task.reference
-    q_d = np.array(error.reference(0.0, reference))[::3]
+    if body is not None:
+        require("adaptive: body", body, str, "the name of a body")
+    error, torques = task.error, task.error.torques(body)
+    q_d = np.array(error.reference(0.0, task.reference))[::3]
     parameters = AdaptiveParameters(
-        plant=plant,
-        reference=reference,
+        plant=task.plant.parameters,
+        reference=task.reference,
         frequency=float(frequency),
-        damping=frequency * inertia(found, q_d, plant),
+        damping=frequency * torques.inertia(q_d, task.plant.parameters),
         adaptation=float(adaptation),
         limit=float(limit),
     )
     optimum = task.optimum(linearizing=linearizing)
     return Controller(
         "adaptive",
-        slotine_li(error, found),
+        slotine_li(error, torques),
         parameters,
-        partial(_memory, error.inputs, found.count),
+        partial(_memory, error.inputs, torques.size),
         Design(
             error,
             optimum,
@@ -145,29 +155,12 @@ def _adaptive(
     )
 
 
-def inertia(found: LinearParametrization, q: Array, plant: Any) -> Array:
-    """M(q) of a plant's parameters, (m, m), in the unit of the input per that of q''.
-
-    Args:
-        found: The system's torques.
-        q: Positions, (m,).
-        plant: The plant's parameters.
-    """
-    m, theta, zero = len(q), np.array(found.nominal(plant)), np.zeros(len(q))
-    x = np.concatenate([q, zero])
-
-    def torques(a: Array) -> Array:
-        return np.reshape(found.regressor(x, zero, a, plant), (m, -1)) @ theta
-
-    return np.column_stack([torques(a) - torques(zero) for a in np.eye(m)])
-
-
 @cache
-def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
+def slotine_li(error: OutputCoordinates, found: LinearTorques) -> Law:
     """The law on some error coordinates, of one reference with two derivatives a joint."""
-    m, k, sign = error.inputs, found.count, float(error.sign)
+    m, k, sign = error.inputs, found.size, float(error.sign)
     error_state, reference, driven = error.state, error.reference, error.driven
-    regressor, nominal = found.regressor, found.nominal
+    nominal, known, regressor = found.nominal, found.known, found.regressor
     operations = algebra(m)
     store, given = operations.store, operations.given
     within, differ = operations.within, operations.differ
@@ -175,8 +168,8 @@ def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
     rates = each(m, lambda i, z, y, p: y[3 * i + 1] - sign * p.frequency * z[2 * i])
     accelerations = each(m, lambda i, z, y, p: y[3 * i + 2] - sign * p.frequency * z[2 * i + 1])
 
-    def torque(i: int, Y: Any, theta: Any, s: Any, p: Any) -> float:
-        total = -row_times(i, p.damping, s)
+    def torque(i: int, fixed: Any, Y: Any, theta: Any, s: Any, p: Any) -> float:
+        total = fixed[i] - row_times(i, p.damping, s)
         for j in range(k):
             total += Y[i * k + j] * theta[j]
         return total
@@ -185,13 +178,14 @@ def slotine_li(error: ErrorCoordinates, found: LinearParametrization) -> Law:
 
     def law(t: float, x: Any, memory: Any, p: Any) -> Any:
         if t == memory.first:
-            theta = nominal(p.plant)
+            theta = nominal(p)
             for j in range(k):
                 memory.theta[j] = theta[j]
         z, y = error_state(t, x, p), reference(t, p.reference)
         s = composite(z, p)
-        Y = regressor(x, rates(z, y, p), accelerations(z, y, p), p.plant)
-        u = torques(Y, memory.theta, s, p)
+        r, a = rates(z, y, p), accelerations(z, y, p)
+        fixed, Y = known(x, r, a, memory, p), regressor(x, r, a, memory, p)
+        u = torques(fixed, Y, memory.theta, s, p)
         store(memory.composite, s)
         store(memory.v, driven(t, x, u, memory, p))
         if not differ(within(u, p.limit), u):

@@ -16,7 +16,7 @@ from grosmc_mj.experiments.file.units import number_in
 
 
 def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
-    """A number, a matrix or an uncertainty.
+    """A number, a matrix, an uncertainty or the name of a body.
 
     Args:
         name: What it is called.
@@ -28,6 +28,10 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     """
     if name == "uncertainty":
         return (state_uncertainty if of_states else uncertainty)(value)
+    if name == "body":
+        if not isinstance(value, str):
+            raise ArgumentError(f"body = {shown(value)} must be a name")
+        return value
     if name in ("frequency", "bandwidth") and isinstance(value, str):
         try:
             return number_in(value, "rad/s")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,10 +14,13 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
 from grosmc_mj.control.coordinates.chains import Chains
+from grosmc_mj.control.coordinates.torques import LinearTorques
+from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.mjdata import scratch
 from grosmc_mj.simulation.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
+from grosmc_mj.simulation.robots.regressor import torques_of_body
 from grosmc_mj.vectors import Vector, algebra, each, signed_difference
 
 
@@ -31,9 +34,11 @@ class RobotCoordinates(OutputCoordinates):
 
     Attributes:
         model: The nominal model of the dynamics, see ``nominal_model``.
+        carriers: The body of that model that each body of the robot moves with, by its name.
     """
 
     model: mujoco.MjModel
+    carriers: Mapping[str, int]
 
     @cached_property
     def linearization(self) -> Chains:
@@ -112,6 +117,22 @@ class RobotCoordinates(OutputCoordinates):
             return rates(solve(M, subtract(u, h)), reference(t, p.reference))
 
         return jitable(driven)
+
+    def torques(self, body: str | None = None) -> LinearTorques:
+        """As for every coordinates: the inertia of one body is unknown, and loads on the joints.
+
+        Args:
+            body: Its name, or that of one that does not move against it; by default the body of
+                the last joint, the end of a serial arm.
+
+        Raises:
+            ArgumentError: If there is no such body, or it does not move.
+        """
+        if body is None:
+            return torques_of_body(self.model, int(self.model.jnt_bodyid[-1]))
+        if body not in self.carriers:
+            raise ArgumentError(f"adaptive: {unknown_name('body', body, self.carriers)}")
+        return torques_of_body(self.model, self.carriers[body])
 
     def workspace(self, p: Any) -> NominalData:
         """An mjData of the nominal model, for one run."""

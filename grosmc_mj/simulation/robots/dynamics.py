@@ -36,9 +36,9 @@ def _of_model_and_data(name: str) -> Any:
 
 
 # What inverse dynamics needs of ``mj_inverse``, which does twice as much: recursive Newton-Euler.
-_mj_kinematics, _mj_com_pos = _of_model_and_data("mj_kinematics"), _of_model_and_data("mj_comPos")
-_mj_com_vel, _mj_passive = _of_model_and_data("mj_comVel"), _of_model_and_data("mj_passive")
-_mj_rne = types.ExternalFunction(
+mj_kinematics, mj_com_pos = _of_model_and_data("mj_kinematics"), _of_model_and_data("mj_comPos")
+mj_com_vel, mj_passive = _of_model_and_data("mj_comVel"), _of_model_and_data("mj_passive")
+mj_rne = types.ExternalFunction(
     "mj_rne", types.void(types.voidptr, types.voidptr, types.int32, types.voidptr)
 )
 
@@ -127,7 +127,7 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
         A function (workspace, x, a) of the address of a ``NominalData``, the state x, (2 n,),
         and the accelerations a, (n,).
     """
-    _load_mujoco()
+    load_mujoco()
     data_dtype = mjdata_dtype("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
     entries = each(n, _total)
 
@@ -144,12 +144,12 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
             qpos[i] = x[i]
             qvel[i] = x[i + n]
             qacc[i] = a[i]
-        _mj_kinematics(m, d)
-        _mj_com_pos(m, d)
-        _mj_com_vel(m, d)
-        _mj_passive(m, d)
+        mj_kinematics(m, d)
+        mj_com_pos(m, d)
+        mj_com_vel(m, d)
+        mj_passive(m, d)
         result = pointer(arrays.qfrc_inverse)
-        _mj_rne(m, d, np.int32(1), result)
+        mj_rne(m, d, np.int32(1), result)
         # M a + h of the bodies, what drives the joints, and what acts without an input.
         bodies = numba.carray(result, (n,), np.float64)
         passive = numba.carray(pointer(arrays.qfrc_passive), (n,), np.float64)
@@ -163,7 +163,7 @@ def _total(i: int, bodies: Any, armature: Any, a: Any, passive: Any) -> float:
 
 
 @cache
-def _load_mujoco() -> None:
+def load_mujoco() -> None:
     """Let compiled code find MuJoCo's C functions by name.
 
     Raises:

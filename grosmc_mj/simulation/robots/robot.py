@@ -106,6 +106,17 @@ class Robot:
         """The model of the dynamics that the laws believe in."""
         return nominal_model(self.plant.spec)
 
+    @property
+    def _carriers(self) -> dict[str, int]:
+        """Which body of the nominal model each body that moves is a part of."""
+        full, found = self.plant.model, {}
+        for index in range(1, full.nbody):
+            carrier = full.body_weldid[index]
+            if carrier:  # not welded to the world
+                joint = full.body_jntadr[carrier]
+                found[full.body(index).name] = int(self.nominal.jnt_bodyid[joint])
+        return found
+
     def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
         """The errors of all joints from a reference in joint space.
 
@@ -113,7 +124,7 @@ class Robot:
         """
         if reference not in self._coordinates:
             self._coordinates[reference] = RobotCoordinates(
-                self.plant.system, reference, model=self.nominal
+                self.plant.system, reference, model=self.nominal, carriers=self._carriers
             )
         return self._coordinates[reference]
 

@@ -17,7 +17,7 @@ from shipped import REGULATION, task_of
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
-from grosmc_mj.control.rivals.adaptive import adaptive, inertia, linear_adaptive
+from grosmc_mj.control.rivals.adaptive import adaptive, linear_adaptive
 from grosmc_mj.control.rivals.integral import linear_lqi, linear_pid, lqi, pid
 from grosmc_mj.control.rivals.observer import adrc, linear_adrc, observer
 from grosmc_mj.control.task import Task
@@ -310,7 +310,7 @@ def test_lyapunov_function_falls_as_s_K_D_s(design, wrong):
     off = np.vstack([found.nominal(p.plant), result.memory["theta"][:-1]]) - theta
     s, count = result.memory["composite"], len(result.memory["theta"])
     kinetic = [
-        s[k] @ inertia(found, result.state[k, :m], plant.parameters) @ s[k] for k in range(count)
+        s[k] @ found.inertia(result.state[k, :m], plant.parameters) @ s[k] for k in range(count)
     ]
     V = np.array(kinetic) / 2 + np.sum(off**2, axis=1) / (2 * p.adaptation)
     # Friction of the servo takes its share, as another K_D.
