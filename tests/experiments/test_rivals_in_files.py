@@ -65,7 +65,7 @@ def test_a_number_of_the_file_counts_and_may_have_its_unit(tmp_path: Path):
         ("arm", "adrc", 'switching = "implicit"', "it does not switch, so it has no switching"),
         ("arm", "adaptive", "adaptation = 0", "adaptation = 0 must be finite and positive"),
         ("cart_pendulum", "adaptive", "frequency = 1\nadaptation = 1", "has no torques Y theta"),
-        ("two_link_arm", "lqi", "", "lqi needs integral_weight"),
+        ("servo", "pd", "", "pd needs frequency"),
         ("two_link_arm", "adaptive", "frequency = 1\nadaptation = 1", "must be its joints, q1, q2"),
     ],
 )

@@ -16,6 +16,7 @@ from grosmc_mj.experiments.file.tables.laws import ControllerTable
 from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, compared, rivals
 from grosmc_mj.studies.rivals.report import BEGIN, END, rivals_table, write_page
 from grosmc_mj.studies.rivals.tuning import (
+    NOMINAL,
     NUMBERS,
     allowed,
     budget,
@@ -31,7 +32,7 @@ TUNED = [(system, law) for system in SYSTEMS for law in NUMBERS]
 
 @cache
 def nominal(system: str) -> Experiment:
-    return Experiment.load(f"{system}/nominal")
+    return Experiment.load(f"{system}/{NOMINAL[system]}")
 
 
 @cache
@@ -57,7 +58,7 @@ def test_numbers_of_the_case_files_are_those_that_the_rule_chooses(system: str, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("system", ["servo", "arm"])
+@pytest.mark.parametrize("system", ["servo", "arm", "two_link_arm"])
 def test_adaptive_law_s_numbers_are_those_that_the_rule_chooses(system: str) -> None:
     """For the next larger adaptation, of one digit, there is no frequency."""
     experiment = nominal(system)
@@ -121,7 +122,7 @@ SLIDING = ("grosmc", "grosmc-implicit")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("system", ["servo", "cart_pendulum"])
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum", "two_link_arm"])
 def test_grosmc_stays_ten_times_closer_to_the_optimum_than_the_best_rival(system: str) -> None:
     """As the page says; and what that costs."""
     runs = by_law(system)
@@ -134,6 +135,17 @@ def test_grosmc_stays_ten_times_closer_to_the_optimum_than_the_best_rival(system
     sign, smooth = (runs[law].variation for law in SLIDING)
     assert sign > 100 * max(row.variation for law, row in runs.items() if law not in SLIDING)
     assert smooth < 1.3 * best.variation
+
+
+@pytest.mark.slow
+def test_an_integral_leaves_less_in_the_end_than_sign_switching_on_the_two_link_arm() -> None:
+    """And the implicit law the least; the closest of the others asks for the least input."""
+    runs = by_law("two_link_arm")
+    for law in ("adrc", "adaptive"):
+        assert 10 * runs[law].remaining < runs["grosmc"].remaining
+        assert runs["grosmc-implicit"].remaining < runs[law].remaining
+    assert 0.95 < runs["adrc"].peak / runs["grosmc-implicit"].peak < 1.0
+    assert runs["adaptive"].peak > runs["grosmc"].peak
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import numpy as np
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
 
-SYSTEMS = ("servo", "cart_pendulum", "arm")
+SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # What the error of the end is the largest of [s].
 END = 1.0
 
@@ -22,10 +22,12 @@ class Rival(NamedTuple):
         system: Name of the system.
         law: Name of the controller.
         settling: Time to within 2 % of the start's error, up to the load [s]; infinite for never.
-        deviation: max |y - y*|, y* the nominal optimum of the law, in the unit of the output.
-        remaining: max |e| in the last second, in the unit of the output.
-        peak: max |u|, in the unit of the input.
-        variation: Total variation of u per second, in the unit of the input per second: chatter.
+        deviation: max |y - y*|, y* the nominal optimum of the law, in the unit of the output; of
+            several outputs, the norm.
+        remaining: max |e| in the last second, in the unit of the output; of several, the norm.
+        peak: Largest entry of |u|, in the unit of the input.
+        variation: Total variation of u per second, in the unit of the input per second: chatter;
+            of several inputs, by the norm of their changes.
         kept: Whether all that the case requires is kept.
         output_unit: Unit of the output.
         input_unit: Unit of the input.
@@ -54,22 +56,24 @@ def rivals(system: str) -> list[Rival]:
 
 
 def compared(run: RunResult) -> Rival:
-    """What a run of one input is compared by."""
+    """What a run is compared by; its outputs have one unit, and its inputs one."""
     found, law = run.trajectory, run.controller
     values = {name: metric.value for name, metric in run.metrics.items()}
-    e = law.coordinates.along(found.time, found.state, law.parameters)[:, 0]
+    z = law.coordinates.along(found.time, found.state, law.parameters)
+    e = np.linalg.norm(z[:, list(law.coordinates.output_rows)], axis=1)
     last = e[found.time >= found.time[-1] - END]
+    u = found.input if found.input.ndim > 1 else found.input[:, None]
     return Rival(
         system=run.case.name,
         law=law.name,
         settling=_or_never(values["settling_time"]),
         deviation=_or_never(values["deviation"]),
-        remaining=math.inf if run.ended else float(np.abs(last).max()),
+        remaining=math.inf if run.ended else float(last.max()),
         peak=_or_never(values["max_input"]),
-        variation=float(np.abs(np.diff(found.input)).sum() / found.time[-1]),
+        variation=float(np.linalg.norm(np.diff(u, axis=0), axis=1).sum() / found.time[-1]),
         kept=all(each.kept for each in run.requirements),
         output_unit=law.coordinates.output_units[0],
-        input_unit=law.designed.error.system.input.unit,
+        input_unit=law.designed.error.system.inputs[0].unit,
     )
 
 

@@ -30,6 +30,13 @@ NUMBERS: Mapping[str, str] = {
     "pid": "frequency",
     "adrc": "bandwidth",
 }
+# The nominal case of each system, in which the outputs of all its laws are the joints.
+NOMINAL: Mapping[str, str] = {
+    "servo": "nominal",
+    "cart_pendulum": "nominal",
+    "arm": "nominal",
+    "two_link_arm": "regulation",
+}
 WITHIN = 0.05
 SAMPLES = 30.0
 # Frequencies of the adaptive law that are tried [1/s].
@@ -55,10 +62,12 @@ def response(experiment: Experiment, law: str, **numbers: float) -> Response:
 
     Args:
         experiment: The nominal case.
-        law: A law of its file.
+        law: A controller of the case, or a law of its file.
         numbers: By their names.
     """
-    table = ControllerTable.model_validate({"law": law, **numbers})
+    run = (each for each in experiment.file.controller if each.called == law)
+    known = next(run, ControllerTable(law=law)).model_dump(exclude_unset=True)
+    table = ControllerTable.model_validate({**known, **numbers})
     changed = experiment.file.model_copy(update={"controller": [table]})
     metrics = replace(experiment, file=changed).run(law=law).metrics
     settling, peak = metrics["settling_time"].value, metrics["max_input"].value
