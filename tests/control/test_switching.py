@@ -191,7 +191,9 @@ def test_crossings_of_a_case_are_per_second(monkeypatch: pytest.MonkeyPatch) -> 
     row = measure_case(SwitchingRun(find_experiment("servo", "nominal"), "sign", "printed", H))
     assert row.crossings == 249 / 0.25
     value = {name: metric.value or 0.0 for name, metric in result.metrics.items()}
-    assert row.cost_ratio == value["cost_whole"] / value["cost_optimal"]
+    assert row.cost_continuous == value["cost_continuous"] / value["cost_optimal"]
+    spent = (value["cost_whole"] - value["cost_continuous"]) / 0.25
+    assert row.cost_rate == pytest.approx(spent / value["cost_optimal"], rel=1e-12)
 
 
 def test_order_of_a_power_is_its_exponent():
@@ -491,6 +493,7 @@ def test_figure_is_drawn_from_its_rows_alone(tmp_path):
             1.0,
             1.0,
             1.0,
+            1.0,
         )
         for name in LAWS
     ]
@@ -551,9 +554,25 @@ def test_estimate_is_as_accurate_as_sign_for_a_hundredth_of_its_variation(system
 @pytest.mark.parametrize("surface", ["printed", "discrete"])
 @pytest.mark.parametrize("name", ["implicit", "implicit-estimate"])
 def test_implicit_laws_cost_the_optimum_in_the_nominal_case(name, surface):
-    """J with the whole input within 1 % of J*; the sign law's is 68 times J*."""
-    assert at_1_khz("servo", "nominal", name, surface).cost_ratio == pytest.approx(1, abs=0.01)
-    assert at_1_khz("servo", "nominal", "sign", surface).cost_ratio > 50
+    """J of u_c within 1 % of J*, and u_d costs nothing; the sign law's costs J* each second."""
+    found = at_1_khz("servo", "nominal", name, surface)
+    sign = at_1_khz("servo", "nominal", "sign", surface)
+    assert found.cost_continuous == pytest.approx(1, abs=0.01)
+    assert sign.cost_continuous == pytest.approx(1, abs=0.01)
+    assert abs(found.cost_rate) < 1e-3
+    assert sign.cost_rate > 1
+
+
+@pytest.mark.slow
+def test_cost_of_a_law_does_not_grow_with_the_length_of_a_settled_run() -> None:
+    """J with the whole input does, almost in proportion; u_d costs most in the transient."""
+    short = find_experiment("servo", "nominal")
+    long = replace(short, case=replace(short.case, duration=2 * short.case.duration))
+    found = [measure_case(SwitchingRun(each, "sign", "printed", H)) for each in (short, long)]
+    assert found[1].cost_rate == pytest.approx(found[0].cost_rate, rel=0.25)
+    whole = [row.cost_continuous + row.cost_rate * n for row, n in zip(found, (1, 2), strict=True)]
+    assert whole[1] > 1.5 * whole[0]
+    assert found[1].cost_continuous == pytest.approx(found[0].cost_continuous, rel=0.01)
 
 
 def needed(law: Controller, system: str, case: str, name: str) -> tuple[float, float, float]:
@@ -620,7 +639,7 @@ def test_other_laws_spare_the_input_with_the_declared_numbers(system, case):
     for name in ("super-twisting", "adaptive"):
         row = at_1_khz(system, case, name)
         assert row.total_variation < 0.1 * sign.total_variation
-        assert row.cost_ratio < 0.5 * sign.cost_ratio
+        assert row.cost_rate < 0.5 * sign.cost_rate
 
 
 @pytest.mark.slow

@@ -234,7 +234,8 @@ class RequirementTable(Table):
         cart_travel_below: How far the cart goes from its start [m].
         no_reaching_phase: The sliding variable starts at zero, as an integral surface does by its
             definition; of the laws that have one by default.
-        cost_ratio_below: J with the whole input over J*.
+        cost_ratio_below: J with the whole input over J*. Of a law that chatters it grows with the
+            run's length: the limit belongs to this file's duration.
     """
 
     of: list[str] | None = Field(None, min_length=1)

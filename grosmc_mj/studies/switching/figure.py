@@ -174,7 +174,7 @@ def _case(panels: Sequence[Axes], rows: Sequence[CaseRow]) -> None:
         values = (
             [row.deviation for row in found],
             [row.total_variation for row in found],
-            [row.cost_ratio for row in found],
+            [row.cost_rate for row in found],
         )
         for axes, y in zip(panels, values, strict=True):
             _curve(
@@ -186,6 +186,8 @@ def _case(panels: Sequence[Axes], rows: Sequence[CaseRow]) -> None:
     name = f"{system.title}, {run.case}"
     _log(panels[0], f"{name}: max |x₁ − x₁*|", f"deviation [{output}]")
     _log(panels[1], f"{name}: variation of u", f"variation of u [{u}/s]")
-    _log(panels[2], f"{name}: J of all u over J*", "J / J*")
-    panels[2].axhline(1.0, color=OPTIMUM, lw=0.9, ls=(0, (2, 2)))
+    _log(panels[2], f"{name}: cost of u_d per second", "over J* [1/s]")
+    # What makes up for a load may cost less than nothing: u_d spares what u_c would spend.
+    panels[2].set_yscale("symlog", linthresh=1e-2)
+    panels[2].axhline(0.0, color=OPTIMUM, lw=0.9, ls=(0, (2, 2)))
     panels[2].yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))

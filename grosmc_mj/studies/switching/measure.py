@@ -233,7 +233,9 @@ class CaseRow(NamedTuple):
         rms_sliding: RMS of s.
         total_variation: Of the input per second, in its unit.
         crossings: Changes of the sign of s per second.
-        cost_ratio: J with the whole input over J*.
+        cost_continuous: J with the continuous part of the input over J*.
+        cost_rate: What the rest of the input costs a second, over J* [1/s]: J with the whole input
+            grows with the run's length.
         ended: Empty, or why the run ended early.
     """
 
@@ -243,7 +245,8 @@ class CaseRow(NamedTuple):
     rms_sliding: float
     total_variation: float
     crossings: float
-    cost_ratio: float
+    cost_continuous: float
+    cost_rate: float
     ended: str = ""
 
 
@@ -322,8 +325,9 @@ def measure_case(planned: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
     result = run_experiment(planned, timestep)
     trajectory = result.trajectory
     assert trajectory.sliding is not None
-    value = {name: metric.value for name, metric in result.metrics.items()}
-    found = {name: math.nan if x is None else x for name, x in value.items()}
+    names = (*result.metrics, "cost_continuous_share", "cost_rate")
+    values = (metric.value for metric in (*result.metrics.values(), *result.cost_shares))
+    found = {k: math.nan if v is None else v for k, v in zip(names, values, strict=True)}
     return CaseRow(
         run=planned,
         deviation=found["deviation"],
@@ -331,6 +335,7 @@ def measure_case(planned: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
         rms_sliding=found["rms_sliding"],
         total_variation=found["total_variation"],
         crossings=crossings(trajectory.sliding) / float(trajectory.time[-1]),
-        cost_ratio=found["cost_whole"] / found["cost_optimal"],
+        cost_continuous=found["cost_continuous_share"],
+        cost_rate=found["cost_rate"],
         ended=result.ended,
     )

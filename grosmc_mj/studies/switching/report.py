@@ -116,14 +116,15 @@ def _cases_table(rows: Sequence[CaseRow]) -> Table:
             *words("case", "law", "surface"),
             *numbers(
                 f"max|x1-x1*|\n[{output}]", "max|s|", "RMS s", "zeros\nper s",
-                f"variation of u\n[{u}/s]", "J of all u\nover J*",
+                f"variation of u\n[{u}/s]", "J of u_c\nover J*", "u_d costs\nper s, over J*",
             ),
         ],
         [
             (
                 row.run.case, row.run.law, row.run.surface,
                 number(row.deviation), number(row.max_sliding), number(row.rms_sliding),
-                number(row.crossings), number(row.total_variation), f"{row.cost_ratio:.4g}",
+                number(row.crossings), number(row.total_variation),
+                f"{row.cost_continuous:.4g}", number(row.cost_rate),
             )
             for row in rows
             if is_shown(row.run.control_period)

@@ -27,7 +27,8 @@ class SwitchingCommand(Command):
     On a scalar with a sine disturbance, whose input gain is right or wrong by a factor, and on the
     chapter's cases in MuJoCo under GROSMC, or on a case of your own, with the printed and with the
     discrete-time surface: largest |s|, distance from the optimal trajectory, zero crossings, total
-    variation of the input, J of the whole input over J*. switching.json and the figure,
+    variation of the input, J of its continuous part over J* and what the rest costs a second.
+    switching.json and the figure,
     switching.png and switching.svg, go to --out.
 
     Attributes:
@@ -109,7 +110,7 @@ def _answer(
         own = [
             each for each in cases if each.run.law == row.law and is_shown(each.run.control_period)
         ]
-        worst = max(own, key=lambda each: each.cost_ratio)
+        worst = max(own, key=lambda each: each.cost_rate)
         rows.append(
             (
                 row.law,
@@ -117,12 +118,12 @@ def _answer(
                 f"{found[row.law]:.2f}",
                 number(row.total_variation / OWN_VARIATION),
                 f"{min(diverging):.2f}" if diverging else "-",
-                f"{worst.cost_ratio:.4g}",
+                number(worst.cost_rate),
                 f"{worst.run.system}/{worst.run.case}",
             )
         )
     columns = (
-        "law", "max|s|", "order", "variation u / w", "diverges from r", "J / J*, worst", "in",
+        "law", "max|s|", "order", "variation u / w", "diverges from r", "u_d per s / J*", "in",
     )  # fmt: skip
     title = "Scalar s' = r u + 0.5 sin 2πt, and the cases in MuJoCo; the most chatter first"
     console.print(screen.brief_table(title, columns, rows))
