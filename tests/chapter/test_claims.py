@@ -756,6 +756,40 @@ def test_every_fault_is_noticed() -> None:
         assert not {"pendulum-eq40", "arm-eq57"} & caught[name]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("verdict", "claim", "name"),
+    [
+        (Verdict.SUPPORTED, "servo-unknown-gains", "disturbance dropped"),
+        (Verdict.REFUTED, "servo-sliding-dynamics", "integral left out"),
+        (Verdict.UNDETERMINED, "pendulum-disturbance-lqr", "decimal point misplaced"),
+        (Verdict.PREMISE_NOT_MET, "servo-sliding-dynamics", "zero switching gain"),
+        (Verdict.INCONCLUSIVE, "servo-load-lqr", "wrong sign of u"),
+    ],
+)
+def test_a_fault_brings_each_verdict_about(verdict: Verdict, claim: str, name: str) -> None:
+    """Of a claim whose verdict in a sound laboratory is another one."""
+    assert BY_ID[claim].verdicts["physics"] is not verdict
+    (found,) = self_test(Settings(), [BY_ID[claim]], [fault(name)], Batch())
+    assert found.claims == (claim,)
+    assert found.became == (verdict,)
+
+
+def test_the_kinds_of_verdict_that_faults_bring_about_are_all() -> None:
+    marks: Any = getattr(test_a_fault_brings_each_verdict_about, "pytestmark", ())
+    (cases,) = (mark.args[1] for mark in marks if mark.name == "parametrize")
+    assert {verdict for verdict, _, _ in cases} == set(Verdict)
+
+
+@pytest.mark.parametrize(("system", "case"), [("servo", "case1"), ("arm", "case1")])
+def test_misplaced_decimal_point_scales_every_wrench(system: str, case: str) -> None:
+    experiment = find_experiment(system, case)
+    found = fault("decimal point misplaced").experiment(experiment).case
+    for was, now in zip(experiment.case.disturbances, found.disturbances, strict=True):
+        assert np.array(now.wrench) == pytest.approx(10 * np.array(was.wrench))
+        assert replace(now, wrench=was.wrench) == was
+
+
 def test_a_claim_that_has_noticed_is_asked_no_more() -> None:
     """Every fault is still put in, and asked of others as long as nobody notices."""
     claims = [find_claim("pendulum-eq40"), find_claim("arm-eq57")]

@@ -120,6 +120,14 @@ def _printed_physics(plant: Plant, _experiment: Experiment, _name: PlantName) ->
     return plant.analytic(plant.system.variants[0])
 
 
+def _tenfold(experiment: Experiment) -> Experiment:
+    pushes = [
+        replace(each, wrench=tuple(10 * entry for entry in each.wrench))
+        for each in experiment.case.disturbances
+    ]
+    return experiment.varied(disturbances=tuple(pushes))
+
+
 def _slowly(settings: Settings) -> Settings:
     return replace(settings, control_period=10 * settings.control_period)
 
@@ -137,6 +145,11 @@ FAULTS = (
         "disturbance dropped",
         "no wrench reaches the plant",
         experiment=lambda experiment: experiment.varied(disturbances=()),
+    ),
+    Fault(
+        "decimal point misplaced",
+        "every wrench is ten times as large",
+        experiment=_tenfold,
     ),
     Fault("gravity upside down", "gravity points up in MuJoCo", plant=_gravity_up),
     Fault("slow sampling", "the law runs every 10 ms", settings=_slowly),
