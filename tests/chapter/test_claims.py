@@ -39,6 +39,7 @@ from grosmc_mj.chapter.claims.ledger import (
     select_claims,
     verdict_differences,
 )
+from grosmc_mj.chapter.claims.measurements.theory import left_unseen, optimal_gain
 from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.chapter.claims.self_test import Caught, self_test
 from grosmc_mj.chapter.claims.sweep import STORED, stored_flips, sweep
@@ -157,6 +158,27 @@ def test_the_record_of_sweeps_is_about_these_claims_and_choices() -> None:
     for claim in CLAIMS:
         if claim.verdicts[claim.plants[-1]] is Verdict.UNDETERMINED:
             assert stored_flips()[claim.id]
+
+
+def test_optimal_gain_is_riccati_s_where_the_weight_sees_every_state() -> None:
+    """And with a weight that does not see the angle the least P is singular."""
+    linear = sound("servo", "lqr").designed.lqr
+    K, P = optimal_gain(linear.A, linear.B, np.eye(2))
+    assert pytest.approx(linear.K, rel=1e-6) == K
+    assert pytest.approx(linear.P, rel=1e-6) == P
+    K, P = optimal_gain(linear.A, linear.B, np.diag([0.0, 1.0]))
+    assert np.abs(linear.A.T @ P + P @ linear.A - K.T @ K + np.diag([0.0, 1.0])).max() < 1e-6
+    assert np.abs(np.linalg.eigvals(linear.A - linear.B @ K)).min() == 0.0
+    assert np.linalg.eigvalsh(P).min() == 0.0
+
+
+@pytest.mark.slow
+def test_what_the_weight_sees_settles() -> None:
+    lab = Laboratory(Settings())
+    seen, unseen = (left_unseen(lab, "physics", angle=angle).value for angle in (1.0, 0.0))
+    assert seen == pytest.approx(0.0, abs=1e-3)
+    assert unseen is not None
+    assert unseen > 50
 
 
 def test_claim_of_a_variation_names_the_declared_range() -> None:
