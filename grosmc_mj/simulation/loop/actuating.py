@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from grosmc_mj.jitable import jitable
-from grosmc_mj.simulation.loop.sensing import quantized
+from grosmc_mj.simulation.loop.sensing import quantized, ring_row
 
 # Entries of a row of ``LoopMemory.lags``.
 _RATED, _FIRST, _SECOND = range(3)
 
 
 @jitable
-def lagged(u: float, tau: float, order: int, row: Any) -> float:
-    """The mean over a timestep of u behind one or two lags of tau timesteps.
+def lagged(u: float, tau: float, kept: float, order: int, row: Any) -> float:
+    """The mean over a timestep of u behind one or two lags of tau timesteps, exp(-1/tau) kept.
 
     ``row`` has the lags' outputs, which are brought to the end of the timestep: with the input held
     they are exact, and so is the integral of what comes out.
     """
-    kept = math.exp(-1.0 / tau)
     first, second = row[_FIRST], row[_SECOND]
     row[_FIRST] = u + (first - u) * kept
     mean = u - tau * (row[_FIRST] - first)
@@ -37,17 +35,16 @@ def actuating(m: int) -> Callable[[int, Any, Any], None]:
 
     @jitable
     def actuate(i: int, loop: Any, q: Any) -> None:
-        room = loop.queue.shape[0]
         for j in range(m):
             a = i - int(q.delay) - int(q.actuators[j, 0])
-            u = q.rest[j] if a < 0 else loop.queue[a % room, j]
+            u = q.rest[j] if a < 0 else loop.queue[ring_row(a, loop.queue), j]
             limit, change, tau = q.actuators[j, 2], q.actuators[j, 3], q.actuators[j, 4]
             u = min(limit, max(-limit, quantized(u, q.actuators[j, 1])))
             before = loop.lags[j, _RATED]
             u = min(before + change, max(before - change, u))
             loop.lags[j, _RATED] = u
             if tau > 0.0:
-                u = lagged(u, tau, int(q.actuators[j, 5]), loop.lags[j])
+                u = lagged(u, tau, q.actuators[j, 7], int(q.actuators[j, 5]), loop.lags[j])
             dead = q.actuators[j, 6]
             if dead > 0.0:
                 u = max(u - dead, 0.0) + min(u + dead, 0.0)

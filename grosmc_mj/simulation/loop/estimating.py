@@ -19,7 +19,7 @@ from typing import Any
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.loop.design_model import Advance
 from grosmc_mj.simulation.loop.numbers import ESO, FILTERED, HIGH_GAIN, LEVANT
-from grosmc_mj.simulation.loop.sensing import measured_at
+from grosmc_mj.simulation.loop.sensing import measured_at, ring_row
 
 # Entries of a row of ``LoopMemory.rates``.
 _BEGUN, _POSITION, _RATE, _LOAD, _LAST, _AT = range(6)
@@ -67,7 +67,7 @@ def _update(row: Any, kind: float, number: float, y: float, T: float, gained: fl
 @jitable
 def put_out(a: int, j: int, loop: Any, q: Any) -> float:
     """Input j as it was put out in timestep a, within the limits that the law knows."""
-    asked = q.rest[j] if a < 0 else loop.queue[a % loop.queue.shape[0], j]
+    asked = q.rest[j] if a < 0 else loop.queue[ring_row(a, loop.queue), j]
     return min(q.known_limit[j], max(-q.known_limit[j], asked))
 
 
@@ -146,7 +146,7 @@ def rate_estimating(
             if own[_BEGUN] == 0.0:
                 own[_BEGUN], own[_POSITION], own[_LAST], own[_AT] = 1.0, y, y, at
                 if q.estimators[row, 4] != 0.0:
-                    own[_RATE] = loop.past[i % loop.past.shape[0], of]
+                    own[_RATE] = loop.past[ring_row(i, loop.past), of]
             elif at > own[_AT]:
                 # A sensor of its own pace has a clock; else the computer's own pace is believed.
                 T = (at - own[_AT]) * q.timestep if period > 0 else q.period
@@ -176,7 +176,7 @@ def filtering(n: int, m: int, move: Advance) -> Callable[..., None]:
         for j in range(n):
             loop.model[j] = loop.observed[j]
             if loop.sample == 0.0 and q.settled != 0.0:
-                loop.model[j] = loop.past[i % loop.past.shape[0], j]
+                loop.model[j] = loop.past[ring_row(i, loop.past), j]
         if loop.sample > 0.0 and fresh:
             moved(i, t, memory, p)
         for j in range(n):

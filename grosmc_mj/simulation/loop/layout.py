@@ -258,6 +258,7 @@ def _actuator_rows(loop: Loop, system: System, timestep: float) -> Array:
             a.lag / timestep,
             a.order,
             a.dead_zone,
+            math.exp(-timestep / a.lag) if a.lag > 0 else 0.0,
         )
         for a in actuators
     ]

@@ -18,7 +18,7 @@ from grosmc_mj.simulation.loop.estimating import (
     put_out,
     rate_estimating,
 )
-from grosmc_mj.simulation.loop.sensing import sensing
+from grosmc_mj.simulation.loop.sensing import ring_row, sensing
 from grosmc_mj.vectors import algebra, each
 
 
@@ -53,7 +53,7 @@ def looped_law_of(
     def looped_law(t: float, x: Any, memory: Any, p: Any) -> Any:
         loop, q = memory.loop, p.loop
         i, k = int(loop.step), int(loop.sample)
-        row = i % loop.past.shape[0]
+        row = ring_row(i, loop.past)
         for j in range(n):
             loop.past[row, j] = x[j]
         if loop.step >= loop.due:
@@ -80,7 +80,7 @@ def looped_law_of(
                 store(loop.output, u)
             loop.sample = k + 1.0
             loop.due = (k + 1) * q.stride + late(k + 1, q)
-        row = i % loop.queue.shape[0]
+        row = ring_row(i, loop.queue)
         for j in range(m):
             loop.queue[row, j] = loop.output[j]
         actuate(i, loop, q)

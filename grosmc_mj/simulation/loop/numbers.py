@@ -31,7 +31,7 @@ class LoopNumbers:
         settled: 1 if it begins settled.
         oldest: Age of what it goes by.
         actuators: Delay, resolution, limit, change in a timestep, time constant over the timestep,
-            order and dead zone of each input, (m, 7).
+            order, dead zone and what a lag keeps over a timestep, of each input, (m, 8).
         rest: Input before the first output arrives, (m,).
         dead: Dead time that the law knows of.
         age: Of what it sees, which is part of that; at the start it sees the start itself.

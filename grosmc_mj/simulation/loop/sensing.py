@@ -23,6 +23,12 @@ def quantized(value: float, q: float) -> float:
 
 
 @jitable
+def ring_row(i: int, ring: Any) -> int:
+    """Where a ring, of a power of two rows, keeps timestep i: no division, which is slow."""
+    return i & (ring.shape[0] - 1)
+
+
+@jitable
 def measured_at(i: int, delay: int, period: int) -> int:
     """The timestep of what a sensor tells in timestep i; before its first, the start."""
     a = i - delay
@@ -37,10 +43,9 @@ def sensing(n: int) -> Callable[[int, Any, Any], None]:
 
     @jitable
     def sense(i: int, loop: Any, q: Any) -> None:
-        room = loop.past.shape[0]
         for j in range(n):
             a = measured_at(i, int(q.sensors[j, 4]), int(q.sensors[j, 5]))
-            value, noise = loop.past[a % room, j], q.sensors[j, 1]
+            value, noise = loop.past[ring_row(a, loop.past), j], q.sensors[j, 1]
             value += q.sensors[j, 2] + q.sensors[j, 3] * (a * q.timestep)
             if noise > 0.0:
                 value += noise * normal(q.seed, q.run, j, a)
