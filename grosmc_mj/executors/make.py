@@ -18,6 +18,15 @@ _MOST_WORKERS = 1024
 EXECUTORS = ("batch", "processes", "dask")
 
 
+def executor_for(parts: int) -> Executor:
+    """Who does so many parts of some work: this process does one, processes do several.
+
+    Args:
+        parts: How many.
+    """
+    return Batch() if parts == 1 else Processes(cpu_count())
+
+
 def make_executor(
     name: str, *, workers: int | None = None, scheduler: str | None = None
 ) -> Executor:

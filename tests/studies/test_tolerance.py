@@ -16,6 +16,8 @@ from matplotlib.text import Text
 
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.executors.batch import Batch
+from grosmc_mj.executors.processes import Processes
 from grosmc_mj.report.document import json_text
 from grosmc_mj.studies.tolerance import measure
 from grosmc_mj.studies.tolerance.answers import (
@@ -28,7 +30,7 @@ from grosmc_mj.studies.tolerance.answers import (
 )
 from grosmc_mj.studies.tolerance.document import tolerance_document, tolerances_in
 from grosmc_mj.studies.tolerance.figure import write_tolerance_figure
-from grosmc_mj.studies.tolerance.measure import Tolerance, tolerances
+from grosmc_mj.studies.tolerance.measure import Tolerance, tolerances, tolerances_of_laws
 from grosmc_mj.studies.tolerance.page import tolerances_text
 from grosmc_mj.studies.tolerance.search import LEAST, MOST, RESOLUTION, Search, Span
 from grosmc_mj.studies.tolerance.setting import Setting, setting
@@ -229,6 +231,20 @@ def test_physics_is_asked_about_the_least_and_what_is_next_to_a_limit(
         measure, "_confirmed", lambda *given: dict.fromkeys(confirmed(*given), False)
     )
     assert [row.agreed for row in asked()] == [False] * 4
+
+
+@pytest.mark.slow
+def test_laws_asked_in_processes_answer_as_here(tmp_path: Path) -> None:
+    two = '[[controller]]\nlaw = "grosmc"\n\n[[controller]]'
+    text = FILE.replace("[[controller]]", two, 1).replace("60 s", "2 s").replace("50 s", "1 s")
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    studied = setting(str(path), ["lqr", "implicit"])
+    here, there = (
+        dict(tolerances_of_laws(studied, 1, executor)) for executor in (Batch(), Processes(2))
+    )
+    assert here == there
+    assert [rows[0].law for _, rows in sorted(here.items())] == ["lqr", "implicit"]
 
 
 @pytest.mark.slow

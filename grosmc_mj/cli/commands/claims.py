@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from grosmc_mj.chapter.claims.claim import Claim, Finding
-    from grosmc_mj.executors import Executor
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
 
@@ -182,11 +181,12 @@ class ClaimsCommand(Command):
         from grosmc_mj.chapter.claims.faults import FAULTS
         from grosmc_mj.chapter.claims.self_test import self_test
         from grosmc_mj.chapter.claims_tables import caught_table
+        from grosmc_mj.executors import executor_for
         from grosmc_mj.report.document import origin, write_json
 
         with screen.progress(len(chosen), "claims") as advance:
             found = self_test(
-                settings, chosen, FAULTS, _executor(chosen), advance, thorough=self.verbose
+                settings, chosen, FAULTS, executor_for(len(chosen)), advance, thorough=self.verbose
             )
         noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
         write_json(self.out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
@@ -223,15 +223,10 @@ def judge_in_processes(
 ) -> list[Finding]:
     """Judge claims on all cores."""
     from grosmc_mj.chapter.claims.judging import judge_claims
+    from grosmc_mj.executors import executor_for
 
-    return judge_claims(lab, chosen, _executor(chosen), advance, screen.notice)
-
-
-def _executor(chosen: Sequence[Claim]) -> Executor:
-    """This process for a claim, whose runs are drawn afterwards; processes for several."""
-    from grosmc_mj.executors import make_executor
-
-    return make_executor("batch" if len(chosen) == 1 else "processes")
+    # Of one claim the runs are drawn afterwards: they are made here.
+    return judge_claims(lab, chosen, executor_for(len(chosen)), advance, screen.notice)
 
 
 def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:

@@ -12,10 +12,11 @@ that loads both calls one of them for the other (numba issue 10486). Here the nu
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import Enum, EnumMeta
 from functools import partial
 from pathlib import Path
@@ -207,8 +208,21 @@ def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
     # Without a folder that could hold a cache, compile each time.
     if _cache() is not None:
         compiled._cache = _FingerprintCache(function)
-    compiled.compile()
+    with _without_collector():
+        compiled.compile()
     return compiled
+
+
+@contextlib.contextmanager
+def _without_collector() -> Iterator[None]:
+    """Leave the garbage be: a compilation makes little, and looking for it takes a sixth of it."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def compile_python(function: Callable[..., Any]) -> Any:

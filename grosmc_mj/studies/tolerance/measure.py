@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.studies.agreement.band import FACTOR, LEAST_BAND
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
@@ -134,8 +136,48 @@ class _Question:
         )
 
 
+def tolerances_of_laws(
+    studied: Setting,
+    seeds: int,
+    executor: Executor,
+    notice: Notice = lambda _: None,
+    *,
+    every: bool = False,
+) -> Iterator[tuple[int, list[Tolerance]]]:
+    """Ask about each law of a target, several at once; which it is, and what it stands.
+
+    Args:
+        studied: The target.
+        seeds: As for ``tolerances``.
+        executor: Who asks; a process reads the target again.
+        notice: Told of a worker that died and was replaced.
+        every: As for ``tolerances``.
+    """
+    asking = _Asking(studied, seeds, executor.threads_per_worker, every)
+    known = {each: each for each in studied.imperfections}
+    with closing(executor.run(asking, range(len(studied.laws)), notice)) as answers:
+        for each in answers:
+            # What has travelled is a copy.
+            rows = [row._replace(imperfection=known[row.imperfection]) for row in each.report]
+            yield each.index, rows
+
+
+@dataclass(frozen=True)
+class _Asking:
+    """The work of a process: a law of a target."""
+
+    studied: Setting
+    seeds: int
+    threads: int
+    every: bool
+
+    def __call__(self, index: int, /) -> list[Tolerance]:
+        law = self.studied.laws[index]
+        return tolerances(self.studied, law, self.seeds, self.threads, every=self.every)
+
+
 def tolerances(
-    studied: Setting, law: StudiedLaw, seeds: int, *, every: bool = False
+    studied: Setting, law: StudiedLaw, seeds: int, threads: int = 0, *, every: bool = False
 ) -> list[Tolerance]:
     """How much of each imperfection a law stands under each condition.
 
@@ -143,12 +185,13 @@ def tolerances(
         studied: The target.
         law: One of its laws.
         seeds: Runs of a loop in which something is random.
+        threads: For its runs; 0 for all cores.
         every: Whether physics is asked at both ends of each answer of the equations, instead of
             those that matter: of the least one over the conditions for each imperfection those
             next to a limit, the least of all, and some at random.
     """
     first, *rest = studied.plants
-    trials = Trials(studied, law, first, seeds)
+    trials = Trials(studied, law, first, seeds, threads)
     questions = [
         _Question.of(imperfection, condition)
         for imperfection in studied.imperfections
@@ -157,7 +200,7 @@ def tolerances(
     _answer(questions, trials, _asks)
     agreed: dict[_Question, bool] = {}
     if rest:
-        physics = Trials(studied, law, rest[0], seeds)
+        physics = Trials(studied, law, rest[0], seeds, threads)
         if every:
             agreed = _confirmed(questions, physics)
         else:

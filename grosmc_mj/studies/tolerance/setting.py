@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiments
@@ -37,6 +38,7 @@ class Setting:
         laws: The laws.
         imperfections: What of the loop is varied.
         conditions: The nominal one first.
+        named: The target as it was asked for.
     """
 
     experiment: Experiment
@@ -45,6 +47,11 @@ class Setting:
     laws: Sequence[StudiedLaw]
     imperfections: Sequence[Imperfection]
     conditions: Sequence[Condition]
+    named: str
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What another process gets: the target, to be read there."""
+        return setting, (self.named, [law.name for law in self.laws])
 
     @property
     def target(self) -> str:
@@ -91,4 +98,5 @@ def setting(target: str, chosen: Sequence[str] = ()) -> Setting:
         laws=chosen_laws(laws_of(bare), chosen),
         imperfections=imperfections(owner.case.loop, bare.nominal.system, timestep, period),
         conditions=conditions_of(bare),
+        named=target,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,23 +56,29 @@ class ToleranceCommand(Command):
 
     def execute(self) -> int:
         """Search, write, print, draw."""
-        from grosmc_mj.studies.tolerance.measure import tolerances
+        from grosmc_mj.executors import executor_for
+        from grosmc_mj.studies.tolerance.measure import tolerances_of_laws
         from grosmc_mj.studies.tolerance.setting import setting
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
         began = time.perf_counter()
         studied = setting(self.target, self.laws)
-        rows: list[Tolerance] = []
+        found: dict[int, list[Tolerance]] = {}
         each_has = len(studied.imperfections) * len(studied.conditions)
         with (
-            screen.kept_on_interrupt(lambda: self._write(studied, rows, complete=False)),
+            screen.kept_on_interrupt(
+                lambda: self._write(studied, _in_order(found), complete=False)
+            ),
             screen.progress(len(studied.laws) * each_has, "answers") as advance,
         ):
-            for law in studied.laws:
-                advance(law.name, 0)
-                rows += tolerances(studied, law, self.seeds, every=self.every_end)
-                advance(law.name, each_has)
+            executor = executor_for(len(studied.laws))
+            for index, rows in tolerances_of_laws(
+                studied, self.seeds, executor, screen.notice, every=self.every_end
+            ):
+                found[index] = rows
+                advance(studied.laws[index].name, each_has)
+        rows = _in_order(found)
         files = self._write(studied, rows, complete=True)
         console = screen.console()
         _answer(console, studied, rows, full=self.verbose)
@@ -95,6 +101,11 @@ class ToleranceCommand(Command):
         write_json(target, tolerance_document(studied, rows, self.seeds, complete=complete))
         figure = write_tolerance_figure(studied, rows, base.with_suffix(".png"))
         return target, figure
+
+
+def _in_order(found: Mapping[int, Sequence[Tolerance]]) -> list[Tolerance]:
+    """What has been found, law by law."""
+    return [row for _, rows in sorted(found.items()) for row in rows]
 
 
 def _answer(console: Console, studied: Setting, rows: Sequence[Tolerance], *, full: bool) -> None:
