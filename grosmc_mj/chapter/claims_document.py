@@ -18,6 +18,7 @@ def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
         "system": claim.system,
         "source": claim.source,
         "statement": claim.statement,
+        "quote": claim.quote,
         "equation": claim.equation,
         "criterion": claim.criterion,
         "sense": claim.sense,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, Verdict
 from grosmc_mj.chapter.claims.ledger import by_cause
+from grosmc_mj.chapter.claims.slips import slips
 from grosmc_mj.chapter.claims.sweep import flips_of
 from grosmc_mj.chapter.claims_figures import write_picture
 from grosmc_mj.chapter.claims_tables import decisive, shown, turning
@@ -58,7 +59,9 @@ def _page(
         "of it: a verdict that changes in between, or a run that ends early, is inconclusive. "
         "*printed* are the chapter's equations with its misprints, *corrected* the energy-true "
         "ones, *physics* is MuJoCo, which integrates the same ideal machine independently. No "
-        "sample proves a theorem: what is supported was not refuted by what was measured."
+        "sample proves a theorem: what is supported was not refuted by what was measured. "
+        "Quotes are the chapter's. Its figures were not at hand: what it says of them is taken "
+        "from its text."
     )
     yield ""
     yield (
@@ -69,14 +72,23 @@ def _page(
         "said. Only choices that a statement is meant for every value of make it undetermined; the "
         "others are varied all the same, and what turns with them is [below](#what-turns)."
     )
+    yield ""
+    yield (
+        "*Found* is the value on the plant that decides: physics or, where it cannot be asked, the "
+        "equations. Of a statement that is meant for every value of a choice, or for some, it is "
+        "the one that comes nearest to what is needed. What the chapter does not print (weights of "
+        "the pendulum, G, η, γ0, γ1, regions, durations, T itself) stands with its reason in "
+        "[the case files](../grosmc_mj/cases). Indices are those of the whole run."
+    )
+    yield from _counts(findings)
     yield from _causes(findings)
     for kind in Kind:
         own = [finding for finding in findings if finding.claim.kind is kind]
         yield ""
         yield f"## {kind.plural.capitalize()}"
         yield ""
-        yield "| claim | system | statement and criterion | found | needed | verdict |"
-        yield "|---|---|---|---:|---:|---|"
+        yield "| claim | system | statement and criterion | of | found | needed | verdict |"
+        yield "|---|---|---|---|---:|---:|---|"
         for finding in own:
             claim = finding.claim
             unit = "" if claim.unit == "1" else f" {claim.unit}"
@@ -85,14 +97,39 @@ def _page(
             name = f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id
             yield (
                 f"| {name} | {find_system(claim.system).title} "
-                f"| {_cell(claim.statement)}: {_cell(claim.criterion)} "
+                f"| {_cell(claim.statement)}: {_cell(claim.criterion)} | {_cell(claim.source)} "
                 f"| {value} | {sign} {claim.threshold:g}{unit} "
                 f"| {finding.verdict.value}{' *' if turning(finding) else ''} |"
             )
         for finding in own:
             if _is_told(finding):
                 yield from _story(finding, figures, home)
+    yield from _slips()
     yield from _turning(findings)
+
+
+def _counts(findings: Sequence[Finding]) -> Iterator[str]:
+    """How many of each kind have which verdict."""
+    yield ""
+    yield f"| | {' | '.join(each.value for each in Verdict)} | all |"
+    yield f"|---|{'---:|' * (len(Verdict) + 1)}"
+    for kind in Kind:
+        own = [each.verdict for each in findings if each.claim.kind is kind]
+        counts = [str(own.count(each) or "") for each in Verdict]
+        yield f"| {kind.plural} | {' | '.join(counts)} | {len(own)} |"
+
+
+def _slips() -> Iterator[str]:
+    """What is written otherwise than it is meant: a line each."""
+    yield ""
+    yield "## Slips"
+    yield ""
+    yield "What is meant is plain and nothing turns on it: none of these is judged or counted."
+    yield ""
+    yield "| where | written | meant |"
+    yield "|---|---|---|"
+    for slip in slips():
+        yield f"| {' | '.join(map(_cell, slip))} |"
 
 
 def _turning(findings: Sequence[Finding]) -> Iterator[str]:
@@ -117,15 +154,22 @@ def _causes(findings: Sequence[Finding]) -> Iterator[str]:
     """Why claims are not supported: a line a cause."""
     causes = by_cause(findings)
     yield ""
-    kinds = [each.claim.kind for own in causes.values() for each in own]
-    counts = ", ".join(f"{kinds.count(kind)} {kind.plural}" for kind in Kind)
-    yield f"Not supported are {counts}, for {len(causes)} causes."
+    yield f"What is not supported has {len(causes)} causes, the chapter's first."
     yield ""
-    yield "| cause | statements |"
-    yield "|---|---|"
+    yield "| cause | statements of the chapter | questions of this project |"
+    yield "|---|---|---|"
+    rows = []
     for cause, own in causes.items():
-        named = ", ".join(f"[{each.claim.id}](#{each.claim.id})" for each in own)
-        yield f"| {_cell(cause)} | {named} |"
+        asked = [each for each in own if each.claim.kind is Kind.QUESTION]
+        stated = [each for each in own if each not in asked]
+        rows.append((not stated, f"| {_cell(cause)} | {_links(stated)} | {_links(asked)} |"))
+    for _, row in sorted(rows, key=lambda each: each[0]):
+        yield row
+
+
+def _links(findings: Sequence[Finding]) -> str:
+    """To the stories of claims."""
+    return ", ".join(f"[{each.claim.id}](#{each.claim.id})" for each in findings)
 
 
 def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterator[str]:
@@ -135,6 +179,9 @@ def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterato
     yield f"### {claim.id}"
     yield ""
     yield f"**{claim.statement}** ({claim.source}): **{finding.verdict.value}**."
+    if claim.quote:
+        yield ""
+        yield f"> {claim.quote}"
     if claim.equation:
         yield ""
         yield f"$${claim.equation}$$"

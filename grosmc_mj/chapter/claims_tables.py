@@ -98,6 +98,8 @@ def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
     yield Text.assemble((claim.id, "bold"), "  ", word(finding.verdict))
     yield from _paragraph("statement", claim.statement)
     yield from _paragraph("source", claim.source)
+    if claim.quote:
+        yield from _paragraph("in words", f'"{claim.quote}"')
     if claim.equation:
         yield from _paragraph("equation", in_text(claim.equation))
     yield from _paragraph("criterion", claim.criterion)

@@ -141,8 +141,10 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
 def laws_of(experiment: Experiment) -> list[StudiedLaw]:
     """The file's laws that do not switch, and its law that does with every switching law.
 
+    What its system's other cases share with it may not fit its task, and is left out.
+
     Raises:
-        ArgumentError: If a law cannot be designed.
+        ArgumentError: If a law that the case runs cannot be designed.
     """
     file, plant = experiment.file, experiment.nominal.truest
     names = dict.fromkeys([*file.laws, *experiment.controllers])
@@ -154,7 +156,12 @@ def laws_of(experiment: Experiment) -> list[StudiedLaw]:
         if table in seen:
             continue
         seen.append(table)
-        made = experiment.law(plant, name)
+        try:
+            made = experiment.law(plant, name)
+        except GrosmcError:
+            if name in experiment.controllers:
+                raise
+            continue
         if made.design is None:
             continue
         if made.design.with_reach is None:

@@ -133,7 +133,6 @@ def measurement(claim: Claim) -> tuple[Any, dict[str, Any]]:
     ("one", "other"),
     [
         ("pendulum-region", "pendulum-region-lqr"),
-        ("pendulum-rest-grosmc", "pendulum-rest-lqr"),
         ("pendulum-disturbance-grosmc", "pendulum-disturbance-lqr"),
         ("servo-load-grosmc", "servo-load-lqr"),
     ],
@@ -884,7 +883,7 @@ def test_explain_tells_the_story_and_draws_it(
 
 
 KEYS = {
-    "equation",
+    "equation", "quote",
     "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
     "word", "kind", "quantifier", "choices", "cause", "near_its_threshold", "turns", "verdict",
     "because", "untested", "plants", "expected",

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from grosmc_mj import cli
+from grosmc_mj import cli, executors
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.processes import Processes
@@ -176,6 +176,12 @@ def test_requirements_are_asked_of_every_law() -> None:
 def test_what_cannot_be_studied_is_said(target: str, laws: tuple[str, ...], said: str) -> None:
     with pytest.raises(ArgumentError, match=said):
         setting(target, laws)
+
+
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm", "two_link_arm", "jaco"])
+def test_every_bench_is_ready_to_be_studied(system: str) -> None:
+    names = [law.name for law in setting(system).laws]
+    assert {"lqr", "implicit", "implicit, predicted"} <= set(names)
 
 
 def test_a_file_that_requires_nothing_is_refused(tmp_path: Path) -> None:
@@ -375,12 +381,13 @@ def test_a_figure_names_its_case_and_cuts_nothing_off(
 def test_what_was_found_before_an_interrupt_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(studied: Setting, law: object, seeds: int, *, every: bool) -> list[Tolerance]:
+    def interrupted(studied: Setting, law: object, *_: object, **__: object) -> list[Tolerance]:
         if law is studied.laws[-1]:
             raise KeyboardInterrupt
         return made_up(studied)
 
     monkeypatch.setattr(measure, "tolerances", interrupted)
+    monkeypatch.setattr(executors, "executor_for", lambda _: Batch())
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "tolerance", "arm", "--laws", "lqr", "pid", "--out", str(tmp_path)])
     assert stop.value.code == 130

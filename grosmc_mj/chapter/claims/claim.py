@@ -130,6 +130,7 @@ class Claim:
         system: System that it is about.
         statement: The chapter's words, in short and paraphrased.
         source: Section, figure and equation.
+        quote: The words that it is the statement of; empty for a question of this project's.
         criterion: What is measured and what it must be.
         why: Why this threshold.
         measure: The measurement, on one plant.
@@ -165,6 +166,7 @@ class Claim:
     reason: str
     untested: str
     kind: Kind = Kind.CLAIM
+    quote: str = ""
     word: str = ""
     choices: tuple[Choice, ...] = ()
     every: tuple[str, ...] = ()
@@ -189,6 +191,8 @@ class Claim:
             return f"for {how} tried of: {', '.join(meant)}"
         if self.kind is Kind.QUESTION and not self.choices:
             return "for the numbers declared here"
+        if self.kind is Kind.PROOF and not self.choices:
+            return "for all that it allows: one counterexample refutes it"
         if all(choice.printed for choice in self.choices):
             return "for the printed numbers"
         return "for the printed numbers, and those declared here where none is printed"

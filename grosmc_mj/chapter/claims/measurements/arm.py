@@ -16,7 +16,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     leaving_the_surface,
     of,
     sliding,
-    within,
 )
 from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.experiments.catalogue import find_experiment
@@ -35,30 +34,38 @@ PAYLOADS = ((0.5, 2.0), (0.8, 1.25))
 
 # What an error is a percentage of [rad]: e1(0), and the amplitude of y_r = sin(pi t).
 _SIZES = {"start": 0.5, "amplitude": 1.0}
+# Of y_r [rad] and of its rate [rad/s].
+_AMPLITUDES = (1.0, math.pi)
 
 
-def tracking(lab: Laboratory, plant: PlantName, *, statistic: str, percent_of: str) -> Measured:
-    """Peak or RMS of e1 from 3 s on, in percent of the start or of the amplitude."""
-    return _late_error(lab, plant, 0, statistic, _SIZES[percent_of])
+def tracking(lab: Laboratory, plant: PlantName, *, statistic: str, arrived: float) -> Measured:
+    """Peak or RMS of e1 in percent of the amplitude, once the optimum's is below ``arrived``."""
+    return _late_error(lab, plant, 0, statistic, arrived)
 
 
-def rate_tracking(lab: Laboratory, plant: PlantName, *, statistic: str) -> Measured:
-    """Peak or RMS of e2 from 3 s on, in percent of the amplitude of the reference's rate."""
-    return _late_error(lab, plant, 1, statistic, math.pi)
+def rate_tracking(lab: Laboratory, plant: PlantName, *, statistic: str, arrived: float) -> Measured:
+    """Peak or RMS of e2, likewise, in percent of the amplitude of the reference's rate."""
+    return _late_error(lab, plant, 1, statistic, arrived)
 
 
 def _late_error(
-    lab: Laboratory, plant: PlantName, column: int, statistic: str, size: float
+    lab: Laboratory, plant: PlantName, column: int, statistic: str, arrived: float
 ) -> Measured:
-    """One error from 3 s on, in percent of a size."""
+    """One error in percent of its amplitude, after the start has passed.
+
+    That is, for good, where the nominal optimum's own error is below so many percent of it.
+    """
     result = lab.case(_SYSTEM, "case1", plant, "grosmc")
-    after = within(result.comparison.time, 3.0)
-    if not after.any():
-        return Measured(None, result.ended, broken=True)
-    error = result.comparison.z[after, column]
+    amplitude, time = _AMPLITUDES[column], result.comparison.time
+    away = np.flatnonzero(np.abs(result.comparison.optimal[:, column]) > arrived / 100 * amplitude)
+    begin = int(away[-1]) + 1 if len(away) else 0
+    if begin >= len(time) - 1:
+        return Measured(None, result.ended or "the optimum is still on its way", broken=True)
+    error = result.comparison.z[begin:, column]
     values = {"peak": np.abs(error).max(), "RMS": np.sqrt(np.mean(error**2))}
-    note = ", ".join(f"{name} {100 / size * value:.3g} %" for name, value in values.items())
-    return of(result, 100 / size * float(values[statistic]), note)
+    said = ", ".join(f"{name} {100 / amplitude * value:.3g} %" for name, value in values.items())
+    value = 100 / amplitude * float(values[statistic])
+    return of(result, value, f"{said} from {time[begin]:.3g} s on")
 
 
 def rejection(lab: Laboratory, plant: PlantName, *, percent_of: str) -> Measured:

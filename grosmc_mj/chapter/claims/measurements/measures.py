@@ -104,15 +104,35 @@ def changed_response(
     return of(broken or results[0], change)
 
 
+def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, cases: Sequence[str]) -> Measured:
+    """max |y - y*| under GROSMC over that under the LQR, the worst of some cases."""
+    ratios, said = [], []
+    for case in cases:
+        results = [lab.case(system, case, plant, name) for name in ("grosmc", "lqr")]
+        judged = [of(each, from_optimum(each.comparison)) for each in results]
+        if broken := [each for each in judged if each.broken]:
+            return broken[0]
+        ours, theirs = (each.value or 0.0 for each in judged)
+        ratios.append(ours / theirs)
+        said.append(f"{case} {ours:.3g} % against {theirs:.3g} %")
+    return Measured(max(ratios), ", ".join(said))
+
+
 def excess_cost(
-    lab: Laboratory, plant: PlantName, *, system: str, case: str, name: str
+    lab: Laboratory,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+    name: str,
+    controller: str = "grosmc",
 ) -> Measured:
-    """J over J*, less 1, in percent, under GROSMC."""
-    result = lab.case(system, case, plant, "grosmc")
+    """J over J*, less 1, in percent."""
+    result = lab.case(system, case, plant, controller)
     J, least = result.metrics[name].value, result.metrics["cost_optimal"].value
     assert J is not None
     assert least is not None
-    return of(result, 100 * (J / least - 1))
+    return of(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
 
 
 def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:

@@ -12,10 +12,13 @@ import scipy.optimize
 
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, surface_memory, within
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.metrics import overshoot
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.plants import Plant
 from grosmc_mj.premises.balance import switching_rate
 
 
@@ -35,6 +38,20 @@ def overshoot_growth(lab: Laboratory, plant: PlantName) -> Measured:
     return of(results[0], values[0] - values[1], f"{values[0]:.2g} % against {values[1]:.2g} %")
 
 
+def largest_overshoot(lab: Laboratory, plant: PlantName) -> Measured:
+    """The robust law's largest overshoot over all cases, in percent of the step."""
+    worst, said = 0.0, []
+    for case in ("nominal", "case1", "case2"):
+        result = lab.case("servo", case, plant, "grosmc")
+        value = overshoot(result.comparison.z[:, 0]).value
+        judged = of(result, value)
+        if judged.broken or value is None:
+            return judged
+        worst = max(worst, value)
+        said.append(f"{case} {value:.2g} %")
+    return Measured(worst, ", ".join(said))
+
+
 def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measured:
     """By how much 3J lowers a measure of the LQR loop's relative stability, in percent.
 
@@ -43,21 +60,7 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
     found = []
     for name in ("nominal", "case2"):
         case = find_experiment("servo", name)
-        law = lab.controller(case, plant, "lqr")
-        derivative = lab.plant(case, plant).derivative
-        p, memory = law.parameters, law.memory()
-        rest, step = np.array([law.coordinates.reference(0.0, p.reference)[0], 0.0]), 1e-5
-
-        def rates(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            x = rest + d  # noqa: B023  used in this turn only
-            u = law.law(1.0, x, memory, p)  # noqa: B023
-            return derivative(x, u, np.zeros(6)), derivative(x, 0.0, np.zeros(6))  # noqa: B023
-
-        sides = [(rates(d), rates(-d)) for d in step * np.eye(2)]
-        closed, A = (
-            np.column_stack([(ahead[i] - behind[i]) / (2 * step) for ahead, behind in sides])
-            for i in (0, 1)
-        )
+        closed, A = _linearized(lab.plant(case, plant), lab.controller(case, plant, "lqr"))
         phase, delay = _margins(A, closed)
         found.append(
             {
@@ -74,6 +77,42 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
         for name, unit in units.items()
     )
     return Measured(100 * float(1 - heavier[measure] / nominal[measure]), note)
+
+
+def _linearized(plant: Plant, law: Controller) -> tuple[np.ndarray, np.ndarray]:
+    """x' of the plant at rest by x, under the law and without input, by central differences."""
+    p, memory, step = law.parameters, law.memory(), 1e-5
+    rest = np.array([law.coordinates.reference(0.0, p.reference)[0], 0.0])
+
+    def rates(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x = rest + d
+        u = law.law(1.0, x, memory, p)
+        return plant.derivative(x, u, np.zeros(6)), plant.derivative(x, 0.0, np.zeros(6))
+
+    sides = [(rates(d), rates(-d)) for d in step * np.eye(2)]
+    closed, A = (
+        np.column_stack([(ahead[i] - behind[i]) / (2 * step) for ahead, behind in sides])
+        for i in (0, 1)
+    )
+    return closed, A
+
+
+def slowest_of_definite(lab: Laboratory, plant: PlantName) -> Measured:
+    """The largest real part of a pole under (5), over semidefinite Q with a positive definite P.
+
+    100 random Q of rank one; the others of them have a singular P, of which (5)-(7) say nothing.
+    """
+    case = find_experiment("servo", "nominal")
+    law, on = lab.controller(case, plant, "lqr"), lab.plant(case, plant)
+    design, random = law.designed.lqr, np.random.default_rng(0)
+    poles = []
+    for angle in random.uniform(-math.pi / 2, math.pi / 2, 100):
+        q = np.array([math.cos(angle), math.sin(angle)])
+        made = lqr(design.A, design.B, np.outer(q, q), design.R)
+        if np.linalg.eigvalsh(made.P).min() > 0:
+            told = replace(law, parameters=replace(law.parameters, K=made.K))
+            poles.append(float(np.linalg.eigvals(_linearized(on, told)[0]).real.max()))
+    return Measured(max(poles), f"{len(poles)} weights of rank one with P > 0")
 
 
 def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
@@ -94,18 +133,22 @@ def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
 def undercut(lab: Laboratory, plant: PlantName, *, over: str) -> Measured:
     """How far below J* the index (13) can go, in percent, over ``u_c`` or over ``any u_d``.
 
-    On s = 0 the motion is x' = (A - B K') x with u_c = -K' x, all of which (13) weighs. With
+    On s = 0 the motion is x' = (A - B K') x with u_c = -K' x, all of which (13) weighs: other K'
+    are compared with the law's own, on the plant. With
     u_c = -K x it is the integral of x'(Q + K'RK)x/2, to which u_d adds no cost: the least of it is
     that of an LQR whose further input costs next to nothing. A law without u_d has none.
     """
-    law = lab.controller(find_experiment("servo", "nominal"), plant, "grosmc")
+    case = find_experiment("servo", "nominal")
+    law = lab.controller(case, plant, "grosmc")
     design, x0 = law.designed.lqr, np.array([1.0, 0.0])
     if switching_rate(law, x0, design.B[1:]) == 0:
         return Measured(0.0, "the law has no input that (13) leaves out")
     if over == "u_c":
+        closed, _ = _linearized(lab.plant(case, plant), lab.controller(case, plant, "lqr"))
         tried = [(a, b) for a in np.linspace(0.5, 2.0, 31) for b in np.linspace(0.5, 2.0, 31)]
-        least = min(_index(design, design.K * np.array(factors), x0) for factors in tried)
-        ratio = least / design.optimal_cost(x0)
+        gains = [design.K * np.array(factors) for factors in tried]
+        least = min(_index(design, K, design.A - design.B @ K, x0) for K in gains)
+        ratio = least / _index(design, design.K, closed, x0)
         return Measured(100 * (ratio - 1), f"{len(tried)} gains from half to twice of K")
     weight = design.Q + design.K.T @ design.R @ design.K
     hurried = lqr(design.A - design.B @ design.K, design.B, weight, 1e-4)
@@ -113,9 +156,8 @@ def undercut(lab: Laboratory, plant: PlantName, *, over: str) -> Measured:
     return Measured(100 * (ratio - 1), "linear feedback as u_d, priced at a ten-thousandth")
 
 
-def _index(design: LqrDesign, K: np.ndarray, x0: np.ndarray) -> float:
-    """J of u = -K x from a start; infinite if it is not stable."""
-    closed = design.A - design.B @ K
+def _index(design: LqrDesign, K: np.ndarray, closed: np.ndarray, x0: np.ndarray) -> float:
+    """J of u = -K x along x' = closed x from a start; infinite if it is not stable."""
     if np.linalg.eigvals(closed).real.max() >= 0:
         return math.inf
     P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(design.Q + K.T @ design.R @ K))

@@ -45,16 +45,25 @@ def _declared(lab: Laboratory, system: str) -> tuple[float, tuple[tuple[float, f
 
 
 def slowest_approach(
-    lab: Laboratory, plant: PlantName, *, system: str, rate: float | None = None
+    lab: Laboratory,
+    plant: PlantName,
+    *,
+    system: str,
+    rate: float | None = None,
+    epsilon: float | None = None,
+    torque: float = 0.0,
 ) -> Measured:
     """The largest s' sgn(s) + eta over the declared family, by the plant's own accelerations.
 
-    eta is the rate that the gains are declared for, unless another one is given.
+    eta is the rate that the gains are declared for, unless another one is given; so are epsilon
+    and the largest disturbance [N m] where nothing is declared.
     The continuous reading: at each state the law is asked on both sides of its surface, and s'
     follows from x' there and then, without a time step.
     """
     declared, scales, wrench = _declared(lab, system)
+    wrench = wrench + torque * np.eye(len(wrench))[-2]
     rate = declared if rate is None else rate
+    lab = lab if epsilon is None else lab.varied("laws.grosmc.epsilon", epsilon)
     random, worst, own = np.random.default_rng(1), -np.inf, None
     body = find_system(system).uncertain_body
     for index in range(_PLANTS):
