@@ -33,16 +33,16 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     """The loops, each baseline before what is compared with it."""
     experiment = find_experiment("cart_pendulum", "nominal")
     case, controller = experiment.case, experiment.law("physics", "grosmc")
-    h = float(plant.model.opt.timestep)
+    h = plant.step_length
 
     looped = in_loop(
         controller, _every_part(), plant.system, control_period=h, timestep=h, predict=True
     )
 
     def open_loop_one() -> Callable[[], object]:
-        data = mujoco.MjData(plant.model)
+        data = mujoco.MjData(plant.any_model)
         data.qpos[1] = case.x0[1]
-        return lambda: mujoco.mj_step(plant.model, data, nstep=_STEPS[1])
+        return lambda: mujoco.mj_step(plant.any_model, data, nstep=_STEPS[1])
 
     def native(name: str, law: Controller, many: int, beside: str, **how: bool) -> TimedLoop:
         starts = np.tile(case.x0, (many, 1))
@@ -51,7 +51,8 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     few = _STEPS[1] // 10
 
     def python_loop() -> Callable[[], object]:
-        model, data, memory = plant.model, mujoco.MjData(plant.model), controller.memory()
+        model, memory = plant.any_model, controller.memory()
+        data = mujoco.MjData(model)
         data.qpos[1] = case.x0[1]
 
         def run() -> None:

@@ -26,6 +26,7 @@ from grosmc_mj.simulation.machine.stability import refuse_unstable
 from grosmc_mj.simulation.machine.unseen import UnseenState, unseen_states
 from grosmc_mj.simulation.models.checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models.files import compile_spec, load_spec, model_path
+from grosmc_mj.simulation.models.undrawn import undrawn
 from grosmc_mj.simulation.template import Template
 
 _INTEGRATORS: dict[int, Integrator] = {
@@ -34,7 +35,9 @@ _INTEGRATORS: dict[int, Integrator] = {
 }
 
 
-# Compiled nominal models by their spec, for as long as a plant has it.
+# Specs without what is only drawn, and compiled nominal models, by the spec for as long as a plant
+# has it.
+_undrawn_specs: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjSpec] = WeakKeyDictionary()
 _nominal_models: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjModel] = WeakKeyDictionary()
 # What edits are written into, by spec and by timestep, integrator and room in userdata.
 _templates: WeakKeyDictionary[mujoco.MjSpec, dict[tuple[Any, ...], Template]] = WeakKeyDictionary()
@@ -46,8 +49,15 @@ _as_made: WeakKeyDictionary[mujoco.MjSpec, str] = WeakKeyDictionary()
 def _nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The compiled nominal model, for thousands of edits of one spec compiled once."""
     if spec not in _nominal_models:
-        _nominal_models[spec] = compile_spec(spec)
+        _nominal_models[spec] = compile_spec(_undrawn_spec(spec))
     return _nominal_models[spec]
+
+
+def _undrawn_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """The nominal model without what is only drawn, made once."""
+    if spec not in _undrawn_specs:
+        _undrawn_specs[spec] = undrawn(spec)
+    return _undrawn_specs[spec]
 
 
 @cache
@@ -257,28 +267,31 @@ class MujocoPlant(Plant):
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The compiled model, to look at: ``simulate`` refuses a plant whose model was changed."""
+        """The compiled model as it is drawn, to look at; ``simulate`` refuses one that was changed.
+
+        Runs compute with one that has the same motion and nothing that is only drawn.
+        """
         return self._handed_out[0]
 
     @cached_property
     def _handed_out(self) -> tuple[mujoco.MjModel, str]:
         """The compiled model, and what it was like then."""
-        model = self.model_with_userdata(0)
+        model = self._compiled(self._edited(self.spec))
         return model, fingerprint(model)
 
     @property
     def any_model(self) -> mujoco.MjModel:
-        """The compiled model with whatever room in userdata it has been compiled with."""
+        """What runs compute with, with whatever room in userdata it has been compiled with."""
         return next(iter(self._models.values()), None) or self.model_with_userdata(0)
 
     def model_with_userdata(self, size: int) -> mujoco.MjModel:
-        """The compiled model with room for ``size`` numbers in mjData.userdata, compiled once.
+        """What runs compute with, with room for ``size`` numbers in mjData.userdata, compiled once.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
         if size not in self._models:
-            self._models[size] = self._compile(size)
+            self._models[size] = self._compiled(self._spec(size))
         return self._models[size]
 
     @cached_property
@@ -300,19 +313,29 @@ class MujocoPlant(Plant):
         return same[key]
 
     def _spec(self, size: int) -> mujoco.MjSpec:
-        """What the edited model is compiled from."""
-        nominal = _nominal_model(self.spec) if self.edits else None
-        spec = apply_edits(self.spec, self.edits, nominal, self.timestep)
+        """What the model that runs compute with is compiled from."""
+        spec = self._edited(_undrawn_spec(self.spec))
         spec.nuserdata = size
+        return spec
+
+    def _edited(self, nominal: mujoco.MjSpec) -> mujoco.MjSpec:
+        """The edited model, drawn or not."""
+        numbers = _nominal_model(self.spec) if self.edits else None
+        spec = apply_edits(nominal, self.edits, numbers, self.timestep)
         if self.integrator is not None:
             spec.option.integrator = getattr(
                 mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
             )
         return spec
 
-    def _compile(self, size: int) -> mujoco.MjModel:
-        """Compile the edited model."""
-        model = compile_spec(self._spec(size), checked=bool(self.edits))
+    def _compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
+        """Compile the edited model.
+
+        Raises:
+            ModelError: If MuJoCo refuses it, its joints are not the system's, or its parts need a
+                shorter timestep.
+        """
+        model = compile_spec(spec, checked=bool(self.edits))
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         joints = tuple(model.joint(i).name for i in range(model.njnt))
@@ -336,28 +359,6 @@ class MujocoPlant(Plant):
         rigid = self.rigid
         model = None if rigid._models else rigid.template(0).written(rigid.edits)
         return AnalyticPlant.from_model(self.system, model or rigid.any_model, variant)
-
-    def undrawn(self) -> MujocoPlant:
-        """The same plant without geoms, materials, textures, meshes, cameras and lights.
-
-        What has a part in the motion stays: geoms that can touch or that a fluid pushes, and what
-        a sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps
-        every bit of it; a model that MuJoCo cannot part from its geoms, such as one with
-        ``inertiafromgeom``, stays as it is.
-        """
-        spec = self.spec.copy()
-        if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
-            for geom in spec.geoms:
-                geom.contype = geom.conaffinity = 0
-        try:
-            spec.discard_visual()
-        except ValueError:
-            return self
-        named = {name for each in spec.sensors for name in (each.objname, each.refname)}
-        for part in (*spec.cameras, *spec.lights):
-            if part.name not in named:
-                spec.delete(part)
-        return replace(self, spec=spec)
 
     @classmethod
     def require_unchanged(cls, plants: Iterable[MujocoPlant]) -> None:

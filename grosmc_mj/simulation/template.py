@@ -65,8 +65,8 @@ class Template:
     def changes(self, edits: Sequence[Edit]) -> list[Change] | None:
         """What edits change; None if only a compiler can tell, or must refuse them.
 
-        Masses and lengths of bodies and gears can be written; lengths where nothing is drawn, so
-        in a plant that is ``undrawn``.
+        Masses and lengths of bodies and gears can be written; lengths of what nothing is fixed to
+        but sites and other bodies.
         """
         if not self._writable:
             return None

@@ -43,7 +43,7 @@ def numbers(plant: MujocoPlant) -> Any:
 @st.composite
 def families(draw: Any) -> list[MujocoPlant]:
     """Plants of one system, edited at random."""
-    nominal = MujocoPlant.load(draw(st.sampled_from(NAMES))).undrawn()
+    nominal = MujocoPlant.load(draw(st.sampled_from(NAMES)))
     model = nominal.model
     bodies = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0]
     inputs = [model.actuator(i).name for i in range(model.nu)]
@@ -74,10 +74,10 @@ def test_a_written_model_is_the_compiled_one_bit_for_bit(plants: list[MujocoPlan
 
 
 def test_a_family_is_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    nominal = MujocoPlant.load("cart_pendulum").undrawn()
+    nominal = MujocoPlant.load("cart_pendulum")
     nominal.template(16)
     plants = [nominal.edited(BodyEdit("pole", scale, scale)) for scale in (1.0, 1.5, 2.0)]
-    monkeypatch.setattr(MujocoPlant, "_compile", lambda *_: pytest.fail("compiled"))
+    monkeypatch.setattr(MujocoPlant, "_compiled", lambda *_: pytest.fail("compiled"))
     batch, models = batch_of([*plants, plants[0]], 16, 1)
     assert [batch.get_model(i).body("pole").mass[0] for i in range(4)] == pytest.approx(
         [0.2, 0.3, 0.4, 0.2], rel=1e-12
@@ -85,31 +85,41 @@ def test_a_family_is_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len({id(model) for model in models}) == 1
 
 
-DRAWN, UNDRAWN = MujocoPlant.load("cart_pendulum"), MujocoPlant.load("cart_pendulum").undrawn()
+PLAIN = MujocoPlant.load("cart_pendulum")
 
 
 def with_a_massless_body() -> MujocoPlant:
     """The pendulum with a body that weighs nothing."""
-    spec = UNDRAWN.spec.copy()
+    spec = PLAIN.spec.copy()
     spec.body("pole").add_body(name="mount")
-    return MujocoPlant(UNDRAWN.system, spec)
+    return MujocoPlant(PLAIN.system, spec)
 
 
-MASSLESS = with_a_massless_body()
+def with_a_geom_that_is_sensed() -> MujocoPlant:
+    """The pendulum with a sensor of its rod, which so is no mere look."""
+    spec = PLAIN.spec.copy()
+    spec.add_sensor(
+        name="seen", type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
+        objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="rod",
+    )  # fmt: skip
+    return MujocoPlant(PLAIN.system, spec)
+
+
+MASSLESS, SENSED = with_a_massless_body(), with_a_geom_that_is_sensed()
 
 
 @pytest.mark.parametrize(
     ("plant", "edits"),
     [
-        (DRAWN, (BodyEdit("pole", 1.0, 2.0),)),
-        (UNDRAWN, (JointEdit("hinge", damping=1.0),)),
-        (UNDRAWN, (AddedMass("pole", 0.1),)),
-        (UNDRAWN, (BodyEdit("pole", 2.0), BodyEdit("pole", 3.0))),
-        (UNDRAWN, (BodyEdit("nobody", 2.0),)),
+        (SENSED, (BodyEdit("pole", 1.0, 2.0),)),
+        (PLAIN, (JointEdit("hinge", damping=1.0),)),
+        (PLAIN, (AddedMass("pole", 0.1),)),
+        (PLAIN, (BodyEdit("pole", 2.0), BodyEdit("pole", 3.0))),
+        (PLAIN, (BodyEdit("nobody", 2.0),)),
         (MASSLESS, (BodyEdit("mount", 2.0),)),
-        (UNDRAWN, (InputEdit("nothing", 2.0),)),
-        (UNDRAWN, (BodyEdit("pole", 1e-300),)),
-        (UNDRAWN, (BodyEdit("pole", 1e200, 1e200),)),
+        (PLAIN, (InputEdit("nothing", 2.0),)),
+        (PLAIN, (BodyEdit("pole", 1e-300),)),
+        (PLAIN, (BodyEdit("pole", 1e200, 1e200),)),
     ],
     ids=lambda value: None if isinstance(value, MujocoPlant) else str(value[0]),
 )
@@ -121,25 +131,25 @@ def test_what_only_a_compiler_can_tell_is_left_to_it(
     assert template.written(edits) is None
 
 
-def test_masses_of_what_is_drawn_can_be_written() -> None:
-    assert DRAWN.template(0).changes((BodyEdit("pole", 2.0),)) is not None
+def test_masses_of_what_has_geoms_can_be_written() -> None:
+    assert SENSED.template(0).changes((BodyEdit("pole", 2.0),)) is not None
 
 
 @pytest.mark.parametrize("numbers", [{"frictionloss": 0.1}, {"range": [-1.0, 1.0]}], ids=str)
 def test_a_model_with_constraints_is_compiled(numbers: dict[str, Any]) -> None:
     """They are solved by a mean inertia that a compiler alone computes."""
-    spec = UNDRAWN.spec.copy()
+    spec = PLAIN.spec.copy()
     joint = spec.joints[1]
     for name, value in numbers.items():
         setattr(joint, name, value)
     joint.limited = int("range" in numbers)
-    plant = MujocoPlant(UNDRAWN.system, spec)
+    plant = MujocoPlant(PLAIN.system, spec)
     assert plant.template(0).changes((BodyEdit("pole", 2.0),)) is None
 
 
 def test_a_batch_with_one_that_must_be_compiled_compiles_all() -> None:
-    damped = UNDRAWN.edited(JointEdit("hinge", damping=1.0))
-    plants = [UNDRAWN.edited(BodyEdit("pole", 2.0)), damped]
+    damped = PLAIN.edited(JointEdit("hinge", damping=1.0))
+    plants = [PLAIN.edited(BodyEdit("pole", 2.0)), damped]
     batch, models = batch_of(plants, 16, 1)
     assert models[0] is not models[1]
     for index, plant in enumerate(plants):

@@ -17,6 +17,7 @@ from grosmc_mj.simulation import mujoco_plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.simulation.models.files import compile_spec
+from grosmc_mj.simulation.models.undrawn import undrawn
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
@@ -76,23 +77,25 @@ def falling(compiler: str = "") -> MujocoPlant:
 def test_what_is_drawn_does_not_move_the_plant(
     system: str, edited: bool, open_loop: OpenLoop
 ) -> None:
-    full = MujocoPlant.load(system, edits=EDITS[system] if edited else ())
-    bare = full.undrawn()
-    model = bare.model
+    plant = MujocoPlant.load(system, edits=EDITS[system] if edited else ())
+    drawn, model = plant.model, plant.model_with_userdata(0)
     # A load is drawn as a sphere.
-    loads = sum(isinstance(edit, AddedMass) for edit in bare.edits)
+    loads = sum(isinstance(edit, AddedMass) for edit in plant.edits)
     left = (model.ngeom, model.nmat, model.ntex, model.nmesh, model.ncam, model.nlight)
     assert left == (loads, 0, 0, 0, 0, 0)
-    assert mujoco.mj_sizeModel(model) < mujoco.mj_sizeModel(full.model) / 100
-    law = open_loop(0.3 if len(full.system.inputs) == 1 else (0.3, 0.2))
-    x0 = find_case(system, "nominal").x0
-    runs = [simulate(each, law, x0, duration=0.2) for each in (full, bare)]
-    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+    assert mujoco.mj_sizeModel(model) < mujoco.mj_sizeModel(drawn) / 100
+    n, x0 = plant.system.degrees_of_freedom, find_case(system, "nominal").x0
+    run = simulate(plant, open_loop(0.3 if model.nu == 1 else (0.3, 0.2)), x0, duration=0.2)
+    data = mujoco.MjData(drawn)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = x0[:n], x0[n:], (0.3, 0.2)[: model.nu]
+    mujoco.mj_step(drawn, data, nstep=len(run.time) - 1)
+    np.testing.assert_array_equal(run.state[-1], [*data.qpos, *data.qvel])
 
 
 def test_what_acts_stays() -> None:
     """Contacts, a fin in water, what sensors refer to, and the inertia of what is dropped."""
-    full, bare = falling().model, falling().undrawn().model
+    plant = falling()
+    full, bare = plant.model, plant.model_with_userdata(0)
     names = [bare.geom(i).name for i in range(bare.ngeom)]
     assert names == ["floor", "touching", "fin", "felt"]
     assert [bare.camera(i).name for i in range(bare.ncam)] == ["seen"]
@@ -112,13 +115,13 @@ def test_what_acts_stays() -> None:
 
 def test_geoms_stay_where_inertia_must_come_from_them() -> None:
     plant = falling('inertiafromgeom="true"')
-    assert plant.undrawn() is plant
+    assert plant.model_with_userdata(0).ngeom == plant.model.ngeom
 
 
 def test_the_plant_itself_stays_drawn() -> None:
     plant = MujocoPlant.load("arm")
     before = saved(compile_spec(plant.spec))
-    plant.undrawn()
+    plant.model_with_userdata(0)
     np.testing.assert_array_equal(saved(compile_spec(plant.spec)), before)
 
 
@@ -127,12 +130,11 @@ def test_the_plant_itself_stays_drawn() -> None:
 def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, drawn: bool) -> None:
     """Whatever was compiled before, and kept."""
     plant = MujocoPlant.load(system)
-    plant = plant if drawn else plant.undrawn()
     plant.edited(BodyEdit(plant.system.bodies[-1], 3.0, 0.7)).model_with_userdata(3)
-    spec = apply_edits(plant.spec, EDITS[system])
-    spec.nuserdata = 40
-    expected = spec.compile()
-    found = plant.edited(*EDITS[system]).model_with_userdata(40)
+    edited = plant.edited(*EDITS[system])
+    spec = apply_edits(plant.spec if drawn else undrawn(plant.spec), EDITS[system])
+    spec.nuserdata = 0 if drawn else 40
+    expected, found = spec.compile(), edited.model if drawn else edited.model_with_userdata(40)
     np.testing.assert_array_equal(saved(found), saved(expected))
 
 
@@ -147,8 +149,8 @@ def test_a_batch_compiles_no_plant_twice(
     monkeypatch: pytest.MonkeyPatch,
     open_loop: OpenLoop,
 ) -> None:
-    nominal = MujocoPlant.load("servo").undrawn()
-    nominal.edited(BodyEdit("rotor", 2.0)).model  # noqa: B018  the nominal one, once for all
+    nominal = MujocoPlant.load("servo")
+    nominal.edited(BodyEdit("rotor", 2.0)).model_with_userdata(0)  # the nominal one, once for all
     compiled: list[mujoco.MjSpec] = []
 
     def counting(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjModel:

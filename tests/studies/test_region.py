@@ -98,19 +98,6 @@ def test_axes_can_be_any_two_states() -> None:
     assert [axis.is_error for axis in axes] == [False, True]
 
 
-@pytest.mark.parametrize("system", ["cart_pendulum", "arm"])
-@pytest.mark.parametrize("case", ["nominal", "edited"])
-def test_what_is_drawn_does_not_move_the_plant(system: str, case: str) -> None:
-    edited = {"cart_pendulum": "case1", "arm": "case2"}[system]
-    named = find_case(system, edited if case == "edited" else case)
-    full = case_plant(named, "physics", SETTINGS)
-    law = nominal_controller(system, "grosmc", "corrected")
-    bare = full.undrawn()
-    assert bare.model.ngeom == 0
-    runs = [simulate(each, law, named.x0, duration=0.5) for each in (full, bare)]
-    np.testing.assert_array_equal(runs[0].state, runs[1].state)
-
-
 @pytest.mark.parametrize("controller", ["lqr", "fl-lqr", "grosmc"])
 def test_a_cell_is_the_run_that_it_stands_for(controller: str) -> None:
     law, case = loop("cart_pendulum", "case1", controller), find_case("cart_pendulum", "case1")

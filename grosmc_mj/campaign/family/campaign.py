@@ -98,7 +98,7 @@ class Campaign:
         requirements = required(limits, laws)
         found = cls(specification, experiment, family, laws, requirements, tuple(notes))
         found.plant_sample(found.family.nominal).plant(found.plant)
-        refuse_impossible_machines(family, lambda row: found.plant_sample(row).plant(found.bare))
+        refuse_impossible_machines(family, lambda row: found.plant_sample(row).plant(found.plant))
         refuse_impossible_loops(family, laws, lambda row: found.plant_sample(row).case.loop)
         for law in laws.values():
             found._refuse_unmeasurable(law)
@@ -136,16 +136,11 @@ class Campaign:
         return plants.get("physics") or plants["corrected"]
 
     @cached_property
-    def bare(self) -> Plant:
-        """The same without what is only drawn, which costs most of compiling a model."""
-        return self.plant.undrawn()
-
-    @cached_property
     def largest_scale(self) -> float:
         """How far searches and promises scale the uncertainty: to what can be, and no farther."""
         most = min(LARGEST_SCALE, self.family.largest_scale * (1 - 1e-9))
         return largest_machine(
-            self.family, lambda row: self.plant_sample(row).plant(self.bare), most
+            self.family, lambda row: self.plant_sample(row).plant(self.plant), most
         )
 
     @property

@@ -88,7 +88,7 @@ class PromisedFamily:
             values: Of the uncertain numbers, (d,); those of disturbances and starts play no part.
             amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
         """
-        plant = self.campaign.plant_sample(values).plant(self.campaign.bare)
+        plant = self.campaign.plant_sample(values).plant(self.campaign.plant)
         return least_margin(self.law, plant.analytic(), self.bound, amplitude)
 
     def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:
@@ -123,7 +123,7 @@ class PromisedFamily:
     def surface_band(self) -> float:
         """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
         campaign, law = self.campaign, self.law
-        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.bare)
+        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.plant)
         rate = largest_rate(law, plant.analytic(), self.bound)
         switching = getattr(law.parameters, "switching", None)
         width = max(_SAMPLE, getattr(switching, "width", 0.0))

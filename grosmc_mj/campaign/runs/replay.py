@@ -78,7 +78,7 @@ def replay(
     else:
         values = _sampled(campaign, folder, number, name)
     plant_sample = campaign.plant_sample(values, number or 0)
-    (plant,) = plants_of(campaign, [plant_sample], drawn=True)
+    (plant,) = plants_of(campaign, [plant_sample])
     result, outcome = _run(campaign, name, values, plant_sample, plant, which, engine)
     stored = None if number is None else _stored(campaign, folder, number, name)
     if stored is not None and stored.get("judged_by") == EQUATIONS:

@@ -226,15 +226,13 @@ def outcomes(
     )
 
 
-def plants_of(
-    campaign: Campaign, plant_samples: Sequence[PlantSample], *, drawn: bool = False
-) -> list[Plant]:
+def plants_of(campaign: Campaign, plant_samples: Sequence[PlantSample]) -> list[Plant]:
     """The members' plants; those with the same edits are one, compiled once."""
-    like, made = campaign.plant if drawn else campaign.bare, {}
+    made: dict[Any, Plant] = {}
     for plant_sample in plant_samples:
         key = (plant_sample.case.edits, plant_sample.scales)
         if key not in made:
-            made[key] = plant_sample.plant(like)
+            made[key] = plant_sample.plant(campaign.plant)
     return [made[plant_sample.case.edits, plant_sample.scales] for plant_sample in plant_samples]
 
 

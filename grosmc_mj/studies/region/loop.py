@@ -49,8 +49,8 @@ class RegionLoop:
 
     @cached_property
     def plant(self) -> Plant:
-        """The experiment's plant without what is only drawn, or its equations."""
-        physics = self.experiment.plant("physics").undrawn()
+        """The experiment's plant, or its equations."""
+        physics = self.experiment.plant("physics")
         return physics.analytic() if self.on_equations else physics
 
     def run(self, starts: Array, duration: float) -> Trajectory:

@@ -153,7 +153,7 @@ def tolerances_of_laws(
         notice: Told of a worker that died and was replaced.
         every: As for ``tolerances``.
     """
-    asking = _Asking(studied, seeds, executor.threads_per_worker, every)
+    asking = _StudiedLaws(studied, seeds, executor.threads_per_worker, every)
     known = {each: each for each in studied.imperfections}
     with closing(executor.run(asking, range(len(studied.laws)), notice)) as answers:
         for each in answers:
@@ -163,7 +163,7 @@ def tolerances_of_laws(
 
 
 @dataclass(frozen=True)
-class _Asking:
+class _StudiedLaws:
     """The work of a process: a law of a target."""
 
     studied: Setting
