@@ -75,8 +75,9 @@ def _page(
     yield ""
     yield (
         "*Found* is the value on the plant that decides: physics or, where it cannot be asked, the "
-        "equations. Of a statement that is meant for every value of a choice, or for some, it is "
-        "the one that comes nearest to what is needed. What the chapter does not print (weights of "
+        "equations. Of a statement that is meant for some value of a choice, or holds for none, it "
+        "is the one that comes nearest to what is needed; of one that holds for every value the "
+        "worst. What the chapter does not print (weights of "
         "the pendulum, G, η, γ0, γ1, regions, durations, T itself) stands with its reason in "
         "[the case files](../grosmc_mj/cases). Indices are those of the whole run."
     )

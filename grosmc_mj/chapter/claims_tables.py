@@ -41,14 +41,16 @@ def shown(measured: Measured) -> str:
 def decisive(finding: Finding) -> Measured:
     """What was measured on the plant that decides.
 
-    Of a claim that is meant for every or some of its choices and turns on none of them it is what
-    comes nearest to it: at least so much for every one, or for one of them.
+    Of a claim that is meant for some of its choices, or holds for none, it is what comes nearest
+    to what is needed; of one that holds for every one of them the worst.
     """
     claim, measured = finding.claim, finding.decisive.measured
     tried = [each for each in (measured, *finding.trials.values()) if each.value is not None]
     if not finding.trials or finding.verdict is Verdict.UNDETERMINED or not tried:
         return measured
-    return (min if claim.sense == "at most" else max)(tried, key=lambda each: each.value or 0.0)
+    worst = bool(claim.every) and finding.verdict is Verdict.SUPPORTED
+    least = (claim.sense == "at most") is not worst
+    return (min if least else max)(tried, key=lambda each: each.value or 0.0)
 
 
 def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:

@@ -42,10 +42,11 @@ from grosmc_mj.chapter.claims.ledger import (
 from grosmc_mj.chapter.claims.measurements.theory import left_unseen, optimal_gain
 from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.chapter.claims.self_test import Caught, self_test
+from grosmc_mj.chapter.claims.slips import slips
 from grosmc_mj.chapter.claims.sweep import STORED, stored_flips, sweep
 from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.chapter.claims_document import claim_document
-from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, ledger_tables, story
+from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, decisive, ledger_tables, story
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GainError, SetupError
@@ -487,6 +488,34 @@ def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e
             for plant in claim.plants
         },
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "shown"),
+    [
+        ("arm-tracking", Verdict.SUPPORTED, 1.5),  # for every statistic: the worst
+        ("pendulum-rest", Verdict.SUPPORTED, 0.6),  # for some weights: the best
+        ("pendulum-disturbance-lqr", Verdict.REFUTED, 1.5),  # at least: none comes nearer
+        ("arm-rejects-d", Verdict.UNDETERMINED, 1.0),  # it turns on them: as declared
+    ],
+)
+def test_what_is_shown_of_several_choices(name: str, verdict: Verdict, shown: float) -> None:
+    trials = {"one": Measured(0.6), "other": Measured(1.5)}
+    found = replace(finding(BY_ID[name], verdict, 1.0), trials=trials)
+    assert decisive(found).value == shown
+
+
+def test_every_claim_of_the_chapter_quotes_it_and_no_question_does() -> None:
+    assert {bool(claim.quote) for claim in CLAIMS if claim.kind is Kind.CLAIM} == {True}
+    assert {bool(claim.quote) for claim in CLAIMS if claim.kind is Kind.QUESTION} == {False}
+
+
+def test_slips_are_where_the_page_says() -> None:
+    page = (Path(cli.__file__).parents[2] / "docs" / "claims.md").read_text(encoding="utf-8")
+    _, _, listed = page.partition("## Slips")
+    assert len(slips()) > 10
+    for slip in slips():
+        assert slip.where in listed
 
 
 def test_expected_verdicts_make_no_difference() -> None:
