@@ -35,8 +35,11 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     case, controller = experiment.case, experiment.law("physics", "grosmc")
     h = plant.step_length
 
-    looped = in_loop(
-        controller, _every_part(), plant.system, control_period=h, timestep=h, predict=True
+    looped, predicting = (
+        in_loop(
+            controller, _every_part(), plant.system, control_period=h, timestep=h, predict=predict
+        )
+        for predict in (False, True)
     )
 
     def open_loop_one() -> Callable[[], object]:
@@ -73,12 +76,13 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
         open_batch([plant] * 1024, np.tile(case.x0, (1024, 1)), _STEPS[1024]),
         native(batch, controller, 1024, OPEN_LOOP),
         native("GROSMC in its loop, batch", looped, 1024, batch),
+        native("GROSMC in its loop, predicting, batch", predicting, 1024, batch),
         native(f"{batch}, recorded", controller, 1024, OPEN_LOOP, record=True),
     ]
 
 
 def _every_part() -> Loop:
-    """The bench's loop of the pendulum with every number that a loop has, and prediction."""
+    """The bench's loop of the pendulum with every number that a loop has."""
     loop = find_experiment("cart_pendulum", "bench").case.loop or Loop()
     return Loop(
         replace(loop.computing, delay=1e-3, missed=1e-3),

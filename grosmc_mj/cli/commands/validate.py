@@ -172,6 +172,8 @@ class ValidateCommand(Command):
 
     def _say(self, done: _Validation, *, complete: bool) -> None:
         """The answer, and the tables."""
+        from grosmc_mj.chapter.claims.claim import Kind
+
         console = screen.console()
         if complete:
             _say_verdict(console, done, full=self.verbose)
@@ -180,9 +182,10 @@ class ValidateCommand(Command):
             screen.say_verdict(console, words, good=False)
         console.print(_systems_table(done))
         if done.findings:
+            own = sum(each.claim.kind is Kind.QUESTION for each in done.findings)
             console.print(
-                "Of the chapter's claims. Refuted: the chapter says it, physics does not show it; "
-                "grosmc-mj claims names each.",
+                "Of what the chapter says, its proofs included. Refuted: physics does not show it. "
+                f"{own} questions of this project are not counted: grosmc-mj claims names all.",
                 style="dim",
             )
         console.print(_deviations_table(done.results))
@@ -259,7 +262,7 @@ def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
 
 def _systems_table(done: _Validation) -> Table:
     """Of each system: runs, those that ended early, accelerations against MuJoCo's, verdicts."""
-    from grosmc_mj.chapter.claims.claim import Verdict
+    from grosmc_mj.chapter.claims.claim import Kind, Verdict
 
     rows = []
     for system in dict.fromkeys(case.system for case in done.selected):
@@ -269,7 +272,11 @@ def _systems_table(done: _Validation) -> Table:
             for each in done.agreements
             if each.system == system and each.variant == "corrected"
         ]
-        verdicts = [each.verdict for each in done.findings if each.claim.system == system]
+        verdicts = [
+            each.verdict
+            for each in done.findings
+            if each.claim.system == system and each.claim.kind is not Kind.QUESTION
+        ]
         counts = [str(verdicts.count(verdict)) if verdicts else "-" for verdict in Verdict]
         ended = sum(bool(each.ended) for each in runs)
         agreement = f"{max(worst):.1e}" if worst else "-"
