@@ -79,7 +79,8 @@ def _page(
         "is the one that comes nearest to what is needed; of one that holds for every value the "
         "worst. What the chapter does not print (weights of "
         "the pendulum, G, η, γ0, γ1, regions, durations, T itself) stands with its reason in "
-        "[the case files](../grosmc_mj/cases). Indices are those of the whole run."
+        "the case files, such as [the servo's](../grosmc_mj/cases/servo/base.toml). Indices are "
+        "those of the whole run."
     )
     yield from _counts(findings)
     yield from _causes(findings)

@@ -82,6 +82,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         self._episode = Episode(setup, stepper_of(setup.plant, setup.problem.timestep))
         self.render_mode = render_mode
         self._size, self._renderer = size, None
+        self._shown: tuple[mujoco.MjModel, mujoco.MjData] | None = None
         self._scale = _scale(setup) if normalized else None
         low, high = (setup.low, setup.high) if self._scale is None else (-1.0, 1.0)
         shape = (setup.inputs,)
@@ -141,10 +142,13 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         stepper = self._episode.stepper
         if self.render_mode is None or not isinstance(stepper, PhysicsStepper):
             return None
-        model, data = stepper.model, stepper.data
-        if self._renderer is None:
-            # The plant's own model is not to be changed.
-            self._renderer = _renderer(copy.copy(model), *self._size)
+        if self._renderer is None or self._shown is None:
+            # The plant's own model is not to be changed, and the one that moves has no looks.
+            model = copy.copy(self.setup.plant.model)
+            self._renderer = _renderer(model, *self._size)
+            self._shown = model, mujoco.MjData(model)
+        model, data = self._shown
+        mujoco.mj_setState(model, data, stepper.physics(), mujoco.mjtState.mjSTATE_FULLPHYSICS)
         mujoco.mj_forward(model, data)
         self._renderer.update_scene(data, 0 if model.ncam else -1)
         return self._renderer.render()
@@ -153,7 +157,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         """Free what draws."""
         if self._renderer is not None:
             self._renderer.close()
-            self._renderer = None
+            self._renderer = self._shown = None
 
     def _inputs(self, action: ArrayLike) -> Array:
         """Inputs of a normalized action."""
