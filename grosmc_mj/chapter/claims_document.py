@@ -53,6 +53,7 @@ def _plant(finding: Finding, plant: PlantName, lab: Laboratory) -> dict[str, Any
             "timestep": [lab.settings.timestep, lab.settings.timestep / 2],
             "values": [found.measured.value, found.refined.value],
             "notes": [found.measured.note, found.refined.note],
+            "plants": [plant, found.finer],
         }
     return {
         "value": found.measured.value,

@@ -115,7 +115,8 @@ def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
         if found.refined is None:
             evidence = "no time step enters"
         else:
-            evidence = f"{shown(found.refined)} at T/2 (T = {1e3 * T:g} ms)"
+            where = "" if found.finer == plant else ", on the equations"
+            evidence = f"{shown(found.refined)} at T/2 (T = {1e3 * T:g} ms){where}"
         line = Text(f"  {plant:<12}").append_text(word(found.verdict))
         yield line.append(f"  {value}, {evidence}")
         if found.measured.note:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.chapter.claims.measurements.two_link_arm import true_tip
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves.figure import shade_disturbances
 from grosmc_mj.experiments.runs import PlantName, RunResult
@@ -235,14 +235,6 @@ def _torque(axes: Sequence[Axes], runs: Runs) -> None:
 
 
 _TWO_LINK_LAWS = ("lqr", "pd", "grosmc")
-
-
-def true_tip(result: RunResult) -> Array:
-    """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
-    error = result.controller.designed.error
-    assert isinstance(error, ErrorCoordinates)
-    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
-    return z[:, error.output_rows]
 
 
 def _tracking(case: str) -> Callable[[Figure, Runs], None]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Callable
 from multiprocessing.connection import Connection, Pipe
 
@@ -98,6 +99,11 @@ def _serve(pipe: Connection, pickled: bytes, parent: int) -> None:
     with contextlib.suppress(EOFError, OSError):
         while True:
             pipe.send_bytes(run(pipe.recv()))
+    # All is told: what an interpreter does at its end takes most of a second here.
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(0)
 
 
 def _runner(pickled: bytes) -> Callable[[int], bytes]:

@@ -153,10 +153,6 @@ class Plant(ABC):
         """The same without the parts of a machine: what equations can say of it."""
         return self
 
-    def undrawn(self) -> Self:
-        """The same plant without what is only drawn."""
-        return self
-
     @classmethod  # noqa: B027  nothing can change equations
     def require_unchanged(cls, plants: Sequence[Any]) -> None:
         """Refuse plants whose models were changed in place.

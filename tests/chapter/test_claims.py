@@ -298,6 +298,7 @@ def judged(claim: Claim, level: Level | None = None, **options: Any) -> Finding:
     return judge(level or Level(), claim, **options)  # pyright: ignore[reportArgumentType]
 
 
+TWINS: tuple[PlantName, ...] = ("corrected", "physics")
 BELOW, AT, ABOVE = math.nextafter(2.0, 0.0), 2.0, math.nextafter(2.0, 3.0)
 
 
@@ -354,7 +355,7 @@ def test_what_is_not_a_number_neither_supports_nor_refutes(
 
 
 def test_exact_claim_is_measured_once_and_others_twice() -> None:
-    plants = ("corrected", "physics")
+    plants = ("printed", "corrected")
     for exact, options, depths in (
         (True, {}, {0}),
         (False, {}, {0, 1}),
@@ -365,6 +366,37 @@ def test_exact_claim_is_measured_once_and_others_twice() -> None:
         found = judged(claim, level, **options)
         assert sorted(level.asked) == sorted((d, plant) for d in depths for plant in plants)
         assert all((each.refined is None) == (depths == {0}) for each in found.plants.values())
+
+
+@pytest.mark.parametrize(
+    ("physics", "halved"),
+    [
+        (Measured(1.0), "corrected"),
+        (Measured(1.0 + 1e-9), "corrected"),
+        (Measured(1.0 + 1e-5), "physics"),
+        (Measured(1.0, broken=True), "physics"),
+        (Measured(None), "physics"),
+    ],
+    ids=["equal", "rounding", "another", "broken", "none"],
+)
+def test_time_steps_are_halved_on_the_equations_where_physics_gives_the_same(
+    physics: Measured, halved: PlantName
+) -> None:
+    level = Level()
+    claim = made_up({"corrected": Measured(1.0), "physics": physics}, plants=TWINS)
+    found = judged(claim, level).plants["physics"]
+    assert found.measured == physics
+    assert found.finer == halved
+    assert ((1, "physics") in level.asked) == (halved == "physics")
+
+
+def test_what_smaller_steps_show_on_the_equations_counts_for_physics() -> None:
+    values = {0: Measured(1.9), 1: Measured(2.1)}
+    claim = replace(
+        made_up([Measured(0.0)], plants=TWINS), measure=lambda lab, _plant: values[lab.depth]
+    )
+    found = judged(claim)
+    assert [each.verdict for each in found.plants.values()] == [Verdict.INCONCLUSIVE] * 2
 
 
 def test_the_last_plant_decides() -> None:
@@ -412,6 +444,35 @@ def test_verdict_over_choices(values: list[float], meant: Any, verdict: Verdict)
     assert found.verdict is verdict
     assert bool(found.turns) == (verdict is Verdict.UNDETERMINED)
     assert ("for every" in claim.quantifier) == ("every" in meant)
+
+
+@pytest.mark.parametrize(
+    ("strange", "in_physics"),
+    [
+        # The nearest to 2 on either side.
+        ((), [1.5, 3.0]),
+        # One that was confirmed is another one there, so all are asked.
+        ((3.0,), [0.5, 1.5, 3.0, 4.0]),
+    ],
+)
+def test_equations_screen_the_choices_and_physics_confirms_the_nearest(
+    strange: Sequence[float], in_physics: list[float]
+) -> None:
+    asked: list[float] = []
+
+    def measure(_lab: Any, plant: PlantName, size: float = 2.5) -> Measured:
+        if plant == "physics" and size != 2.5:
+            asked.append(size)
+            size -= 1.5 if size in strange else 0.0
+        return Measured(size)
+
+    claim = replace(
+        turning([0.5, 1.5, 3.0, 4.0], TWINS, every=("size",)), measure=measure, exact=False
+    )
+    found = judged(claim, refine=False)
+    assert sorted(set(asked)) == in_physics
+    told = [measured.value for measured in found.trials.values()]
+    assert told == [each - 1.5 if each in strange else each for each in (0.5, 1.5, 3.0, 4.0)]
 
 
 def test_a_verdict_near_its_threshold_is_labelled() -> None:

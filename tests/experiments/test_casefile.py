@@ -75,7 +75,8 @@ def test_units_are_converted(value: object, unit: str, number: float):
     assert number_in(value, unit) == pytest.approx(number, rel=4e-16)
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(sorted(_KNOWN)))
+# Beyond, a factor leads out of all numbers.
+@given(st.floats(-1e300, 1e300), st.sampled_from(sorted(_KNOWN)))
 def test_known_factors_convert_as_pint_does(number: float, units: tuple[str, str]) -> None:
     written, unit = units
     converted = float(_registry().Quantity(number, written).to(unit).magnitude)

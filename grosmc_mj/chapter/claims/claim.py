@@ -214,11 +214,13 @@ class PlantFinding:
         measured: At the settings asked for.
         refined: At half the timestep and control period; None for an exact claim.
         verdict: What both together say.
+        finer: Where the time steps were halved.
     """
 
     measured: Measured
     refined: Measured | None
     verdict: Verdict
+    finer: PlantName = "corrected"
 
 
 @dataclass(frozen=True)

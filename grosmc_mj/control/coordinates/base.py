@@ -252,8 +252,12 @@ class OutputCoordinates(ABC):
 
     def along(self, time: ArrayLike, x: ArrayLike, parameters: Any) -> Array:
         """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
-        z = self.outputs_along(x, parameters.plant)
-        return self.sign * (z - self.reference_along(time, parameters.reference))
+        reference = self.reference_along(time, parameters.reference)
+        return self.beside(reference, x, parameters)
+
+    def beside(self, reference: Array, x: ArrayLike, parameters: Any) -> Array:
+        """The same where what z is measured from is known, (N, size)."""
+        return self.sign * (self.outputs_along(x, parameters.plant) - reference)
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""

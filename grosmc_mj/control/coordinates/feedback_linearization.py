@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -327,6 +327,12 @@ def feedback_linearization(
     m = equations.inputs
     if len(outputs) != m:
         raise PremiseError(f"{len(outputs)} outputs for {m} inputs: E(x) must be square, eq. (21)")
+    return _linearized(equations, outputs)
+
+
+@lru_cache(maxsize=64)
+def _linearized(equations: Equations, outputs: tuple[sp.Expr, ...]) -> FeedbackLinearization:
+    """The same, once for all laws of a plant."""
     f, g, d = (sp.Matrix(each) for each in (equations.f, equations.g, equations.d))
     degrees, T, K, E, pushed = [], [], [], [], []
     for index, output in enumerate(outputs):

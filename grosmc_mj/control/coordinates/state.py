@@ -91,7 +91,11 @@ class StateCoordinates:
 
     def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
         """z at every sample of a trajectory: x (N, n); returns (N, n)."""
-        return np.asarray(x, float) - p.reference.x
+        return self.beside(p.reference.x, x, p)
+
+    def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
+        """The same where what z is measured from is known, (n,) or (N, n)."""
+        return np.asarray(x, float) - reference
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """What z is measured from: the operating point, (N, n)."""

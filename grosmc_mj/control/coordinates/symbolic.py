@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -128,18 +128,19 @@ class ErrorCoordinates(OutputCoordinates):
 
     def errors(self, t: Sequence[float], x: Array, p: Any) -> Array:
         """``state`` at instants (N,) and states (N, n), by the nominal ``p.plant``, (N, size)."""
-
-        def error(at: float, here: Any) -> Vector:
-            return self.state(at, here, p)
-
-        rows = zip(t, x, strict=True)
-        return np.array([_at(here, partial(error, instant)) for instant, here in rows])
+        return np.array(_along(x, lambda here, at: self.state(at, here, p), t))
 
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
         alpha = np.array(_at(x, lambda at: self.nonlinearity(t, at, p)))
         E = _at(x, lambda at: self.decoupling_matrix(at, p))
         return alpha, np.reshape(E, (self.inputs, self.inputs))
+
+    def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
+        """``dynamics`` at instants (N,) and states (N, n): (N, m) and (N, m, m)."""
+        alpha = np.array(_along(x, lambda here, at: self.nonlinearity(at, here, p), t))
+        E = _along(x, lambda here: self.decoupling_matrix(here, p))
+        return alpha, np.reshape(E, (len(x), self.inputs, self.inputs))
 
     def moved(
         self,
@@ -173,7 +174,7 @@ class ErrorCoordinates(OutputCoordinates):
     def slopes(self, x: Array, p: Any) -> Array:
         """The Jacobians of T by the law's model, at states (N, n); returns (N, size, n)."""
         slope = self.linearization.slope
-        rows = [_at(each, lambda at: slope(at, p.plant)) for each in x]
+        rows = _along(x, lambda at: slope(at, p.plant))
         return np.reshape(rows, (len(x), self.size, -1))
 
     def moved_by(
@@ -192,8 +193,8 @@ class ErrorCoordinates(OutputCoordinates):
             (N, size) and (N, size, m).
         """
         drift, matrix = equations.drift, equations.input_matrix
-        f = np.array([_at(each, lambda at: drift(at, plant)) for each in x])
-        g = np.reshape([_at(each, lambda at: matrix(at, plant)) for each in x], (*f.shape, -1))
+        f = np.array(_along(x, lambda at: drift(at, plant)))
+        g = np.reshape(_along(x, lambda at: matrix(at, plant)), (*f.shape, -1))
         moved = np.einsum("nij,nj->ni", slopes, f) - raised
         return self.sign * moved, self.sign * (slopes @ g)
 
@@ -204,12 +205,7 @@ class ErrorCoordinates(OutputCoordinates):
 
         Other arguments are as those of ``moved_by``.
         """
-
-        def pushed(wrench: Any, here: Any) -> Vector:
-            return equations.disturbance(here, wrench, plant)
-
-        rows = zip(w.tolist(), x, strict=True)
-        d = [_at(here, partial(pushed, wrench)) for wrench, here in rows]
+        d = _along(x, lambda here, wrench: equations.disturbance(here, wrench, plant), w)
         return self.sign * np.einsum("nij,nj->ni", slopes, np.array(d))
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
@@ -217,7 +213,7 @@ class ErrorCoordinates(OutputCoordinates):
         x, chains = np.asarray(x, float), self.linearization
         if chains.plain is not None:
             return x[:, chains.plain]
-        return np.array([_at(row, lambda at: chains.transformation(at, plant)) for row in x])
+        return np.array(_along(x, lambda at: chains.transformation(at, plant)))
 
     def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
         """A state with this error, with all else at rest or as it is near, (n,)."""
@@ -293,3 +289,15 @@ def _at(x: Any, values: Callable[[Any], tuple[float, ...]]) -> tuple[float, ...]
         return values(np.asarray(x, float).tolist())
     except ArithmeticError:
         return values(x)
+
+
+def _along(
+    x: Array, values: Callable[..., tuple[float, ...]], *beside: ArrayLike
+) -> list[tuple[float, ...]]:
+    """The same at states (N, n), each with its row of what is beside them."""
+    own = [np.asarray(each, float).tolist() for each in beside]
+    try:
+        return [values(*row) for row in zip(x.tolist(), *own, strict=True)]
+    except ArithmeticError:
+        rows = zip(x, *own, strict=True)
+        return [_at(here, lambda at, row=row: values(at, *row)) for here, *row in rows]

@@ -21,11 +21,22 @@ _UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s
 _KNOWN = {
     ("us", "s"): 1e-6,
     ("ms", "s"): 1e-3,
+    ("um", "m"): 1e-6,
     ("mm", "m"): 1e-3,
     ("cm", "m"): 1e-2,
+    ("cm/s", "m/s"): 1e-2,
     ("g", "kg"): 1e-3,
+    ("urad", "rad"): 1e-6,
     ("mrad", "rad"): 1e-3,
     ("deg", "rad"): math.pi / 180,
+    ("mrad/s", "rad/s"): 1e-3,
+    ("deg/s", "rad/s"): math.pi / 180,
+    ("Hz", "rad/s"): 2 * math.pi,
+    ("mA", "A"): 1e-3,
+    ("mN", "N"): 1e-3,
+    ("mN m", "N m"): 1e-3,
+    ("kN/m", "N/m"): 1e3,
+    ("kN m/rad", "N m/rad"): 1e3,
 }
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 

@@ -98,9 +98,9 @@ def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
     """
     design, p = controller.designed, controller.parameters
     error = design.error
-    z = error.along(run.time, run.state, p)
-    optimal = design.lqr.optimal_trajectory(z[0], run.time)
     reference = error.reference_along(run.time, p.reference)
+    z = error.beside(reference, run.state, p)
+    optimal = design.lqr.optimal_trajectory(z[0], run.time)
     outputs = error.output_rows
     optimum = reference + error.sign * optimal
     return Comparison(run.time, z, optimal, outputs, reference[:, outputs], optimum[:, outputs])

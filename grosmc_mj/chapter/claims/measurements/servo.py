@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, surface_memory, within
@@ -120,12 +119,15 @@ def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
 
     B K is of rank one, so its loop gain K (jw - A)^-1 B is the trace of (jw - A)^-1 B K.
     """
+    # Here, for it is a part of scipy that little needs.
+    from scipy.optimize import brentq
+
     fed_back = A - closed
 
     def gain(w: float) -> complex:
         return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, fed_back))
 
-    crossing: Any = scipy.optimize.brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
+    crossing: Any = brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
     margin = float(math.pi + np.angle(gain(crossing)))
     return margin, margin / crossing
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Measured
@@ -74,8 +73,9 @@ def slowest_approach(
         law = lab.controller(case, plant, "grosmc")
         own = getattr(law.parameters, "eta", None)
         derivative = lab.plant(case, plant).derivative
+        region = lab.as_set(case).region or ()
         for _ in range(_STATES):
-            z = random.uniform(-1, 1, 2) * (lab.as_set(case).region or ())
+            z = random.uniform(-1, 1, 2) * region
             t = random.uniform(0, 2)
             for side, push in itertools.product((-1.0, 1.0), repeat=2):
                 worst = max(worst, _approach(law, derivative, t, z, side, push * wrench))
@@ -171,7 +171,7 @@ def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
     unaware = replace(law, design=None)
     run = simulate(
         strange, unaware, case.case.x0, duration=5.0, control_period=lab.settings.control_period,
-        timestep=lab.settings.timestep, engine="python",
+        timestep=lab.settings.timestep, engine=lab.settings.engine_for(unaware),
     )  # fmt: skip
     return Measured(from_optimum(compare_with_optimum(run, law)))
 
@@ -194,6 +194,8 @@ def optimal_gain(A: Array, B: Array, Q: Array) -> tuple[Array, Array]:
         B: Input matrix, (n, m).
         Q: Weight of the state, (n, n), positive semidefinite.
     """
+    # Here, for it is a part of scipy that little needs.
+    from scipy.integrate import solve_ivp
 
     def slope(_: float, flat: Array) -> Array:
         P = flat.reshape(A.shape)

@@ -19,7 +19,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     surface_memory,
     within,
 )
-from grosmc_mj.chapter.figures import true_tip
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.gains import Uncertainty, authority
@@ -233,6 +232,14 @@ def elbow_bend(lab: Laboratory, plant: PlantName, *, cases: Sequence[str]) -> Me
     results = [lab.case(_SYSTEM, case, plant, "grosmc") for case in cases]
     values = [float(np.abs(np.sin(result.trajectory.state[:, 1])).min()) for result in results]
     return _extreme(results, values, min)
+
+
+def true_tip(result: RunResult) -> Array:
+    """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
+    error = result.controller.designed.error
+    assert isinstance(error, ErrorCoordinates)
+    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
+    return z[:, error.output_rows]
 
 
 def tip_path(lab: Laboratory, *, case: str, controllers: Sequence[str]) -> Drawing:
