@@ -194,6 +194,25 @@ def with_enough(lab: Laboratory, plant: PlantName, *, epsilon: float) -> Measure
     return Measured(max(shares.values()), note)
 
 
+def error_left(lab: Laboratory, plant: PlantName, *, epsilon: float, since: float) -> Measured:
+    """|e1| at the end of case 1 with another epsilon [rad/s^2], in percent of the amplitude.
+
+    It is the largest from an instant [s] on, extrapolated to a sampling time of zero.
+    """
+    left = []
+    for level in (lab, lab.refined):
+        level = level.varied("laws.grosmc.epsilon", epsilon)
+        result = level.case(_SYSTEM, "case1", plant, "grosmc")
+        late = result.comparison.time >= since
+        error = np.abs(result.comparison.z[late, 0])
+        if result.status is not Status.COMPLETED or not len(error):
+            return Measured(
+                None, result.ended or f"there is nothing from {since:g} s on", broken=True
+            )
+        left.append(100 / _AMPLITUDES[0] * float(error.max()))
+    return Measured(abs(2 * left[1] - left[0]), f"{left[0]:.3g} % at T, {left[1]:.3g} % at T/2")
+
+
 def price_of_epsilon(lab: Laboratory) -> Drawing:
     """s with d(t) and without."""
     curves = []

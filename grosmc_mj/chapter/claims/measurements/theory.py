@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, sliding, surface_memory
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
@@ -146,6 +147,32 @@ def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
                 (Disturbance(body, push, wave),) if wrench.any() else (),  # pyright: ignore
             )
         )  # fmt: skip
+    return _worst(lab, plant, cases, f"{len(cases)} random plants and disturbances")
+
+
+def worst_start(
+    lab: Laboratory, plant: PlantName, *, system: str, case: str, bound: float
+) -> Measured:
+    """Worst deviation over random starts in a case, in percent of each start.
+
+    Args:
+        lab: Where it is measured.
+        plant: On which.
+        system: Of which plant.
+        case: The case, but for its start.
+        bound: Of each state at the start; of the output it is at least half of it.
+    """
+    random, cases = np.random.default_rng(3), []
+    output = find_system(system).output
+    for _ in range(16):
+        start = random.uniform(-bound, bound, len(_start(system)))
+        start[output] = random.choice([-1, 1]) * random.uniform(bound / 2, bound)
+        cases.append(find_experiment(system, case).varied(x0=tuple(start.tolist())))
+    return _worst(lab, plant, cases, f"{len(cases)} random starts")
+
+
+def _worst(lab: Laboratory, plant: PlantName, cases: Sequence[Experiment], what: str) -> Measured:
+    """Worst max |y - y*| over experiments, in percent of each start."""
     law, runs = lab.batch(cases, plant, "grosmc")
     worst = 0.0
     for index in range(len(cases)):
@@ -153,7 +180,7 @@ def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
         if run.status is not Status.COMPLETED:
             return Measured(None, "a run ended early", broken=True)
         worst = max(worst, from_optimum(compare_with_optimum(run, law)))
-    return Measured(worst, "16 random plants and disturbances")
+    return Measured(worst, what)
 
 
 _DRIFT_OF_ERROR = 0.05
