@@ -26,6 +26,7 @@ from grosmc_mj.simulation.machine.stability import refuse_unstable
 from grosmc_mj.simulation.machine.unseen import UnseenState, unseen_states
 from grosmc_mj.simulation.models.checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models.files import compile_spec, load_spec, model_path
+from grosmc_mj.simulation.models.unconstrained import can_constrain
 from grosmc_mj.simulation.models.undrawn import undrawn
 from grosmc_mj.simulation.template import Template
 
@@ -291,7 +292,10 @@ class MujocoPlant(Plant):
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
         if size not in self._models:
-            self._models[size] = self._compiled(self._spec(size))
+            model = self._compiled(self._spec(size))
+            if not can_constrain(model):
+                model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+            self._models[size] = model
         return self._models[size]
 
     @cached_property

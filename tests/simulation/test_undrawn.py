@@ -17,6 +17,7 @@ from grosmc_mj.simulation import mujoco_plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.simulation.models.files import compile_spec
+from grosmc_mj.simulation.models.unconstrained import can_constrain
 from grosmc_mj.simulation.models.undrawn import undrawn
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
@@ -59,6 +60,9 @@ FALLING = """
   </sensor>
 </mujoco>
 """
+
+
+NO_CONTACT = '<option><flag contact="disable"/></option>'
 
 
 def saved(model: mujoco.MjModel) -> NDArray[np.uint8]:
@@ -135,7 +139,75 @@ def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, draw
     spec = apply_edits(plant.spec if drawn else undrawn(plant.spec), EDITS[system])
     spec.nuserdata = 0 if drawn else 40
     expected, found = spec.compile(), edited.model if drawn else edited.model_with_userdata(40)
+    if not drawn and not can_constrain(expected):
+        expected.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     np.testing.assert_array_equal(saved(found), saved(expected))
+
+
+# A slide and what might hold it.
+HELD = """
+<mujoco>
+  {beside}
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1" {floor}/>
+    <body name="part" pos="0 0 0.4">
+      <joint name="slide" type="slide" axis="0 0 1" {joint}/>
+      <geom name="touching" size="0.1" mass="0.3"/>
+      <site name="top"/>
+    </body>
+    <site name="hook" pos="0 0 1"/>
+  </worldbody>
+  {after}
+  <actuator><motor name="motor" joint="slide"/></actuator>
+</mujoco>
+"""
+_APART = 'contype="0" conaffinity="0"'
+_TENDON = '<tendon><spatial {}><site site="top"/><site site="hook"/></spatial></tendon>'
+
+
+@pytest.mark.parametrize(
+    ("constrained", "parts"),
+    [
+        (False, {"floor": 'contype="2" conaffinity="4"', "beside": NO_CONTACT}),
+        (False, {"beside": NO_CONTACT}),
+        (False, {"beside": NO_CONTACT, "after": _TENDON.format("")}),
+        (False, {"beside": NO_CONTACT, "joint": 'damping="1" stiffness="2"'}),
+        (True, {}),
+        (True, {"joint": 'range="-0.1 0.1" limited="true"', "beside": NO_CONTACT}),
+        (True, {"joint": 'frictionloss="0.1"', "beside": NO_CONTACT}),
+        (True, {"after": _TENDON.format('frictionloss="0.1"'), "beside": NO_CONTACT}),
+        (True, {"after": _TENDON.format('limited="true" range="0 1"'), "beside": NO_CONTACT}),
+        (True, {"after": '<equality><joint joint1="slide"/></equality>', "beside": NO_CONTACT}),
+        (
+            True,
+            {
+                "floor": _APART,
+                "after": '<contact><pair geom1="floor" geom2="touching"/></contact>',
+            },
+        ),
+    ],
+)
+def test_what_can_constrain(constrained: bool, parts: dict[str, str]) -> None:
+    holes = dict.fromkeys(("beside", "floor", "joint", "after"), "")
+    model = mujoco.MjModel.from_xml_string(HELD.format(**{**holes, **parts}))
+    assert can_constrain(model) is constrained
+    states = []
+    for flag in (0, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT):
+        model.opt.disableflags |= flag
+        data = mujoco.MjData(model)
+        data.qvel[0] = -1.0
+        mujoco.mj_step(model, data, nstep=400)
+        states.append([*data.qpos, *data.qvel])
+    assert constrained or states[0] == states[1]
+
+
+def test_what_runs_compute_with_looks_for_no_constraint_in_vain() -> None:
+    off = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    arm = MujocoPlant.load("arm")
+    rubbing = arm.edited(JointEdit("joint", friction=0.1))
+    flags = [each.model_with_userdata(0).opt.disableflags & off for each in (arm, rubbing)]
+    assert [bool(each) for each in flags] == [True, False]
+    assert not arm.model.opt.disableflags & off
 
 
 @pytest.mark.parametrize(
