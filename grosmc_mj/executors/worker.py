@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 import sys
@@ -108,11 +109,16 @@ def _serve(pipe: Connection, pickled: bytes, parent: int) -> None:
 
 def _runner(pickled: bytes) -> Callable[[int], bytes]:
     """What runs a shard and pickles its outcome, or says why it cannot."""
+    # What is imported here stays: collecting it would be in vain, now and later.
+    gc.disable()
     try:
         work: Work = loads(pickled)
     except Exception as error:
         unreadable = error
         return lambda index: bytes(dumps(failure(unreadable, index)))
+    finally:
+        gc.freeze()
+        gc.enable()
 
     def run(index: int) -> bytes:
         try:

@@ -164,7 +164,7 @@ def worst_start(
     """
     random, cases = np.random.default_rng(3), []
     output = find_system(system).output
-    for _ in range(16):
+    for _ in range(8):
         start = random.uniform(-bound, bound, len(_start(system)))
         start[output] = random.choice([-1, 1]) * random.uniform(bound / 2, bound)
         cases.append(find_experiment(system, case).varied(x0=tuple(start.tolist())))
