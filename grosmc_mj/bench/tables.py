@@ -1,20 +1,34 @@
-"""Tables of throughput and of what campaigns and films cost."""
+"""Tables of throughput and of what campaigns and films cost, on a screen and in a page."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from rich.table import Table
+from collections.abc import Iterable, Sequence
 
 from grosmc_mj.bench.campaigns import Cost, Scaling
 from grosmc_mj.bench.films import FilmRate
 from grosmc_mj.bench.timing import Throughput
-from grosmc_mj.report.tables import numbers, table, words
+from grosmc_mj.report.document import origin
+from grosmc_mj.report.markdown import markdown_table
+from grosmc_mj.report.tables import TableData, numbers, words
+from grosmc_mj.versions import DECISIVE, versions
+
+# The marks of a page between which all tables stand.
+BEGIN, END = "<!-- bench -->", "<!-- /bench -->"
 
 
-def costs_table(found: Sequence[Cost]) -> Table:
+def tables_text(tables: Iterable[TableData]) -> str:
+    """All tables in Markdown, below what they were measured on."""
+    decisive = versions(("python", *DECISIVE)).items()
+    on = [origin(None)["machine"], *(f"{name} {version}" for name, version in decisive)]
+    lines = [f"Measured on {', '.join(on)}."]
+    for title, columns, rows in tables:
+        lines += ["", f"### {title}", "", *markdown_table(columns, rows)]
+    return "\n".join(lines)
+
+
+def costs_table(found: Sequence[Cost]) -> TableData:
     """Time and memory of whole campaigns."""
-    return table(
+    return TableData(
         "Whole campaigns of the pendulum under GROSMC, each a process of its own",
         numbers(
             "plants", "each [s]", "integrator", "physics steps", "time [s]", "largest memory [MB]"
@@ -30,30 +44,37 @@ def costs_table(found: Sequence[Cost]) -> Table:
     )  # fmt: skip
 
 
-def scalings_table(found: Sequence[Scaling]) -> Table:
+def scalings_table(found: Sequence[Scaling]) -> TableData:
     """Rate and efficiency of worker processes."""
-    return table(
+    return TableData(
         "Worker processes of one thread each",
         numbers("workers", "runs a second", "efficiency"),
         [(str(each.workers), f"{each.rate:.1f}", f"{each.efficiency:.2f}") for each in found],
     )
 
 
-def throughput_table(rows: Sequence[Throughput], what: str) -> Table:
+def throughput_table(rows: Sequence[Throughput], what: str) -> TableData:
     """What the benchmark measured of a system."""
-    return table(
+    return TableData(
         f"{what}, a sample of the law at every timestep",
-        [*words("loop"), *numbers("simulations", "steps/s", "ratio"), *words("to")],
+        [*words("loop"), *numbers("runs", "steps/s", "ratio", "middle half"), *words("to")],
         [
-            (row.loop, str(row.simulations), f"{row.rate:.3g}", f"{row.ratio:.3f}", row.baseline)
+            (
+                row.loop,
+                str(row.simulations),
+                f"{row.rate:.3g}",
+                f"{row.ratio:.2f}",
+                f"{row.low:.2f}-{row.high:.2f}",
+                row.baseline,
+            )
             for row in rows
         ],
     )
 
 
-def film_rates_table(rows: Sequence[FilmRate], title: str) -> Table:
+def film_rates_table(rows: Sequence[FilmRate], title: str) -> TableData:
     """What the benchmark of films measured."""
-    return table(
+    return TableData(
         title,
         [*words("frames"), *numbers("per second", "film's rate over it")],
         [(row.what, f"{row.rate:.1f}", f"{row.ratio:.2f}") for row in rows],

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 
 class Throughput(NamedTuple):
     """One measured loop.
@@ -17,6 +19,8 @@ class Throughput(NamedTuple):
         simulations: How many at once.
         rate: Median physics steps per second, over all simulations.
         ratio: Median of its rate over the baseline's in the same round.
+        low: The quarter of these ratios that are smallest lie below it.
+        high: The quarter that are largest lie above it.
         baseline: What it is compared with.
     """
 
@@ -24,6 +28,8 @@ class Throughput(NamedTuple):
     simulations: int
     rate: float
     ratio: float
+    low: float
+    high: float
     baseline: str
 
 
@@ -63,15 +69,13 @@ def measured(loops: Sequence[TimedLoop], rounds: int) -> list[Throughput]:
             run()
             elapsed = time.perf_counter() - start
             rates[loop.name].append(loop.simulations * loop.steps / elapsed)
-    return [
-        Throughput(
-            loop.name,
-            loop.simulations,
-            statistics.median(rates[loop.name]),
-            statistics.median(
-                own / base for own, base in zip(rates[loop.name], rates[loop.baseline], strict=True)
-            ),
-            loop.baseline,
-        )
-        for loop in loops
-    ]
+    return [_throughput(loop, rates[loop.name], rates[loop.baseline]) for loop in loops]
+
+
+def _throughput(loop: TimedLoop, rates: Sequence[float], baseline: Sequence[float]) -> Throughput:
+    """A loop's rates beside its baseline's, round by round."""
+    ratios = [own / base for own, base in zip(rates, baseline, strict=True)]
+    low, ratio, high = np.quantile(ratios, (0.25, 0.5, 0.75)).tolist()
+    return Throughput(
+        loop.name, loop.simulations, statistics.median(rates), ratio, low, high, loop.baseline
+    )

@@ -14,6 +14,8 @@ from grosmc_mj.chapter.claims_tables import decisive, shown, turning
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
+from grosmc_mj.report.markdown import markdown_table
+from grosmc_mj.report.tables import numbers, words
 
 
 def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list[Path]:
@@ -91,20 +93,9 @@ def _page(
         yield ""
         yield f"## {kind.plural.capitalize()}"
         yield ""
-        yield "| claim | system | statement and criterion | of | found | needed | verdict |"
-        yield "|---|---|---|---|---:|---:|---|"
-        for finding in own:
-            claim = finding.claim
-            unit = "" if claim.unit == "1" else f" {claim.unit}"
-            value = shown(decisive(finding)) + unit
-            sign = "≤" if claim.sense == "at most" else "≥"
-            name = f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id
-            yield (
-                f"| {name} | {find_system(claim.system).title} "
-                f"| {_cell(claim.statement)}: {_cell(claim.criterion)} | {_cell(claim.source)} "
-                f"| {value} | {sign} {claim.threshold:g}{unit} "
-                f"| {finding.verdict.value}{' *' if turning(finding) else ''} |"
-            )
+        columns = words("claim", "system", "statement and criterion", "of")
+        columns += [*numbers("found", "needed"), *words("verdict")]
+        yield from markdown_table(columns, map(_statement, own))
         for finding in own:
             if _is_told(finding):
                 yield from _story(finding, figures, home)
@@ -112,15 +103,32 @@ def _page(
     yield from _turning(findings)
 
 
+def _statement(finding: Finding) -> list[str]:
+    """A claim in the table of its kind."""
+    claim = finding.claim
+    unit = "" if claim.unit == "1" else f" {claim.unit}"
+    sign = "≤" if claim.sense == "at most" else "≥"
+    return [
+        f"[{claim.id}](#{claim.id})" if _is_told(finding) else claim.id,
+        find_system(claim.system).title,
+        f"{claim.statement}: {claim.criterion}",
+        claim.source,
+        shown(decisive(finding)) + unit,
+        f"{sign} {claim.threshold:g}{unit}",
+        f"{finding.verdict.value}{' *' if turning(finding) else ''}",
+    ]
+
+
 def _counts(findings: Sequence[Finding]) -> Iterator[str]:
     """How many of each kind have which verdict."""
     yield ""
-    yield f"| | {' | '.join(each.value for each in Verdict)} | all |"
-    yield f"|---|{'---:|' * (len(Verdict) + 1)}"
+    rows = []
     for kind in Kind:
         own = [each.verdict for each in findings if each.claim.kind is kind]
         counts = [str(own.count(each) or "") for each in Verdict]
-        yield f"| {kind.plural} | {' | '.join(counts)} | {len(own)} |"
+        rows.append([kind.plural, *counts, str(len(own))])
+    verdicts = (each.value for each in Verdict)
+    yield from markdown_table([*words(""), *numbers(*verdicts, "all")], rows)
 
 
 def _slips() -> Iterator[str]:
@@ -130,10 +138,7 @@ def _slips() -> Iterator[str]:
     yield ""
     yield "What is meant is plain and nothing turns on it: none of these is judged or counted."
     yield ""
-    yield "| where | written | meant |"
-    yield "|---|---|---|"
-    for slip in slips():
-        yield f"| {' | '.join(map(_cell, slip))} |"
+    yield from markdown_table(words("where", "written", "meant"), slips())
 
 
 def _turning(findings: Sequence[Finding]) -> Iterator[str]:
@@ -146,12 +151,12 @@ def _turning(findings: Sequence[Finding]) -> Iterator[str]:
         "chapter prints is varied for interest: it casts no doubt on a verdict."
     )
     yield ""
-    yield "| statement | choice | its answer flips |"
-    yield "|---|---|---|"
-    for finding in findings:
-        for choice, where in flips_of(finding.claim):
-            name = choice.name + (" (printed)" if choice.printed else "")
-            yield f"| {finding.claim.id} | {_cell(name)} | {_cell(where)} |"
+    rows = [
+        (finding.claim.id, choice.name + (" (printed)" if choice.printed else ""), where)
+        for finding in findings
+        for choice, where in flips_of(finding.claim)
+    ]
+    yield from markdown_table(words("statement", "choice", "its answer flips"), rows)
 
 
 def _causes(findings: Sequence[Finding]) -> Iterator[str]:
@@ -160,15 +165,13 @@ def _causes(findings: Sequence[Finding]) -> Iterator[str]:
     yield ""
     yield f"What is not supported has {len(causes)} causes, the chapter's first."
     yield ""
-    yield "| cause | statements of the chapter | questions of this project |"
-    yield "|---|---|---|"
     rows = []
     for cause, own in causes.items():
         asked = [each for each in own if each.claim.kind is Kind.QUESTION]
         stated = [each for each in own if each not in asked]
-        rows.append((not stated, f"| {_cell(cause)} | {_links(stated)} | {_links(asked)} |"))
-    for _, row in sorted(rows, key=lambda each: each[0]):
-        yield row
+        rows.append((cause, _links(stated), _links(asked)))
+    columns = words("cause", "statements of the chapter", "questions of this project")
+    yield from markdown_table(columns, sorted(rows, key=lambda row: not row[1]))
 
 
 def _links(findings: Sequence[Finding]) -> str:
@@ -192,10 +195,9 @@ def _story(finding: Finding, figures: Mapping[str, Path], home: Path) -> Iterato
     yield ""
     yield f"Measured: {claim.criterion}; {claim.why}. Meant {claim.quantifier}."
     yield ""
-    yield "| plant | at T | at T/2 | verdict | note |"
-    yield "|---|---:|---:|---|---|"
-    for plant, found in finding.plants.items():
-        yield _row(plant, found, claim.unit)
+    columns = [*words("plant"), *numbers("at T", "at T/2"), *words("verdict", "note")]
+    rows = (_row(plant, found, claim.unit) for plant, found in finding.plants.items())
+    yield from markdown_table(columns, rows)
     yield ""
     yield claim.reason
     said = [f"It is {finding.turns}"] if finding.turns else []
@@ -219,16 +221,9 @@ def _turn(said: str) -> str:
     return f"is {said}" if said.startswith("within") else said
 
 
-def _row(plant: str, found: PlantFinding, unit: str) -> str:
+def _row(plant: str, found: PlantFinding, unit: str) -> list[str]:
     """What was found on one plant."""
     end = "" if unit == "1" else f" {unit}"
     refined = "exact" if found.refined is None else shown(found.refined) + end
-    note = _cell(found.measured.note)
-    return (
-        f"| {plant} | {shown(found.measured)}{end} | {refined} | {found.verdict.value} | {note} |"
-    )
-
-
-def _cell(text: str) -> str:
-    """Text that does not end a table's cell."""
-    return text.replace("|", "\\|")
+    value = f"{shown(found.measured)}{end}"
+    return [plant, value, refined, found.verdict.value, found.measured.note]

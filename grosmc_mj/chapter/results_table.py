@@ -12,25 +12,26 @@ from typing import Any
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.metrics import Metric, cost_shares
+from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.marked import replace_marked
-from grosmc_mj.report.tables import number
+from grosmc_mj.report.tables import number, numbers, words
 
 BEGIN, END = "<!-- results -->", "<!-- /results -->"
 _COLUMNS = (
-    ("max \\|x1 − x1\\*\\|", "deviation"),
+    ("max |x1 − x1\\*|", "deviation"),
     ("settled", "settling_time"),
-    ("max \\|s\\|", "max_sliding"),
+    ("max |s|", "max_sliding"),
     ("J(u_c) / J\\*", "continuous"),
     ("J(u_d) / J\\* per s", "rest"),
-    ("max \\|u\\|", "max_input"),
+    ("max |u|", "max_input"),
     ("cart travel", "cart_travel"),
 )
 
 
 def results_table(document: dict[str, Any]) -> str:
     """The table, in Markdown, of the runs on physics in a validation.json."""
-    header = ["system", "case", "law", *(title for title, _ in _COLUMNS)]
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * 3 + "---:|" * len(_COLUMNS)]
+    columns = [*words("system", "case", "law"), *numbers(*(title for title, _ in _COLUMNS))]
+    rows = []
     for run in document["runs"]:
         if run["plant"] != "physics":
             continue
@@ -38,10 +39,8 @@ def results_table(document: dict[str, Any]) -> str:
         shares = cost_shares(metrics, run["valid_until"]["value"])
         metrics |= dict(zip(("continuous", "rest"), shares, strict=True))
         cells = [_cell(metrics.get(name)) for _, name in _COLUMNS]
-        lines.append(
-            "| " + " | ".join([run["system"], run["case"], run["controller"], *cells]) + " |"
-        )
-    return "\n".join(lines)
+        rows.append([run["system"], run["case"], run["controller"], *cells])
+    return "\n".join(markdown_table(columns, rows))
 
 
 def _cell(metric: Metric | None) -> str:

@@ -48,6 +48,20 @@ def text(header: str = "") -> list[Column]:
     return [Column(header, {"overflow": "fold", "ratio": 1, "min_width": _NAME})]
 
 
+class TableData(NamedTuple):
+    """What a table is made of, see :func:`table`.
+
+    Attributes:
+        title: Above it.
+        columns: What its columns hold.
+        rows: A cell a column each.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[str]]
+
+
 def table(
     title: str,
     columns: Sequence[Column],

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+from collections.abc import Callable, Iterator
+from itertools import repeat
+from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 import grosmc_mj as gm
+from grosmc_mj.bench import timing
 from grosmc_mj.bench.batches import batch_at
 from grosmc_mj.bench.loops import benchmark
 from grosmc_mj.bench.machines import benchmark_machines
+from grosmc_mj.bench.tables import BEGIN, END, tables_text, throughput_table
+from grosmc_mj.bench.timing import Throughput
 from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 
@@ -30,6 +39,37 @@ def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
     assert rows["Batch.step(nstep), open loop"].ratio == 1
     there = importlib.util.find_spec("dm_control") is not None
     assert ("dm_control suite cartpole" in rows) == there
+
+
+def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By a clock of our own: the law takes 2, 3, 4, 5 and 40 s where its baseline takes 1 s."""
+    clock, taken = [0.0], iter([2.0, 3.0, 4.0, 5.0, 40.0])
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
+
+    def takes(seconds: Iterator[float]) -> Callable[[], object]:
+        return lambda: clock.__setitem__(0, clock[0] + next(seconds))
+
+    base = timing.TimedLoop("base", 1, 100, lambda: takes(repeat(1.0)), "base")
+    law = timing.TimedLoop("law", 1, 100, lambda: takes(taken), "base")
+    open_loop, closed = timing.measured([base, law], rounds=5)
+    assert (open_loop.rate, open_loop.low, open_loop.ratio, open_loop.high) == (100, 1, 1, 1)
+    assert (closed.low, closed.ratio, closed.high) == pytest.approx((1 / 5, 1 / 4, 1 / 3))
+
+
+def test_a_page_has_every_table_and_what_it_was_measured_on(tmp_path: Path) -> None:
+    rows = [Throughput("law", 1024, 2.5e5, 0.943, 0.91, 0.96, "open loop")]
+    page = tmp_path / "page.md"
+    page.write_text(f"Before\n{BEGIN}\nold\n{END}\nafter\n")
+    replace_marked(page, BEGIN, END, lambda: tables_text([throughput_table(rows, "arm")] * 2))
+    text = page.read_text()
+    assert text.count("| law | 1024 | 2.5e+05 | 0.94 | 0.91-0.96 | open loop |") == 2
+    assert text.startswith("Before\n")
+    assert text.endswith(f"{END}\nafter\n")
+    assert "old" not in text
+    assert f"{os.cpu_count()} cores" in text
+    assert f"mujoco {mujoco.__version__}" in text
 
 
 @pytest.mark.slow

@@ -48,6 +48,8 @@ def run(*arguments: str) -> int:
         (("study", "tolerance", "maglev"), "there is no loop"),
         (("study", "agreement", "leg"), "valid: arm, ball_beam, cart_pendulum"),
         (("bench", "--rounds", "0"), "must be from 1 to 10000"),
+        (("bench", "--page", "nowhere.md"), "nowhere.md has no <!-- bench -->"),
+        (("bench", "--page", "nowhere.md", "--robot"), "leave out what names a part"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
         (("claims", "--json", "--self-test"), "--json is for the ledger"),
         (("claims", "servo", "--explain", "proof-3"), "leave out the system"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -15,9 +16,8 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from grosmc_mj.bench.timing import Throughput
+    from grosmc_mj.report.tables import TableData
 
 _MOST_ROUNDS = 10**4
 _INTEGRATORS = ("RK4", "implicitfast")
@@ -40,6 +40,7 @@ class BenchCommand(Command):
         campaign: Measure a campaign of 4096 pendulums instead, its memory and its workers.
         films: Measure films instead: composed frames per second against bare mujoco.Renderer
             frames of the same size.
+        page: Measure all of this, and put the tables between the marks of this page.
     """
 
     integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
@@ -48,11 +49,16 @@ class BenchCommand(Command):
     machine: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     campaign: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
 
     def execute(self) -> int:
         """Measure, print the least ratio and all tables."""
+        from grosmc_mj.report.tables import table
+
         if self.rounds is not None and not 1 <= self.rounds <= _MOST_ROUNDS:
             raise ArgumentError(f"--rounds {self.rounds} must be from 1 to {_MOST_ROUNDS}")
+        if self.page is not None:
+            return self._write_page(self.page)
         measure = self._loops
         if self.films:
             measure = self._films
@@ -65,11 +71,34 @@ class BenchCommand(Command):
         words, tables = measure()
         console = screen.console()
         console.print(words, style="bold", markup=False)
-        for table in tables:
-            console.print(table)
+        for each in tables:
+            console.print(table(*each))
         return screen.DONE
 
-    def _loops(self) -> tuple[str, list[Table]]:
+    def _write_page(self, page: Path) -> int:
+        """Measure everything, and write it between the page's marks."""
+        from grosmc_mj.bench.tables import BEGIN, END, tables_text
+        from grosmc_mj.report.marked import replace_marked
+
+        if self.robot or self.machine or self.campaign or self.films or self.integrator:
+            raise ArgumentError("--page measures everything: leave out what names a part")
+        # Campaigns first, for the memory that they tell.
+        parts = (self._campaign, self._loops, self._robots, self._machines, self._films)
+        said: list[str] = []
+
+        def text() -> str:
+            found = [measure() for measure in parts]
+            said.extend(words for words, _ in found)
+            return tables_text(each for _, tables in found for each in tables)
+
+        replace_marked(page, BEGIN, END, text)
+        console = screen.console()
+        for words in said:
+            console.print(words, style="bold", markup=False)
+        screen.say_files(console, page)
+        return screen.DONE
+
+    def _loops(self) -> tuple[str, list[TableData]]:
         """The pendulum's loops."""
         from grosmc_mj.bench.loops import benchmark
         from grosmc_mj.bench.tables import throughput_table
@@ -82,7 +111,7 @@ class BenchCommand(Command):
             throughput_table(rows, f"cart_pendulum, {name}") for name, rows in found.items()
         ]
 
-    def _robots(self) -> tuple[str, list[Table]]:
+    def _robots(self) -> tuple[str, list[TableData]]:
         """Robots with payloads."""
         from grosmc_mj.bench.robots import benchmark_robots
         from grosmc_mj.bench.tables import throughput_table
@@ -90,7 +119,7 @@ class BenchCommand(Command):
         rows = benchmark_robots(self.rounds or 5)
         return _least(rows), [throughput_table(rows, "Jaco arms with payloads, Euler")]
 
-    def _machines(self) -> tuple[str, list[Table]]:
+    def _machines(self) -> tuple[str, list[TableData]]:
         """Machines as built."""
         from grosmc_mj.bench.machines import benchmark_machines
         from grosmc_mj.bench.tables import throughput_table
@@ -100,7 +129,7 @@ class BenchCommand(Command):
             throughput_table(rows, case) for case, rows in found.items()
         ]
 
-    def _films(self) -> tuple[str, list[Table]]:
+    def _films(self) -> tuple[str, list[TableData]]:
         """Frames per second of a film beside bare ones."""
         from grosmc_mj.bench.films import benchmark_films
         from grosmc_mj.bench.tables import film_rates_table
@@ -113,7 +142,7 @@ class BenchCommand(Command):
         words = f"A film is made at {least.ratio:.2f} of the rate of {least.what}."
         return words, [film_rates_table(rows, f"{found.backend}, {found.renderer}")]
 
-    def _campaign(self) -> tuple[str, list[Table]]:
+    def _campaign(self) -> tuple[str, list[TableData]]:
         """A campaign beside the open loop; its workers, time and memory."""
         from grosmc_mj.bench.campaigns import (
             benchmark_campaign,

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import GrosmcError
+from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.marked import replace_marked
-from grosmc_mj.report.tables import number
+from grosmc_mj.report.tables import number, numbers, words
 from grosmc_mj.studies.ladder.answers import STANDS, cell_text
 from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
 
@@ -41,16 +42,10 @@ def _ladder(document: Mapping[str, Any]) -> str:
             for row in document["standings"]
             if row["together"] is together and row["condition"] == "nominal"
         }
-        lines = [
-            title,
-            "",
-            "| law | " + " | ".join(rungs) + " |",
-            "|---|" + "---:|" * len(rungs),
-        ]
-        for law in (each["name"] for each in document["laws"]):
-            cells = [_cell(found[law, rung]) for rung in rungs]
-            lines.append("| " + " | ".join([law, *cells]) + " |")
-        parts.append("\n".join(lines))
+        laws = [each["name"] for each in document["laws"]]
+        rows = [[law, *(_cell(found[law, rung]) for rung in rungs)] for law in laws]
+        lines = markdown_table([*words("law"), *numbers(*rungs)], rows)
+        parts.append("\n".join([title, "", *lines]))
     return "\n\n".join([*parts, *_claims(document)])
 
 
@@ -65,18 +60,12 @@ def _claims(document: Mapping[str, Any]) -> list[str]:
         return []
     claims = list(dict.fromkeys(claim for _law, claim in falls))
     laws = list(dict.fromkeys(law for law, _claim in falls))
-    lines = [
-        "Which claim falls, and on which rung:",
-        "",
-        "| law | " + " | ".join(f"`{claim}`" for claim in claims) + " |",
-        "|---|" + "---|" * len(claims),
-    ]
-    for law in laws:
-        cells = [falls.get((law, claim), "") for claim in claims]
-        lines.append("| " + " | ".join([law, *cells]) + " |")
+    rows = [[law, *(falls.get((law, claim), "") for claim in claims)] for law in laws]
+    lines = markdown_table(words("law", *(f"`{claim}`" for claim in claims)), rows)
     statements = {each["claim"]: each["statement"] for each in document["claims"]}
     said = "; ".join(f"`{claim}`: {statements[claim]}" for claim in claims)
-    return ["\n".join(lines), f"{said}."]
+    title = "Which claim falls, and on which rung:"
+    return ["\n".join([title, "", *lines]), f"{said}."]
 
 
 def _cell(row: Mapping[str, Any]) -> str:
@@ -87,14 +76,16 @@ def _cell(row: Mapping[str, Any]) -> str:
 
 def bumps_text() -> str:
     """Gain and time constant of the servo: rigid, as built, measured."""
-    lines = ["| servo | K [rad/(V s)] | τ [ms] |", "|---|---:|---:|"]
-    for name, bump in simulated().items():
-        lines.append(f"| {name} | {number(bump.gain)} | {number(1e3 * bump.time_constant)} |")
-    lines += [
-        f"| measured: {each.source} | {each.gain:g} | {1e3 * each.time_constant:g} |"
+    rows = [
+        (name, number(bump.gain), number(1e3 * bump.time_constant))
+        for name, bump in simulated().items()
+    ]
+    rows += [
+        (f"measured: {each.source}", f"{each.gain:g}", f"{1e3 * each.time_constant:g}")
         for each in MEASURED
     ]
-    return "\n".join(lines)
+    columns = [*words("servo"), *numbers("K [rad/(V s)]", "τ [ms]")]
+    return "\n".join(markdown_table(columns, rows))
 
 
 if __name__ == "__main__":

@@ -11,26 +11,24 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grosmc_mj.errors import SetupError
+from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.marked import replace_marked
-from grosmc_mj.report.tables import number
+from grosmc_mj.report.tables import number, numbers, words
 from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, rivals
 
 BEGIN, END = "<!-- rivals -->", "<!-- /rivals -->"
 _WORDS = ("system", "law")
 _NUMBERS = (
-    "settled", "max \\|y − y\\*\\|", "left at the end", "max \\|u\\|", "variation of u", "kept",
+    "settled", "max |y − y\\*|", "left at the end", "max |u|", "variation of u", "kept",
 )  # fmt: skip
 
 
 def rivals_table(rows: Iterable[Rival]) -> str:
     """The table, in Markdown."""
-    lines = [
-        "| " + " | ".join((*_WORDS, *_NUMBERS)) + " |",
-        "|" + "---|" * len(_WORDS) + "---:|" * len(_NUMBERS),
-    ]
+    cells = []
     for row in rows:
         y, u = row.output_unit, row.input_unit
-        cells = [
+        own = [
             f"{number(row.settling)} s" if math.isfinite(row.settling) else "not reached",
             f"{number(row.deviation)} {y}",
             f"{number(row.remaining)} {y}" if math.isfinite(row.remaining) else "ended early",
@@ -38,8 +36,8 @@ def rivals_table(rows: Iterable[Rival]) -> str:
             f"{number(row.variation)} {u}/s",
             "yes" if row.kept else "no",
         ]
-        lines.append("| " + " | ".join([row.system, row.law, *cells]) + " |")
-    return "\n".join(lines)
+        cells.append([row.system, row.law, *own])
+    return "\n".join(markdown_table([*words(*_WORDS), *numbers(*_NUMBERS)], cells))
 
 
 def write_page(page: Path) -> None:

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import GrosmcError
+from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.marked import replace_marked
+from grosmc_mj.report.tables import numbers, words
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
     cell_text,
@@ -47,19 +49,18 @@ def _table(document: Mapping[str, Any]) -> str:
         whole = (weakness(row) for (of, each), row in found.items() if of == law and each.whole)
         return len(conditions[law]), next(whole, 0.0)
 
-    lines = [
-        f"**{document['configuration']['target']}**",
-        "",
-        "| law | keeps ideally | " + " | ".join(map(heading, columns)) + " |",
-        "|---|---|" + "---:|" * len(columns),
-    ]
+    cells = []
     for law in sorted(conditions, key=strength, reverse=True):
         own = (found.get((law, each)) for each in columns)
-        cells = ["" if row is None else cell_text(row) for row in own]
-        lines.append("| " + " | ".join([law, ", ".join(conditions[law]), *cells]) + " |")
+        told = ["" if row is None else cell_text(row) for row in own]
+        cells.append([law, ", ".join(conditions[law]), *told])
+    lines = markdown_table(
+        [*words("law", "keeps ideally"), *numbers(*map(heading, columns))], cells
+    )
     asked, differ = disagreements(rows)
-    lines += ["", f"MuJoCo was asked about {asked} of the answers, and differs on {differ}."]
-    return "\n".join(lines)
+    title = f"**{document['configuration']['target']}**"
+    said = f"MuJoCo was asked about {asked} of the answers, and differs on {differ}."
+    return "\n".join([title, "", *lines, "", said])
 
 
 if __name__ == "__main__":
