@@ -475,6 +475,19 @@ def test_equations_screen_the_choices_and_physics_confirms_the_nearest(
     assert told == [each - 1.5 if each in strange else each for each in (0.5, 1.5, 3.0, 4.0)]
 
 
+def test_an_answer_without_a_value_is_asked_of_physics_too() -> None:
+    """It decides like any other: here it is what the statement turns on."""
+    asked: list[tuple[str, float]] = []
+
+    def measure(_lab: Any, plant: PlantName, size: float = 1.0) -> Measured:
+        asked.append((plant, size))
+        return Measured(size if size < 2 else None)
+
+    claim = replace(turning([1.5, 3.0], TWINS, every=("size",)), measure=measure)
+    assert judged(claim, refine=False).verdict is Verdict.UNDETERMINED
+    assert ("physics", 3.0) in asked
+
+
 def test_a_verdict_near_its_threshold_is_labelled() -> None:
     for value, near in ((0.9, False), (1.1, True), (2.9, True), (3.1, False), (None, False)):
         assert judged(made_up([Measured(value)] * 2)).near is near

@@ -131,9 +131,9 @@ def _trials(
 def _nearest(claim: Claim, trials: Mapping[str, Measured]) -> list[str]:
     """Of those that hold and of those that don't, the one nearest to the threshold."""
     distance = {
-        name: abs(each.value - claim.threshold)
+        name: math.inf if each.value is None else abs(each.value - claim.threshold)
         for name, each in trials.items()
-        if each.value is not None and not each.broken
+        if not each.broken
     }
     sides = [
         [name for name in distance if claim.holds(trials[name]) is answer]

@@ -15,11 +15,11 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 from grosmc_mj.errors import SetupError, unknown_name
 from grosmc_mj.files import private_cache, written_aside
+from grosmc_mj.versions import versions
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def _loads(library: str) -> bool:
 def _cache_file(names: list[str]) -> Path | None:
     """Where the answer for these candidates is kept, if anywhere: one file for each set-up."""
     setup = [names, [os.environ.get(each) for each in _ENVIRONMENT]]
-    setup += [sys.prefix, version("mujoco"), version("PyOpenGL")]
+    setup += [sys.prefix, versions(("mujoco", "PyOpenGL"))]
     digest = hashlib.sha256(json.dumps(setup).encode()).hexdigest()[:16]
     folder = private_cache()
     return None if folder is None else folder / f"backend-{digest}.json"
