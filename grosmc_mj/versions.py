@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import platform
 from collections.abc import Iterable
 
@@ -24,6 +25,7 @@ def versions(of: Iterable[str] = _REPORTED) -> dict[str, str]:
     return {name: _version(name) for name in of}
 
 
+@functools.cache
 def _version(name: str) -> str:
     """The version of one."""
     # Here, for it loads slowly, and the number of this package is asked for first.

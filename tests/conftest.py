@@ -35,6 +35,9 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("any machine")
 
+# A process a core runs tests: threads of a BLAS would only stand in their way.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # Tests that move the cache, to see what is kept of graphics, leave compiled laws where they are.
 os.environ.setdefault(
     "NUMBA_CACHE_DIR", os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")

@@ -5,7 +5,9 @@ Nothing is imported here that takes long, so that Ctrl-C and errors of imports a
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import gc
 import logging
 import os
 import sys
@@ -28,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Exit codes: 0 done and kept, 1 a verdict that something is not kept, 2 anything else that is
     wrong, 130 interrupted. A reader of the output that has gone changes none of them.
     """
+    if arguments is None:
+        _settle()
     _open_closed_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = _DEBUG in given
@@ -81,6 +85,17 @@ def _trace(debug: bool) -> None:
         import traceback
 
         traceback.print_exc()
+
+
+def _settle() -> None:
+    """Have this process spend little on what a short program of small matrices has no use for.
+
+    What imports make lives to the end: Python looks through it less often, and not once more at
+    the exit. Threads of a BLAS cost more than matrices of ten rows could gain by them.
+    """
+    gc.set_threshold(100_000, 50, 100)
+    atexit.register(gc.freeze)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @contextlib.contextmanager

@@ -46,6 +46,19 @@ def test_numbers_of_two_digits() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_the_rule_s_answers_are_those_of_mujoco(system: str) -> None:
+    """It is asked on the equations: what it turns on is the same on physics."""
+    experiment = nominal(system)
+    for law in ("fl-lqr", "grosmc", *NUMBERS, "adaptive"):
+        numbers = experiment.file.law(law).numbers
+        if law == "adaptive" and not numbers:
+            continue
+        there = response(experiment, law, "physics", **numbers)
+        assert response(experiment, law, **numbers) == pytest.approx(there, rel=1e-6), law
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "law"), TUNED)
 def test_numbers_of_the_case_files_are_those_that_the_rule_chooses(system: str, law: str) -> None:
     """Allowed, and no larger one up to twice it is; at four times the response is too fast."""

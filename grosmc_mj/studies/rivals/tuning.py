@@ -23,6 +23,7 @@ from typing import NamedTuple
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.tables.laws import ControllerTable
+from grosmc_mj.experiments.plants import PlantName
 
 # The number of each law that the rule chooses.
 NUMBERS: Mapping[str, str] = {
@@ -57,19 +58,23 @@ class Response(NamedTuple):
     peak: float
 
 
-def response(experiment: Experiment, law: str, **numbers: float) -> Response:
+def response(
+    experiment: Experiment, law: str, plant: PlantName = "corrected", **numbers: float
+) -> Response:
     """The run of a law with other numbers than the file's.
 
     Args:
         experiment: The nominal case.
         law: A controller of the case, or a law of its file.
+        plant: What it runs on: the nominal equations are MuJoCo's to rounding, and a search on
+            them takes a quarter of the time.
         numbers: By their names.
     """
     run = (each for each in experiment.file.controller if each.called == law)
     known = next(run, ControllerTable(law=law)).model_dump(exclude_unset=True)
     table = ControllerTable.model_validate({**known, **numbers})
     changed = experiment.file.model_copy(update={"controller": [table]})
-    metrics = replace(experiment, file=changed).run(law=law).metrics
+    metrics = replace(experiment, file=changed).run(plant, law).metrics
     settling, peak = metrics["settling_time"].value, metrics["max_input"].value
     return Response(*(math.inf if value is None else value for value in (settling, peak)))
 
