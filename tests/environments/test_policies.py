@@ -319,7 +319,8 @@ def test_each_design_of_a_system_can_have_its_own_policy() -> None:
 
 @pytest.mark.slow
 def test_a_policy_is_judged_by_every_claim_that_it_enters() -> None:
-    found = judge_policy("servo", lambda _: 0.0, settings=COARSE, refine=False)
+    settings = replace(COARSE, engine="native")
+    found = judge_policy("servo", lambda _: 0.0, settings=settings, refine=False)
     names = {finding.claim.id for finding in found}
     assert {"servo-load-grosmc", "servo-sliding", "theorem-1"} <= names
     # These run it in a batch and by hand.
