@@ -25,7 +25,8 @@ SYSTEM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
 
 INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
-PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
+# Python compiles a module when it is first imported: most of these never are.
+PIP_INSTALL := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq --no-compile
 
 .PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built ladder page docs clean
 
@@ -134,7 +135,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	  echo "make: '$(PYTHON)' cannot create virtual environments; run: apt-get install python3-venv" >&2; exit 2; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 	@echo 'Installing grosmc_mj and its pinned packages in $(VENV)'
-	@$(PIP) install -qq -c constraints.txt -e '.[dev]'
+	@$(PIP_INSTALL) -c constraints.txt -e '.[dev]'
 	@touch $@
 
 # Never fails: without these libraries all but the films works. `make setup` tries again.
