@@ -29,6 +29,8 @@ from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 PERIOD = 1e-3
+# For what is seen after a long time.
+COARSE = {"control_period": 5e-3, "timestep": 5e-3}
 LAWS: dict[str, dict[str, Callable[[Task], Controller]]] = {
     "servo": {
         "lqi": lambda task: linear_lqi(task, 2.0),
@@ -141,9 +143,11 @@ def test_they_reject_a_constant_load_where_lqr_does_not(name):
     """At rest 0 = Kt u - T_d: LQR keeps e = -T_d / (Kt K_1), by eq. (15); integrals keep none."""
     load, p = LOADS["servo"], nominal("servo").parameters
     law, offset = controller("servo", "lqr"), -load.wrench[4]
-    kept = errors("servo", law, run("servo", law, 25.0, disturbances=[load]))[-1]
+    kept = errors("servo", law, run("servo", law, 25.0, disturbances=[load], **COARSE))[-1]
     rejecting = controller("servo", name)
-    left = errors("servo", rejecting, run("servo", rejecting, 25.0, disturbances=[load]))[-1]
+    left = errors("servo", rejecting, run("servo", rejecting, 25.0, disturbances=[load], **COARSE))[
+        -1
+    ]
     # The slowest pole is at -1 /s: e^-25 is 1e-11.
     assert kept[0] == pytest.approx(offset / (p.Kt * law.parameters.K[0, 0]), rel=1e-8)
     assert abs(kept[0]) > 0.4
@@ -325,7 +329,7 @@ def test_lyapunov_function_falls_as_s_K_D_s(design, wrong):
 
 def test_adaptive_law_rejects_a_constant_load():
     law = controller("servo", "adaptive")
-    found = run("servo", law, 60.0, disturbances=[LOADS["servo"]])
+    found = run("servo", law, 60.0, disturbances=[LOADS["servo"]], **COARSE)
     assert np.abs(errors("servo", law, found)[-1]).max() < 1e-5
 
 
