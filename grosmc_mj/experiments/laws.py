@@ -26,9 +26,9 @@ from grosmc_mj.control.design import (
 )
 from grosmc_mj.control.from_control import from_control, is_linear_system
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
-from grosmc_mj.control.rivals.adaptive import adaptive, linear_adaptive
-from grosmc_mj.control.rivals.integral import linear_lqi, linear_pid, lqi, pid
-from grosmc_mj.control.rivals.observer import adrc, linear_adrc
+from grosmc_mj.control.rivals.adaptive import adaptive
+from grosmc_mj.control.rivals.integral import lqi, pid
+from grosmc_mj.control.rivals.observer import adrc
 from grosmc_mj.control.state_design import state_grosmc
 from grosmc_mj.control.task import FeedbackParameters, StateTask, Task
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
@@ -56,10 +56,10 @@ GENERAL: Laws = {
     "pid": pid,
     "adrc": adrc,
     "adaptive": adaptive,
-    "linear-lqi": linear_lqi,
-    "linear-pid": linear_pid,
-    "linear-adrc": linear_adrc,
-    "linear-adaptive": linear_adaptive,
+    "linear-lqi": partial(lqi, linearizing=False),
+    "linear-pid": partial(pid, linearizing=False),
+    "linear-adrc": partial(adrc, linearizing=False),
+    "linear-adaptive": partial(adaptive, linearizing=False),
 }
 COMPUTED_TORQUE: Laws = {
     "lqr": partial(linearized_lqr, name="lqr"),
@@ -86,6 +86,8 @@ FURTHER: Mapping[str, Mapping[str, Callable[[AnalyticPlant, Any], Controller]]] 
 OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip": tip}}
 
 _WEIGHTS = ("Q", "R")
+# Arguments of a law that are no numbers of a file's: its name there says them.
+_OURS = ("name", "linearizing")
 
 
 @dataclass(frozen=True)
@@ -248,7 +250,7 @@ def _needed(found: Any) -> list[inspect.Parameter]:
 def _numbers_of(maker: Maker) -> dict[str, bool]:
     """The numbers that a law may be given, and whether it needs them."""
     found = list(inspect.signature(maker).parameters.values())[1:]
-    return {each.name: each.default is each.empty for each in found if each.name != "name"}
+    return {each.name: each.default is each.empty for each in found if each.name not in _OURS}
 
 
 def _weights(table: ControllerTable, file: CaseFile) -> tuple[Any, Any]:

@@ -54,8 +54,8 @@ def test_the_rule_s_answers_are_those_of_mujoco(system: str) -> None:
         numbers = experiment.file.law(law).numbers
         if law == "adaptive" and not numbers:
             continue
-        there = response(experiment, law, "physics", **numbers)
-        assert response(experiment, law, **numbers) == pytest.approx(there, rel=1e-6), law
+        there = response(experiment, law, numbers, "physics")
+        assert response(experiment, law, numbers) == pytest.approx(there, rel=1e-6), law
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_numbers_of_the_case_files_are_those_that_the_rule_chooses(system: str, 
     number = experiment.file.law(law).numbers[NUMBERS[law]]
     assert largest(experiment, law, number, 2 * number) == number
     if NUMBERS[law] != "bandwidth":
-        found, given = response(experiment, law, **{NUMBERS[law]: 4 * number}), budget(experiment)
+        found, given = response(experiment, law, {NUMBERS[law]: 4 * number}), budget(experiment)
         assert found.settling < 0.95 * given.settling
 
 

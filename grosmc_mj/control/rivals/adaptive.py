@@ -61,6 +61,8 @@ def adaptive(
     adaptation: float,
     limit: float = math.inf,
     body: str | None = None,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """Slotine and Li's adaptive law for a mechanical system with an input for each joint.
 
@@ -85,42 +87,14 @@ def adaptive(
         limit: Largest |u|, in the unit of the input: the estimates hold while an input is beyond.
         body: Of a robot, the body that carries what is unknown; by default the one that its last
             joint moves.
+        linearizing: Whether it is judged against the optimum after feedback linearization; else
+            against that of the plant's linearization.
 
     Raises:
         ArgumentError: If there is no such body.
         GainError: If a number is not positive.
         PremiseError: If the system has no parametrization, or other outputs than its joints.
     """
-    return _adaptive(task, frequency, adaptation, limit, body, linearizing=True)
-
-
-def linear_adaptive(
-    task: Task, frequency: float, adaptation: float, limit: float = math.inf
-) -> Controller:
-    """``adaptive`` of a linear plant, judged against the optimum of its linearization.
-
-    Args:
-        task: What is designed for.
-        frequency: As for ``adaptive``.
-        adaptation: As for ``adaptive``.
-        limit: As for ``adaptive``.
-
-    Raises:
-        GainError: As for ``adaptive``.
-        PremiseError: As for ``adaptive``.
-    """
-    return _adaptive(task, frequency, adaptation, limit, None, linearizing=False)
-
-
-def _adaptive(
-    task: Task,
-    frequency: float,
-    adaptation: float,
-    limit: float,
-    body: str | None,
-    *,
-    linearizing: bool,
-) -> Controller:
     require_task(task)
     for name, value in (("frequency", frequency), ("adaptation", adaptation)):
         if not 0 < real(value) < math.inf:

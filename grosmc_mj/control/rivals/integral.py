@@ -20,7 +20,9 @@ from grosmc_mj.errors import GainError, shown
 _MOST = 1e50
 
 
-def lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controller:
+def lqi(
+    task: Task, integral_weight: float, limit: float = math.inf, *, linearizing: bool = True
+) -> Controller:
     """LQR with integral action, through feedback linearization.
 
     The optimum of z'Qz + v'Rv + q_i |xi|^2 with xi' = e, the outputs' errors: the LQ regulator on
@@ -31,61 +33,13 @@ def lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controll
         task: What is designed for.
         integral_weight: q_i, the weight of each output's integral, in 1/s^2 of that of the output.
         limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
+        linearizing: Whether through feedback linearization; else on the plant's linearization
+            about zero error.
 
     Raises:
-        GainError: If a number is not positive or there is no optimum.
+        GainError: If a number is not positive, there is no optimum or, on the linearization, zero
+            error is no equilibrium without input.
     """
-    return _lqi(task, integral_weight, limit, linearizing=True)
-
-
-def linear_lqi(task: Task, integral_weight: float, limit: float = math.inf) -> Controller:
-    """``lqi`` on the plant's linearization about zero error, without feedback linearization.
-
-    Args:
-        task: What is designed for.
-        integral_weight: As for ``lqi``.
-        limit: As for ``lqi``.
-
-    Raises:
-        GainError: As for ``lqi``, or if zero error is no equilibrium without input.
-    """
-    return _lqi(task, integral_weight, limit, linearizing=False)
-
-
-def pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
-    """PID through feedback linearization, with three poles at one place for every output.
-
-    v = -3 w^2 e - w^3 xi - 3 w e' with xi' = e, so that (s + w)^3 is what the nominal error obeys:
-    computed-torque PID (J. J. Craig, "Introduction to Robotics", 3rd ed., section 10.7; F. L.
-    Lewis, D. M. Dawson and C. T. Abdallah, "Robot Manipulator Control", 2nd ed., section 4.4).
-    The rate e' is the measured one, as all laws here have it.
-
-    Args:
-        task: What is designed for; every output must have relative degree two.
-        frequency: w [rad/s].
-        limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
-
-    Raises:
-        GainError: If a number is not positive or an output has another relative degree.
-    """
-    return _pid(task, frequency, limit, linearizing=True)
-
-
-def linear_pid(task: Task, frequency: float, limit: float = math.inf) -> Controller:
-    """``pid`` on the plant's linearization about zero error, without feedback linearization.
-
-    Args:
-        task: What is designed for.
-        frequency: As for ``pid``.
-        limit: As for ``pid``.
-
-    Raises:
-        GainError: As for ``pid``, or if zero error is no equilibrium without input.
-    """
-    return _pid(task, frequency, limit, linearizing=False)
-
-
-def _lqi(task: Task, integral_weight: float, limit: float, *, linearizing: bool) -> Controller:
     require_task(task)
     optimum = task.optimum(linearizing=linearizing)
     if not 0 < real(integral_weight) < math.inf:
@@ -103,7 +57,27 @@ def _lqi(task: Task, integral_weight: float, limit: float, *, linearizing: bool)
     )
 
 
-def _pid(task: Task, frequency: float, limit: float, *, linearizing: bool) -> Controller:
+def pid(
+    task: Task, frequency: float, limit: float = math.inf, *, linearizing: bool = True
+) -> Controller:
+    """PID through feedback linearization, with three poles at one place for every output.
+
+    v = -3 w^2 e - w^3 xi - 3 w e' with xi' = e, so that (s + w)^3 is what the nominal error obeys:
+    computed-torque PID (J. J. Craig, "Introduction to Robotics", 3rd ed., section 10.7; F. L.
+    Lewis, D. M. Dawson and C. T. Abdallah, "Robot Manipulator Control", 2nd ed., section 4.4).
+    The rate e' is the measured one, as all laws here have it.
+
+    Args:
+        task: What is designed for; every output must have relative degree two.
+        frequency: w [rad/s].
+        limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
+        linearizing: Whether through feedback linearization; else on the plant's linearization
+            about zero error.
+
+    Raises:
+        GainError: If a number is not positive, an output has another relative degree or, on the
+            linearization, zero error is no equilibrium without input.
+    """
     require_task(task)
     optimum = task.optimum(linearizing=linearizing)
     degrees, m = task.error.linearization.relative_degree, task.error.inputs

@@ -38,7 +38,9 @@ class Observer(NamedTuple):
     start: Array
 
 
-def adrc(task: Task, bandwidth: float, limit: float = math.inf) -> Controller:
+def adrc(
+    task: Task, bandwidth: float, limit: float = math.inf, *, linearizing: bool = True
+) -> Controller:
     """Linear active disturbance rejection, through feedback linearization.
 
     v = -K z - d, with the gain K of the nominal optimum and the estimate d of all that
@@ -53,28 +55,13 @@ def adrc(task: Task, bandwidth: float, limit: float = math.inf) -> Controller:
         task: What is designed for.
         bandwidth: w_o [rad/s].
         limit: Largest |u|, in the unit of the input: beyond it the observer is told what is left.
+        linearizing: Whether through feedback linearization; else on the plant's linearization
+            about zero error.
 
     Raises:
-        GainError: If a number is not positive.
+        GainError: If a number is not positive or, on the linearization, zero error is no
+            equilibrium without input.
     """
-    return _adrc(task, bandwidth, limit, linearizing=True)
-
-
-def linear_adrc(task: Task, bandwidth: float, limit: float = math.inf) -> Controller:
-    """``adrc`` on the plant's linearization about zero error, without feedback linearization.
-
-    Args:
-        task: What is designed for.
-        bandwidth: As for ``adrc``.
-        limit: As for ``adrc``.
-
-    Raises:
-        GainError: As for ``adrc``, or if zero error is no equilibrium without input.
-    """
-    return _adrc(task, bandwidth, limit, linearizing=False)
-
-
-def _adrc(task: Task, bandwidth: float, limit: float, *, linearizing: bool) -> Controller:
     require_task(task)
     optimum = task.optimum(linearizing=linearizing)
     if not 0 < real(bandwidth) < math.inf:

@@ -18,7 +18,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
@@ -59,16 +60,19 @@ class Response(NamedTuple):
 
 
 def response(
-    experiment: Experiment, law: str, plant: PlantName = "corrected", **numbers: float
+    experiment: Experiment,
+    law: str,
+    numbers: Mapping[str, Any] = MappingProxyType({}),
+    plant: PlantName = "corrected",
 ) -> Response:
     """The run of a law with other numbers than the file's.
 
     Args:
         experiment: The nominal case.
         law: A controller of the case, or a law of its file.
+        numbers: By their names.
         plant: What it runs on: the nominal equations are MuJoCo's to rounding, and a search on
             them takes a quarter of the time.
-        numbers: By their names.
     """
     run = (each for each in experiment.file.controller if each.called == law)
     known = next(run, ControllerTable(law=law)).model_dump(exclude_unset=True)
@@ -97,7 +101,7 @@ def allowed(experiment: Experiment, law: str, number: float, given: Response) ->
     fastest = 2 * math.pi / (SAMPLES * experiment.settings.control_period)
     if name == "bandwidth" and number > fastest:
         return False
-    found = response(experiment, law, **{name: number})
+    found = response(experiment, law, {name: number})
     return abs(found.settling / given.settling - 1) <= WITHIN and found.peak <= given.peak
 
 
@@ -132,7 +136,8 @@ def fitting_frequency(experiment: Experiment, adaptation: float) -> float | None
     """
     given, found, nearest, too_large = budget(experiment), None, WITHIN, 0
     for frequency in two_digits(*FREQUENCIES):
-        seen = response(experiment, "adaptive", frequency=frequency, adaptation=adaptation)
+        numbers = {"frequency": frequency, "adaptation": adaptation}
+        seen = response(experiment, "adaptive", numbers)
         if seen.peak > given.peak:
             too_large += 1
             if too_large == _ENOUGH:

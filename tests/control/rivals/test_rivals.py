@@ -17,9 +17,9 @@ from shipped import REGULATION, task_of
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
-from grosmc_mj.control.rivals.adaptive import adaptive, linear_adaptive
-from grosmc_mj.control.rivals.integral import linear_lqi, linear_pid, lqi, pid
-from grosmc_mj.control.rivals.observer import adrc, linear_adrc, observer
+from grosmc_mj.control.rivals.adaptive import adaptive
+from grosmc_mj.control.rivals.integral import lqi, pid
+from grosmc_mj.control.rivals.observer import adrc, observer
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError, PremiseError
 from grosmc_mj.plants import AnalyticPlant, Plant
@@ -30,13 +30,13 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 PERIOD = 1e-3
 # For what is seen after a long time.
-COARSE = {"control_period": 5e-3, "timestep": 5e-3}
+COARSE: dict[str, Any] = {"control_period": 5e-3, "timestep": 5e-3}
 LAWS: dict[str, dict[str, Callable[[Task], Controller]]] = {
     "servo": {
-        "lqi": lambda task: linear_lqi(task, 2.0),
-        "pid": lambda task: linear_pid(task, 2.0),
-        "adrc": lambda task: linear_adrc(task, 100.0),
-        "adaptive": lambda task: linear_adaptive(task, 2.0, 1.0),
+        "lqi": lambda task: lqi(task, 2.0, linearizing=False),
+        "pid": lambda task: pid(task, 2.0, linearizing=False),
+        "adrc": lambda task: adrc(task, 100.0, linearizing=False),
+        "adaptive": lambda task: adaptive(task, 2.0, 1.0, linearizing=False),
     },
     "arm": {
         "lqi": lambda task: lqi(task, 20.0),
@@ -245,15 +245,15 @@ def test_observer_converges_to_a_constant_disturbance():
 def test_integrals_hold_and_the_observer_is_told_while_an_input_is_cut():
     """By one sample far out, where the input asked for is beyond the limit."""
     x, z = np.array([-5.0, 0.0]), np.array([6.0, 0.0])
-    for make in (linear_lqi, linear_pid):
-        law = make(task_of("servo"), 2.0, limit=1.5).sampled(PERIOD)
+    for make in (lqi, pid):
+        law = make(task_of("servo"), 2.0, limit=1.5, linearizing=False).sampled(PERIOD)
         memory: Any = law.memory()
         assert law.law(0.0, x, memory, law.parameters) > 1.5
         assert memory.q.tolist() == [0.0]
         memory = law.memory()
         law.law(0.0, x, memory, replace(law.parameters, limit=math.inf))
         assert memory.q[0] == pytest.approx(6 * PERIOD, rel=1e-3)
-    law = linear_adrc(task_of("servo"), 100.0, limit=1.5).sampled(PERIOD)
+    law = adrc(task_of("servo"), 100.0, limit=1.5, linearizing=False).sampled(PERIOD)
     memory, p = law.memory(), law.parameters
     assert law.law(0.0, x, memory, p) > 1.5
     np.testing.assert_allclose(memory.q, p.F @ p.start @ z + p.G @ z + p.L @ [1.5], rtol=1e-12)
