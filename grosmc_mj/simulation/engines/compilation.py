@@ -35,6 +35,7 @@ from numba.core.caching import (
 )
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
+from numba.np.arrayobj import np_cfarray
 
 from grosmc_mj.files import private_cache
 
@@ -58,6 +59,23 @@ def _pointer(typing_context: Any, address: Any) -> Any:
 
 # Inside compiled code: an address held in an integer as a pointer.
 pointer: Any = intrinsic(_pointer)
+
+
+def _array_at(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    """Type and code of ``array_at``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        start = arguments[0]
+        if address != types.voidptr:
+            start = builder.inttoptr(start, context.get_value_type(types.voidptr))
+        return np_cfarray(context, builder, signature, (start, arguments[1]))
+
+    return types.Array(dtype.dtype, len(shape), "C")(address, shape, dtype), generate
+
+
+# Inside compiled code: the C-ordered array of a shape and dtype at an address or pointer. It is
+# ``numba.carray``, of which each use with other types takes a function and 0.05 s to compile.
+array_at: Any = intrinsic(_array_at)
 
 
 def fingerprint(function: Callable[..., Any]) -> str:
@@ -225,13 +243,27 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
+def compile_shared(function: Callable[..., Any]) -> Any:
+    """Compile a function that other compiled ones call, once for all of them; Python may not.
+
+    Raises:
+        SetupError: If the folder of the cache is not the user's own.
+    """
+    inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+    return _kept_on_disk(numba.njit(**inner)(function))
+
+
 def compile_python(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, for whatever types it is called with.
 
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    compiled: Any = numba.njit(function)
+    return _kept_on_disk(numba.njit(function))
+
+
+def _kept_on_disk(compiled: Any) -> Any:
+    """A function of numba's that looks for its code in the cache, and leaves it there."""
     if _cache() is not None:
-        compiled._cache = _FingerprintCache(function)
+        compiled._cache = _FingerprintCache(compiled.py_func)
     return compiled

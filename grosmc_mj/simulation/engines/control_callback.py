@@ -14,7 +14,6 @@ from functools import cache
 from typing import Any
 
 import mujoco
-import numba
 import numpy as np
 from numba.core import types
 
@@ -23,10 +22,10 @@ from grosmc_mj.errors import SetupError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.records import record_dtype
-from grosmc_mj.simulation.engines.compilation import compile_c, pointer
+from grosmc_mj.simulation.engines.compilation import array_at, compile_c
 from grosmc_mj.simulation.engines.inputs import written_inputs
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
-from grosmc_mj.simulation.engines.native_pushes import write_wrenches
+from grosmc_mj.simulation.engines.native_pushes import wrench_writer
 from grosmc_mj.simulation.problem import FAILED, Problem
 from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status
@@ -58,7 +57,7 @@ def userdata_dtype(problem: Problem) -> np.dtype[Any]:
 @cache
 def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) -> Any:
     """Compile the control callback of one law, as a ctypes function."""
-    law, singular = jitable(law), system.singular
+    law, singular, write_wrenches = jitable(law), system.singular, wrench_writer()
     data_dtype = mjdata_dtype("qpos", "qvel", "ctrl", "userdata", "xfrc_applied")
     size = userdata_dtype.itemsize
     n, m = system.degrees_of_freedom, len(system.inputs)
@@ -68,8 +67,8 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     completed, failed = float(Status.COMPLETED.value), float(FAILED)
 
     def control(model: Any, data_address: Any) -> None:
-        data = numba.carray(data_address, (1,), data_dtype)[0]
-        userdata = numba.carray(pointer(data.userdata), (1,), userdata_dtype)[0]
+        data = array_at(data_address, (1,), data_dtype)[0]
+        userdata = array_at(data.userdata, (1,), userdata_dtype)[0]
         header = userdata.header
         if header.magic != MAGIC:
             return
@@ -85,9 +84,9 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         if header.steps_left > 0.0 or header.stop != 0.0:
             return
         header.steps_left = header.stride
-        qpos = numba.carray(pointer(data.qpos), (n,), np.float64)
-        qvel = numba.carray(pointer(data.qvel), (n,), np.float64)
-        ctrl = numba.carray(pointer(data.ctrl), (m,), np.float64)
+        qpos = array_at(data.qpos, (n,), np.float64)
+        qvel = array_at(data.qvel, (n,), np.float64)
+        ctrl = array_at(data.ctrl, (m,), np.float64)
         x, memory = header.x, userdata.memory
         for i in range(n):
             x[i] = qpos[i]

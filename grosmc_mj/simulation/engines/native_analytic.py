@@ -14,9 +14,9 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.records import record_dtype
-from grosmc_mj.simulation.engines.compilation import compile_c, pointer
+from grosmc_mj.simulation.engines.compilation import array_at, compile_c
 from grosmc_mj.simulation.engines.inputs import written_inputs
-from grosmc_mj.simulation.engines.native_pushes import write_wrenches
+from grosmc_mj.simulation.engines.native_pushes import wrench_writer
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.trajectory import Status
@@ -45,6 +45,7 @@ def _kernel(
 ) -> Callable[..., None]:
     """Compile the loop of one system, law and layout of numbers."""
     law, singular, step = jitable(law), system.singular, runge_kutta_step(system)
+    write_wrenches = wrench_writer()
     n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
     nm, inputs = memory_dtype.itemsize // 8, written_inputs(m)
     largest = mujoco.mjMAXVAL
@@ -74,16 +75,16 @@ def _kernel(
         end_: int,
     ) -> None:
         rows = steps if recorded else 1
-        x = numba.carray(pointer(x_), (n,), np.float64)
-        memory = numba.carray(pointer(memory_), (1,), memory_dtype)[0]
-        memory_row = numba.carray(pointer(memory_), (nm,), np.float64)
-        p = numba.carray(pointer(law_), (1,), law_dtype)[0]
-        plant = numba.carray(pointer(plant_), (1,), plant_dtype)[0]
-        wrenches = numba.carray(pointer(wrench_), (steps if disturbed else 1, nw), np.float64)
-        xs = numba.carray(pointer(xs_), (rows, n), np.float64)
-        us = numba.carray(pointer(us_), (rows, m), np.float64)
-        memories = numba.carray(pointer(memories_), (rows, nm), np.float64)
-        end = numba.carray(pointer(end_), (2,), np.int64)
+        x = array_at(x_, (n,), np.float64)
+        memory = array_at(memory_, (1,), memory_dtype)[0]
+        memory_row = array_at(memory_, (nm,), np.float64)
+        p = array_at(law_, (1,), law_dtype)[0]
+        plant = array_at(plant_, (1,), plant_dtype)[0]
+        wrenches = array_at(wrench_, (steps if disturbed else 1, nw), np.float64)
+        xs = array_at(xs_, (rows, n), np.float64)
+        us = array_at(us_, (rows, m), np.float64)
+        memories = array_at(memories_, (rows, nm), np.float64)
+        end = array_at(end_, (2,), np.int64)
         slope, stage, total = np.empty(n), np.empty(n), np.empty(n)
         u = np.zeros(m)
         for i in range(steps):

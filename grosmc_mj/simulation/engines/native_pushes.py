@@ -7,12 +7,12 @@ given them. So the disturbances of thousands of runs need no table, and no run c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
 
-import numba
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.disturbances import (
     CONSTANT,
     PULSE,
@@ -23,7 +23,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
     course,
 )
-from grosmc_mj.simulation.engines.compilation import pointer
+from grosmc_mj.simulation.engines.compilation import array_at, compile_shared
 
 # A push is [body, kind, a, b, c, force, torque]: whose, and the formula with its numbers.
 PUSH = 11
@@ -62,20 +62,25 @@ def _numbers(profile: Profile) -> tuple[float, float, float, float]:
     return CONSTANT, 0.0, 0.0, 0.0
 
 
-@jitable
-def write_wrenches(count: int, pushes_: int, wrenches_: int, t: float) -> None:
+@cache
+def wrench_writer() -> Any:
+    """``_write_wrenches``, compiled once for the loops of all laws."""
+    return compile_shared(_write_wrenches)
+
+
+def _write_wrenches(count: int, pushes_: int, wrenches_: int, t: float) -> None:
     """Write the wrenches of ``count`` pushes at t [s]; both arrays are given by address.
 
     The wrenches on a body are added up in the order of the list, from zero, as in
     ``wrench_table``: both give the same bits. Rows without pushes stay as they are.
     """
-    pushes = numba.carray(pointer(pushes_), (count, PUSH), np.float64)
+    pushes = array_at(pushes_, (count, PUSH), np.float64)
     for k in range(count):
-        row = numba.carray(pointer(wrenches_ + _ROW * int(pushes[k, 0])), (6,), np.float64)
+        row = array_at(wrenches_ + _ROW * int(pushes[k, 0]), (6,), np.float64)
         for i in range(6):
             row[i] = 0.0
     for k in range(count):
-        row = numba.carray(pointer(wrenches_ + _ROW * int(pushes[k, 0])), (6,), np.float64)
+        row = array_at(wrenches_ + _ROW * int(pushes[k, 0]), (6,), np.float64)
         value = course(pushes[k, 1], t, pushes[k, 2], pushes[k, 3], pushes[k, 4])
         for i in range(6):
             row[i] += value * pushes[k, 5 + i]

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
-from grosmc_mj.simulation.engines.compilation import pointer
+from grosmc_mj.simulation.engines.compilation import array_at, pointer
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, scratch
 from grosmc_mj.simulation.machine.writing import write_inertia
 from grosmc_mj.simulation.models.files import compile_spec
@@ -133,13 +133,13 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
 
     @numba.njit
     def torque(workspace: float, x: Any, a: Any) -> tuple[float, ...]:
-        addresses = numba.carray(pointer(np.int64(workspace)), (3,), np.int64)
+        addresses = array_at(np.int64(workspace), (3,), np.int64)
         m, d = pointer(addresses[0]), pointer(addresses[1])
-        armature = numba.carray(pointer(addresses[2]), (n,), np.float64)
-        arrays = numba.carray(d, (1,), data_dtype)[0]
-        qpos = numba.carray(pointer(arrays.qpos), (n,), np.float64)
-        qvel = numba.carray(pointer(arrays.qvel), (n,), np.float64)
-        qacc = numba.carray(pointer(arrays.qacc), (n,), np.float64)
+        armature = array_at(addresses[2], (n,), np.float64)
+        arrays = array_at(d, (1,), data_dtype)[0]
+        qpos = array_at(arrays.qpos, (n,), np.float64)
+        qvel = array_at(arrays.qvel, (n,), np.float64)
+        qacc = array_at(arrays.qacc, (n,), np.float64)
         for i in range(n):
             qpos[i] = x[i]
             qvel[i] = x[i + n]
@@ -151,8 +151,8 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
         result = pointer(arrays.qfrc_inverse)
         mj_rne(m, d, np.int32(1), result)
         # M a + h of the bodies, what drives the joints, and what acts without an input.
-        bodies = numba.carray(result, (n,), np.float64)
-        passive = numba.carray(pointer(arrays.qfrc_passive), (n,), np.float64)
+        bodies = array_at(result, (n,), np.float64)
+        passive = array_at(arrays.qfrc_passive, (n,), np.float64)
         return entries(bodies, armature, a, passive)
 
     return torque

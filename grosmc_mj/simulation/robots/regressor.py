@@ -17,7 +17,7 @@ import numpy as np
 
 from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.jitable import jitable
-from grosmc_mj.simulation.engines.compilation import pointer
+from grosmc_mj.simulation.engines.compilation import array_at, pointer
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
 from grosmc_mj.simulation.robots.dynamics import (
     inertia,
@@ -97,16 +97,16 @@ def reference_torques(n: int) -> Torque:
 
     @numba.njit
     def torque(workspace: float, x: Any, r: Any, a: Any) -> Any:
-        addresses = numba.carray(pointer(np.int64(workspace)), (3,), np.int64)
+        addresses = array_at(np.int64(workspace), (3,), np.int64)
         m, d = pointer(addresses[0]), pointer(addresses[1])
-        armature = numba.carray(pointer(addresses[2]), (n,), np.float64)
-        arrays = numba.carray(d, (1,), data_dtype)[0]
-        qpos = numba.carray(pointer(arrays.qpos), (n,), np.float64)
-        qvel = numba.carray(pointer(arrays.qvel), (n,), np.float64)
-        qacc = numba.carray(pointer(arrays.qacc), (n,), np.float64)
-        passive = numba.carray(pointer(arrays.qfrc_passive), (n,), np.float64)
+        armature = array_at(addresses[2], (n,), np.float64)
+        arrays = array_at(d, (1,), data_dtype)[0]
+        qpos = array_at(arrays.qpos, (n,), np.float64)
+        qvel = array_at(arrays.qvel, (n,), np.float64)
+        qacc = array_at(arrays.qacc, (n,), np.float64)
+        passive = array_at(arrays.qfrc_passive, (n,), np.float64)
         result = pointer(arrays.qfrc_inverse)
-        bodies = numba.carray(result, (n,), np.float64)
+        bodies = array_at(result, (n,), np.float64)
         total = np.zeros(n)
         for i in range(n):
             qpos[i], qvel[i], qacc[i] = x[i], x[i + n], a[i]
@@ -148,18 +148,18 @@ def body_regressor(n: int, body: int, root: int, bodies: int) -> Torque:
 
     @numba.njit
     def regressor(workspace: float, x: Any, r: Any, a: Any) -> Any:
-        addresses = numba.carray(pointer(np.int64(workspace)), (3,), np.int64)
+        addresses = array_at(np.int64(workspace), (3,), np.int64)
         m, d = pointer(addresses[0]), pointer(addresses[1])
-        arrays = numba.carray(d, (1,), data_dtype)[0]
-        qpos = numba.carray(pointer(arrays.qpos), (n,), np.float64)
-        qvel = numba.carray(pointer(arrays.qvel), (n,), np.float64)
-        qacc = numba.carray(pointer(arrays.qacc), (n,), np.float64)
-        cinert = numba.carray(pointer(arrays.cinert), (bodies, INERTIAL), np.float64)
-        xpos = numba.carray(pointer(arrays.xpos), (bodies, 3), np.float64)
-        xmat = numba.carray(pointer(arrays.xmat), (bodies, 9), np.float64)
-        centre = numba.carray(pointer(arrays.subtree_com), (bodies, 3), np.float64)
+        arrays = array_at(d, (1,), data_dtype)[0]
+        qpos = array_at(arrays.qpos, (n,), np.float64)
+        qvel = array_at(arrays.qvel, (n,), np.float64)
+        qacc = array_at(arrays.qacc, (n,), np.float64)
+        cinert = array_at(arrays.cinert, (bodies, INERTIAL), np.float64)
+        xpos = array_at(arrays.xpos, (bodies, 3), np.float64)
+        xmat = array_at(arrays.xmat, (bodies, 9), np.float64)
+        centre = array_at(arrays.subtree_com, (bodies, 3), np.float64)
         result = pointer(arrays.qfrc_inverse)
-        torques = numba.carray(result, (n,), np.float64)
+        torques = array_at(result, (n,), np.float64)
         for i in range(n):
             qpos[i], qacc[i] = x[i], a[i]
         mj_kinematics(m, d)
