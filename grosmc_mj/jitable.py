@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 from typing import Any, TypeVar, cast
 
-from numba.extending import register_jitable
+import numba
+from numba.core import types
+from numba.core.registry import cpu_target
 
 Function = TypeVar("Function")
 
 # Nobody calls these from outside of compiled code: wrappers for that would take a sixth of the time
-# of a compilation.
-_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# of a compilation. Division by zero gives an infinity: no exception can leave a C callback.
+_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 
 
 def jitable(function: Function) -> Function:
@@ -28,11 +30,20 @@ def jitable(function: Function) -> Function:
         The function, or its source if numba has compiled it already.
     """
     function = source_of(function)
-    register = cast(Any, register_jitable)
-    if not is_own(function):
-        return register(**_INNER)(function)
-    _check_helpers(function)
-    return register(boundscheck=True, **_INNER)(function)
+    if compiled_of(function) is None:
+        own = is_own(function)
+        if own:
+            _check_helpers(function)
+        compiled = cast(Any, numba.njit)(boundscheck=own, **_INNER)(function)
+        # numba keeps both by weak references only.
+        cast(Any, function).compiled = compiled
+        cpu_target.typing_context.insert_global(function, types.Dispatcher(compiled))
+    return function
+
+
+def compiled_of(function: Any) -> Any:
+    """What numba compiles where compiled code calls a jitable function; None of another one."""
+    return getattr(function, "compiled", None)
 
 
 def source_of(function: Any) -> Any:

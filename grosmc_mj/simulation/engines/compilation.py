@@ -21,7 +21,7 @@ from enum import Enum, EnumMeta
 from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numba
 import numpy as np
@@ -31,6 +31,7 @@ from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
+    NullCache,
     _CacheLocator,
 )
 from numba.core.ccallback import CFunc
@@ -38,6 +39,9 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import np_cfarray
 
 from grosmc_mj.files import private_cache
+from grosmc_mj.jitable import compiled_of, jitable
+
+Function = TypeVar("Function")
 
 _numbers: Any = iter(partial(secrets.randbits, 64), None)
 FunctionIdentity._unique_ids = _numbers
@@ -243,14 +247,20 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def compile_shared(function: Callable[..., Any]) -> Any:
-    """Compile a function that other compiled ones call, once for all of them; Python may not.
+def shared(function: Function) -> Function:
+    """A jitable function that is compiled once for all that call it, in any process.
+
+    What is large and called by many: a law, which loops on equations, MuJoCo's callback and what
+    notes its metrics have in common.
 
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
-    return _kept_on_disk(numba.njit(**inner)(function))
+    function = jitable(function)
+    compiled = compiled_of(function)
+    if isinstance(compiled._cache, NullCache):
+        _kept_on_disk(compiled)
+    return function
 
 
 def compile_python(function: Callable[..., Any]) -> Any:

@@ -19,13 +19,12 @@ from numba.core import types
 
 from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import SetupError
-from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.records import record_dtype
-from grosmc_mj.simulation.engines.compilation import array_at, compile_c
+from grosmc_mj.simulation.engines.compilation import array_at, compile_c, shared
 from grosmc_mj.simulation.engines.inputs import written_inputs
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
-from grosmc_mj.simulation.engines.native_pushes import wrench_writer
+from grosmc_mj.simulation.engines.native_pushes import write_wrenches
 from grosmc_mj.simulation.problem import FAILED, Problem
 from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status
@@ -57,9 +56,11 @@ def userdata_dtype(problem: Problem) -> np.dtype[Any]:
 @cache
 def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) -> Any:
     """Compile the control callback of one law, as a ctypes function."""
-    law, singular, write_wrenches = jitable(law), system.singular, wrench_writer()
+    law, singular, write = shared(law), system.singular, shared(write_wrenches)
     data_dtype = mjdata_dtype("qpos", "qvel", "ctrl", "userdata", "xfrc_applied")
     size = userdata_dtype.itemsize
+    header_dtype, header_offset = userdata_dtype.fields["header"][:2]
+    x_offset = header_offset + header_dtype.fields["x"][1]
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
@@ -78,7 +79,7 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         # A new timestep: wrench and input are held from here on.
         header.calls = header.calls_per_step
         t = header.steps * header.timestep
-        write_wrenches(int(header.pushes), data.userdata + size, data.xfrc_applied, t)
+        write(int(header.pushes), data.userdata + size, data.xfrc_applied, t)
         header.steps += 1.0
         header.steps_left -= 1.0
         if header.steps_left > 0.0 or header.stop != 0.0:
@@ -87,7 +88,8 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
         qpos = array_at(data.qpos, (n,), np.float64)
         qvel = array_at(data.qvel, (n,), np.float64)
         ctrl = array_at(data.ctrl, (m,), np.float64)
-        x, memory = header.x, userdata.memory
+        # An array, as in loops on equations: they share the law.
+        x, memory = array_at(data.userdata + x_offset, (2 * n,), np.float64), userdata.memory
         for i in range(n):
             x[i] = qpos[i]
             x[i + n] = qvel[i]

@@ -11,12 +11,11 @@ import numba
 import numpy as np
 
 from grosmc_mj.control.laws import Law
-from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 from grosmc_mj.records import record_dtype
-from grosmc_mj.simulation.engines.compilation import array_at, compile_c
+from grosmc_mj.simulation.engines.compilation import array_at, compile_c, shared
 from grosmc_mj.simulation.engines.inputs import written_inputs
-from grosmc_mj.simulation.engines.native_pushes import wrench_writer
+from grosmc_mj.simulation.engines.native_pushes import write_wrenches
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.trajectory import Status
@@ -44,8 +43,8 @@ def _kernel(
     memory_dtype: np.dtype[Any],
 ) -> Callable[..., None]:
     """Compile the loop of one system, law and layout of numbers."""
-    law, singular, step = jitable(law), system.singular, runge_kutta_step(system)
-    write_wrenches = wrench_writer()
+    law, write = shared(law), shared(write_wrenches)
+    singular, step = system.singular, runge_kutta_step(system)
     n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
     nm, inputs = memory_dtype.itemsize // 8, written_inputs(m)
     largest = mujoco.mjMAXVAL
@@ -99,7 +98,7 @@ def _kernel(
                 if not finite:
                     end[0], end[1] = i, undefined_input
                     return
-            write_wrenches(pushes, pushes_, wrench_, i * h)
+            write(pushes, pushes_, wrench_, i * h)
             step(x, u, wrenches[i if disturbed else 0], plant, h, slope, stage, total)
             for j in range(n):
                 if not abs(x[j]) < largest:

@@ -7,12 +7,11 @@ given them. So the disturbances of thousands of runs need no table, and no run c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.disturbances import (
     CONSTANT,
     PULSE,
@@ -23,7 +22,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
     course,
 )
-from grosmc_mj.simulation.engines.compilation import array_at, compile_shared
+from grosmc_mj.simulation.engines.compilation import array_at
 
 # A push is [body, kind, a, b, c, force, torque]: whose, and the formula with its numbers.
 PUSH = 11
@@ -62,13 +61,8 @@ def _numbers(profile: Profile) -> tuple[float, float, float, float]:
     return CONSTANT, 0.0, 0.0, 0.0
 
 
-@cache
-def wrench_writer() -> Any:
-    """``_write_wrenches``, compiled once for the loops of all laws."""
-    return compile_shared(_write_wrenches)
-
-
-def _write_wrenches(count: int, pushes_: int, wrenches_: int, t: float) -> None:
+@jitable
+def write_wrenches(count: int, pushes_: int, wrenches_: int, t: float) -> None:
     """Write the wrenches of ``count`` pushes at t [s]; both arrays are given by address.
 
     The wrenches on a body are added up in the order of the list, from zero, as in
