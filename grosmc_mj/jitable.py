@@ -15,6 +15,10 @@ Function = TypeVar("Function")
 # of a compilation. Division by zero gives an infinity: no exception can leave a C callback.
 _INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 
+# What numba compiles for each function; numba itself refers to it weakly. A function's attribute
+# would travel with it to other processes, which know nothing of it.
+_compiled: dict[Any, Any] = {}
+
 
 def jitable(function: Function) -> Function:
     """Let compiled code call ``function``; it stays an ordinary Python function.
@@ -35,15 +39,14 @@ def jitable(function: Function) -> Function:
         if own:
             _check_helpers(function)
         compiled = cast(Any, numba.njit)(boundscheck=own, **_INNER)(function)
-        # numba keeps both by weak references only.
-        cast(Any, function).compiled = compiled
+        _compiled[function] = compiled
         cpu_target.typing_context.insert_global(function, types.Dispatcher(compiled))
     return function
 
 
 def compiled_of(function: Any) -> Any:
     """What numba compiles where compiled code calls a jitable function; None of another one."""
-    return getattr(function, "compiled", None)
+    return _compiled.get(function)
 
 
 def source_of(function: Any) -> Any:

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import mujoco
 import numba
 import numpy as np
@@ -460,6 +461,15 @@ def test_law_is_compiled_anew_when_a_function_that_it_calls_changes():
         for make, expected in ((helper_with, k), (other_helper, k + 1)):
             ctl = Controller("helped", law_with(make(k)), Nothing())
             assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == expected
+
+
+def test_law_that_has_travelled_is_compiled_where_it_arrives():
+    """By value, as laws of one's own do that no module has."""
+    law = law_with(helper_with(2.0))
+    plant = physics("servo").analytic()
+    for copy in (law, cloudpickle.loads(cloudpickle.dumps(law))):
+        ctl = Controller("travelled", copy, Nothing())
+        assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == 2.0
 
 
 def by_array(k: float) -> Callable[..., float]:
