@@ -463,13 +463,15 @@ def test_law_is_compiled_anew_when_a_function_that_it_calls_changes():
             assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == expected
 
 
-def test_law_that_has_travelled_is_compiled_where_it_arrives():
+def test_law_that_has_travelled_is_compiled_where_it_arrives(tmp_path, monkeypatch):
     """By value, as laws of one's own do that no module has."""
-    law = law_with(helper_with(2.0))
-    plant = physics("servo").analytic()
-    for copy in (law, cloudpickle.loads(cloudpickle.dumps(law))):
-        ctl = Controller("travelled", copy, Nothing())
+    plant, law = physics("servo").analytic(), by_array(2.0)
+    for folder in ("here", "there"):
+        # Where nothing is compiled yet.
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / folder))
+        ctl = Controller("travelled", law, Nothing())
         assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == 2.0
+        law = cloudpickle.loads(cloudpickle.dumps(law))
 
 
 def by_array(k: float) -> Callable[..., float]:
