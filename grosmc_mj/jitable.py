@@ -40,7 +40,7 @@ def jitable(function: Function) -> Function:
             _check_helpers(function)
         compiled = cast(Any, numba.njit)(boundscheck=own, **_INNER)(function)
         _compiled[function] = compiled
-        cpu_target.typing_context.insert_global(function, types.Dispatcher(compiled))
+        cast(Any, cpu_target.typing_context).insert_global(function, types.Dispatcher(compiled))
     return function
 
 

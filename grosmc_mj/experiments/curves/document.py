@@ -116,17 +116,22 @@ def _curve(run: RunResult, values: Array, name: str = "") -> dict[str, Any]:
     said = {"law": run.controller.name, "plant": run.plant, "name": name}
     there = np.isfinite(values)
     time, values = time[there], values[there]
-    if jumps(values) or _kept(time, values).sum() > _MOST:
+    if jumps(values) or (kept := _kept(time, values)).sum() > _MOST:
         found = envelope(time, values)
         drawn = [_short(found.least), _short(found.largest)]
         return {**said, "t": _short(found.time), "y": _short(found.mean), "range": drawn}
-    return {**said, **_drawn(time, values), "range": None}
+    return {**said, **_points(time[kept], values[kept]), "range": None}
 
 
 def _drawn(time: Array, values: Array) -> dict[str, list[float]]:
     """Instants and values of a curve without those that a line between its others would give."""
     kept = _kept(time, values)
-    return {"t": _short(time[kept]), "y": _short(values[kept])}
+    return _points(time[kept], values[kept])
+
+
+def _points(time: Array, values: Array) -> dict[str, list[float]]:
+    """Points of a curve, in short numbers."""
+    return {"t": _short(time), "y": _short(values)}
 
 
 def _kept(time: Array, values: Array) -> NDArray[np.bool_]:

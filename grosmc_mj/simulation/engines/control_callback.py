@@ -59,8 +59,8 @@ def control_callback(system: System, law: Law, userdata_dtype: np.dtype[Any]) ->
     law, singular, write = shared(law), system.singular, shared(write_wrenches)
     data_dtype = mjdata_dtype("qpos", "qvel", "ctrl", "userdata", "xfrc_applied")
     size = userdata_dtype.itemsize
-    header_dtype, header_offset = userdata_dtype.fields["header"][:2]
-    x_offset = header_offset + header_dtype.fields["x"][1]
+    blank = np.zeros((), userdata_dtype)
+    x_offset = blank["header"]["x"].ctypes.data - blank.ctypes.data
     n, m = system.degrees_of_freedom, len(system.inputs)
     inputs = written_inputs(m)
     singular_plant, undefined_law = Status.SINGULAR_PLANT.value, Status.UNDEFINED_LAW.value
