@@ -13,11 +13,12 @@ from campaign_cases import DEVIATION, FALL, LQR, bits, campaign, case, pair, ser
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.campaign.findings.findings import findings
-from grosmc_mj.campaign.findings.judges import Judges, judged_words
+from grosmc_mj.campaign.findings.judges import Judges, judged_words, judges_of
 from grosmc_mj.campaign.findings.radius import radius
 from grosmc_mj.campaign.findings.worst import worst
 from grosmc_mj.campaign.runs import screened, shard
 from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.part import OVERTURNED, SCREENED
 from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.screened import WORST, screened_all
 from grosmc_mj.campaign.runs.screening import (
@@ -286,6 +287,15 @@ def test_overturned_verdicts_are_said_with_their_runs(tmp_path: Path) -> None:
     wrong = {**found.judges, "lqr": Judges(256, 20, 3, [4, 7, 9], 1e-3)}
     assert judged_words(wrong).endswith("MuJoCo overturned verdicts of 3: lqr 4, 7, 9.")
     assert "(band 0.001 of a limit)" in judged_words(wrong)
+
+
+def test_the_first_sixteen_overturned_runs_are_named() -> None:
+    """Of twenty, every other run."""
+    counts = {name: np.array([number]) for name, number in (("runs", 40), (SCREENED, 30))}
+    columns = {"id": np.arange(40.0), "overturned": np.arange(40) % 2.0, "band": np.full(40, 0.1)}
+    told = judges_of({"lqr": {**counts, OVERTURNED: np.array([20])}}, {"lqr": columns})["lqr"]
+    assert (told.runs, told.by_equations, told.overturned, told.band) == (40, 30, 20, 0.1)
+    assert told.overturned_runs == list(range(1, 32, 2))
 
 
 def test_no_servo_is_left_to_the_equations_where_their_margins_are_unsure(

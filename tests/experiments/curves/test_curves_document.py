@@ -40,6 +40,14 @@ def test_what_switches_at_every_sample_has_its_range(runs: list[RunResult]) -> N
     assert max(largest) == pytest.approx(true.max(), rel=1e-6)
 
 
+def test_what_chatters_is_drawn_below_the_rest(runs: list[RunResult]) -> None:
+    panels = {each["label"]: each for each in curves_document(runs)["panels"]}
+    drawn = [each["law"] for each in panels["current [A]"]["curves"]]
+    variations = {run.controller.name: run.metrics["total_variation"].value or 0.0 for run in runs}
+    assert variations["grosmc"] > 10 * variations["lqr"]
+    assert drawn == ["grosmc", "lqr"]
+
+
 def test_requirements_and_disturbances_are_beside_the_curves(
     runs: list[RunResult], tmp_path: Path
 ) -> None:
