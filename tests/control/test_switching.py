@@ -299,6 +299,12 @@ def test_adaptive_gain_falls_to_its_least_and_no_further_when_nothing_pushes():
     assert np.all(np.diff(gains) <= 0)
 
 
+def test_the_estimating_law_is_bounded_by_rho_times_its_gain():
+    """Far away, but for the estimate, which at first takes all of s for the work of w."""
+    (phi,) = asked(ImplicitEstimate(gain=2.0), (10.0,), 0.0, 5.0, H).tolist()
+    assert phi + 10.0 / H == pytest.approx(-2.0 * 5.0, rel=1e-9)
+
+
 # Limits under a wrong input gain
 
 

@@ -439,6 +439,15 @@ def test_every_kind_of_source_gives_the_same_robot(tmp_path: Path) -> None:
         assert robot.plant.system.name == "tree"
 
 
+def test_parts_without_a_name_get_one_that_nothing_has() -> None:
+    """The third joint would be called as the first is."""
+    named = TREE.replace('"turn"', '"joint3"').replace('<joint name="push" ', "<joint ")
+    push = '    <motor name="push_force" joint="push" gear="-20" ctrlrange="-1 0.5"/>\n'
+    assert push in named
+    model = Robot.from_mjcf(named.replace(push, "")).plant.model
+    assert [model.joint(i).name for i in range(N)] == ["joint3", "lift", "joint3_"]
+
+
 def test_timestep_and_integrator_are_the_plants() -> None:
     robot = Robot.from_mjcf(TREE, timestep=5e-4, integrator="implicitfast")
     assert robot.plant.model.opt.timestep == 5e-4
