@@ -94,6 +94,13 @@ AROUND = [
         ),
         "eso runs at the law's pace: the sensor of rotor angle has a period of its own",
     ),
+    (
+        Loop(
+            sensors=(Sensor(ANGLE, 1e-3, delay=H), Sensor(SPEED, 1e-3, delay=2 * H)),
+            estimators=(Estimator((ANGLE, SPEED), "kalman", load=1.0),),
+        ),
+        "kalman: what is seen is of different ages, rotor angle 0.001 s, rotor speed 0.002 s",
+    ),
 ]  # fmt: skip
 
 
