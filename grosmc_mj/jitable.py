@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -34,7 +35,8 @@ def jitable(function: Function) -> Function:
         The function, or its source if numba has compiled it already.
     """
     function = source_of(function)
-    if compiled_of(function) is None:
+    # What is no function numba cannot compile: it says so where it is called.
+    if isinstance(function, FunctionType) and compiled_of(function) is None:
         own = is_own(function)
         if own:
             _check_helpers(function)
@@ -46,7 +48,7 @@ def jitable(function: Function) -> Function:
 
 def compiled_of(function: Any) -> Any:
     """What numba compiles where compiled code calls a jitable function; None of another one."""
-    return _compiled.get(function)
+    return _compiled.get(function) if isinstance(function, FunctionType) else None
 
 
 def source_of(function: Any) -> Any:

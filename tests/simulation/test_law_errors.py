@@ -6,7 +6,7 @@ import inspect
 import math
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numba
@@ -264,3 +264,18 @@ def test_a_law_given_straight_to_a_controller_is_checked_too(law: Any) -> None:
     mine = Controller("mine", law, numbers, like.memory)
     with pytest.raises(ArgumentError, match="IndexError"):
         gm.simulate(physics("servo"), mine, [0.0, 0.0], duration=0.01)
+
+
+class Pushes:
+    """A law that is no function."""
+
+    def __call__(self, t: float, x: Any, memory: Any, p: Any) -> float:
+        return 2.0
+
+
+@pytest.mark.parametrize("law", [partial(Pushes()), Pushes()], ids=["partial", "object"])
+def test_what_is_called_and_is_no_function_runs_uncompiled_only(law: Any) -> None:
+    assert run(law, "servo", "corrected", "python").command[-1] == 2.0
+    with pytest.raises(gm.GrosmcError, match='engine = "python" runs it uncompiled') as told:
+        run(law, "servo", "corrected", "native")
+    assert "\n" not in str(told.value)

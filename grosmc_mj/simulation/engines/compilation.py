@@ -258,7 +258,7 @@ def shared(function: Function) -> Function:
     """
     function = jitable(function)
     compiled = compiled_of(function)
-    if isinstance(compiled._cache, NullCache):
+    if compiled is not None and isinstance(compiled._cache, NullCache):
         _kept_on_disk(compiled)
     return function
 
