@@ -250,8 +250,8 @@ def _without_collector() -> Iterator[None]:
 def shared(function: Function) -> Function:
     """A jitable function that is compiled once for all that call it, in any process.
 
-    What is large and called by many: a law, which loops on equations, MuJoCo's callback and what
-    notes its metrics have in common.
+    What is large and called by many: a law, which loops on equations and MuJoCo's callback have
+    in common. With a memory of another layout it is another one.
 
     Raises:
         SetupError: If the folder of the cache is not the user's own.
