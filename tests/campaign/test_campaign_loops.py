@@ -103,15 +103,16 @@ def by_threads(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Fold
 
 
 @pytest.mark.slow
-def test_processes_write_the_same_bits_of_an_uncertain_loop_as_threads(
-    by_threads: tuple[Campaign, Folder], tmp_path: Path
+@pytest.mark.parametrize("name", ["batch", "processes", "dask"])
+def test_every_executor_writes_the_same_bits_of_an_uncertain_loop(
+    name: str, by_threads: tuple[Campaign, Folder], tmp_path: Path
 ) -> None:
+    if name == "dask":
+        pytest.importorskip("distributed")
     asked, finished = by_threads
     folder = begun(asked, tmp_path / "folder")
-    assert (
-        run_missing(asked, folder, make_executor("processes", workers=2), print, lambda *_: None)
-        == 0
-    )
+    executor = make_executor(name, workers=None if name == "batch" else 2)
+    assert run_missing(asked, folder, executor, print, lambda *_: None) == 0
     assert bits(folder) == bits(finished)
     assert len(bits(folder)) == asked.specification.shards == 2
     # No two runs are alike, so that no row could stand for another.

@@ -225,8 +225,10 @@ def test_streams_that_are_closed_or_full_change_no_verdict(tmp_path: Path):
     case.write_text(SMALL.format(limit=1e-9))
     command = f"{sys.executable} -m grosmc_mj.cli run {case} --no-figures --out {out}"
     for streams, code in (
+        (">&-", cli.DIFFERS),
         ("<&- >&- 2>&-", cli.DIFFERS),
         (">/dev/full", cli.WRONG),
+        ("2>/dev/full", cli.DIFFERS),
         ("| true; exit ${PIPESTATUS[0]}", cli.DIFFERS),
     ):
         done = subprocess.run(["bash", "-c", f"{command} {streams}"], check=False, timeout=120)

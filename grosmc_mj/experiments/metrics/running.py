@@ -34,7 +34,6 @@ from grosmc_mj.experiments.metrics.definitions import (
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import extended
-from grosmc_mj.simulation.engines.compilation import shared
 from grosmc_mj.vectors import each, quadratic, row_times
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
@@ -153,7 +152,7 @@ def _metered_law(
 ) -> Law:
     """The law, which notes at each sample what it finds, costs if told how v is a vector."""
     costs, vector = weighed is not None, weighed or _all
-    inner, difference, follow = shared(law), _difference(outputs), _follower(size)
+    inner, difference, follow = jitable(law), _difference(outputs), _follower(size)
     nothing = (0.0,) * size
 
     def metered_law(t: float, x: Any, memory: Any, p: Any) -> Any:

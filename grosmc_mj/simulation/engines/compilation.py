@@ -21,7 +21,7 @@ from enum import Enum, EnumMeta
 from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numba
 import numpy as np
@@ -39,9 +39,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import np_cfarray
 
 from grosmc_mj.files import private_cache
-from grosmc_mj.jitable import compiled_of, jitable
-
-Function = TypeVar("Function")
+from grosmc_mj.jitable import Function, compiled_of, jitable
 
 _numbers: Any = iter(partial(secrets.randbits, 64), None)
 FunctionIdentity._unique_ids = _numbers

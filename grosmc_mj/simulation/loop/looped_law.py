@@ -9,7 +9,6 @@ from typing import Any
 
 from grosmc_mj.control.laws import Law
 from grosmc_mj.jitable import jitable
-from grosmc_mj.simulation.engines.compilation import shared
 from grosmc_mj.simulation.loop.actuating import actuating
 from grosmc_mj.simulation.loop.counter import uniform
 from grosmc_mj.simulation.loop.design_model import Advance
@@ -33,7 +32,7 @@ def looped_law_of(
     predicts: bool,
 ) -> Law:
     """The law in a loop of n states and m inputs."""
-    inner, store, given = shared(law), algebra(m).store, algebra(m).given
+    inner, store, given = jitable(law), algebra(m).store, algebra(m).given
     sense, actuate = sensing(n), actuating(m)
     expect, estimate = rate_estimating(n, m, advance if "eso" in observers else None)
     entries = each(m, lambda i, u: u[i])

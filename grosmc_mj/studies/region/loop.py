@@ -16,8 +16,8 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
-from grosmc_mj.simulation.engines.compilation import shared
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -117,7 +117,7 @@ def guarded(controller: Controller, system: System) -> Controller:
 @cache
 def _guarded_law(law: Law, system: System) -> Law:
     """The law, undefined outside the region."""
-    inner, linearizable = shared(law), system.linearizable
+    inner, linearizable = jitable(law), system.linearizable
 
     def guarded_law(t: float, x: Any, memory: Any, p: Any) -> Any:
         u = inner(t, x, memory, p)
