@@ -25,7 +25,9 @@ SYSTEM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
 
 INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
-# Python compiles a module when it is first imported: most of these never are.
+# Python compiles a module when it is first imported: most of these never are. It keeps what it has
+# compiled, else every start would take twice the time: a container may tell it not to.
+unexport PYTHONDONTWRITEBYTECODE
 PIP_INSTALL := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq --no-compile
 
 .PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built ladder page docs clean
