@@ -247,15 +247,13 @@ def _largest_wrench(run: Trajectory) -> Array:
 
 
 def reading_of(points: Points, margins: Iterable[float]) -> Reading:
-    """The least margin of many points."""
+    """The least margin of many points, at the first of those that share it but for rounding."""
     values = np.array(list(margins))
-    worst = int(values.argmin())
+    least = float(values.min())
+    worst = int(np.isclose(values, least, rtol=ROUNDING, atol=0, equal_nan=True).argmax())
     t, x, _ = points[worst]
-    return Reading(
-        Point(t, tuple(np.asarray(x, float).tolist()), float(values[worst])),
-        float(values[worst]),
-        float(np.mean(values < 0)),
-    )
+    place = tuple(np.asarray(x, float).tolist())
+    return Reading(Point(t, place, least), least, float(np.mean(values < 0)))
 
 
 def single_reading(margin: float) -> Reading:

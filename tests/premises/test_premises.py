@@ -27,7 +27,14 @@ from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.audit import Audit, Premise, audit, least_margin, run_audit
+from grosmc_mj.premises.audit import (
+    Audit,
+    Premise,
+    audit,
+    least_margin,
+    reading_of,
+    run_audit,
+)
 from grosmc_mj.premises.balance import Balance, balance, switching_rate
 from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.edits import BodyEdit
@@ -509,3 +516,11 @@ def test_command_says_where_the_premise_fails(
     failed = [each["name"] for each in document["premises"] if not each["holds"]]
     assert failed == ["epsilon"]
     assert written["versions"]
+
+
+def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
+    points: Any = [(t, (t,), None) for t in (0.0, 1.0, 2.0, 3.0)]
+    least = -6.45 * (1 + 4e-16)
+    reading = reading_of(points, [2.0, -6.45, least, -6.4])
+    assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
+    assert reading.violated == 0.75
