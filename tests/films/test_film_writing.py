@@ -578,7 +578,7 @@ def test_a_normal_film_says_what_it_is_and_shows_its_progress_to_terminals_only(
         code = film(tmp_path / "piped.mp4", *SHORT)
         assert not children("LokyProcess")
         ends = {"piped": (code, *capfd.readouterr()), "seen": seen.end()}
-        assert not seen.group()
+        wait_for(lambda: not seen.group(), SOON)
     reader.join(SOON)
     os.close(master)
     for name, (code, out, _) in ends.items():
