@@ -39,6 +39,8 @@ from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit
+from grosmc_mj.simulation.loop import Computing, Loop, in_loop
+from grosmc_mj.simulation.loop.design_model import advance_of
 from grosmc_mj.simulation.models.files import load_spec, model_path
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.robots.robot import Robot
@@ -238,6 +240,24 @@ def test_the_acceleration_that_an_input_was_computed_for_is_found_again() -> Non
     for x in states(2):
         u = error.feedback(0.3, x, v, memory, p)
         np.testing.assert_allclose(error.driven(0.3, x, u, memory, p), v, rtol=1e-10)
+
+
+def test_the_design_model_moves_by_mujocos_accelerations() -> None:
+    """Of a law that steers against a moving reference, and whose error is reversed."""
+    task = replace(tree_task(), error=replace(tree_task().error, sign=-1))
+    law, h = computed_torque_pd(task, 9.0, 6.0), 1e-3
+    loop = Loop(Computing(delay=h))
+    looped = in_loop(law, loop, tree().plant.system, control_period=h, timestep=h, predict=True)
+    memory, _kept = looped.begin()
+    model = tree().plant.model
+    data, u = mujoco.MjData(model), np.array([0.4, -0.3, 0.2])
+    for x in states(N):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = x[:N], x[N:], u
+        mujoco.mj_forward(model, data)
+        memory.loop.model[:] = x
+        advance_of(law.coordinates)(0.3, u, memory, looped.parameters, h)
+        q = x[:N] + h * x[N:] + 0.5 * h**2 * data.qacc
+        np.testing.assert_allclose(memory.loop.model, [*q, *(x[N:] + h * data.qacc)], rtol=1e-9)
 
 
 def test_the_balance_of_the_reaching_condition_takes_a_robot() -> None:

@@ -95,11 +95,8 @@ def _midpoint(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def _of_robot(error: RobotCoordinates) -> Advance:
-    driven, reference, sign = error.driven, error.reference, float(error.sign)
-    joints = error.inputs
-    places = tuple(int(each) for each in np.cumsum([3] * joints) - 1)
-    vector = each(joints, lambda i, u: u[i])
-    accelerations = each(joints, lambda i, v, y_r: sign * v[i] + y_r[places[i]])
+    driven, reference, joints = error.driven, error.reference, error.inputs
+    accelerations, vector = error.accelerations, each(joints, lambda i, u: u[i])
 
     @jitable
     def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:

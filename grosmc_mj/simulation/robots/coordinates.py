@@ -75,15 +75,19 @@ class RobotCoordinates(OutputCoordinates):
         return jitable(error_state)
 
     @cached_property
+    def accelerations(self) -> Callable[[Any, Any], Vector]:
+        """Jitable (v, y_r) -> q'' = sign v + y_r'', (n,)."""
+        sign, places = float(self.sign), self._highest
+        return each(self.inputs, lambda i, v, y_r: sign * v[i] + y_r[places[i]])
+
+    @cached_property
     def feedback(self) -> Feedback:
         """Jitable (t, x, v, memory, p) -> u = M(q) (sign v + y_r'') + h(q, q') - passive.
 
         It is defined everywhere, for a run that has its workspace: see ``Controller.begin``.
         """
         reference, torque = self.reference, inverse_dynamics(self.inputs)
-        sign, places = float(self.sign), self._highest
-        nothing = algebra(self.inputs).nothing
-        accelerations = each(self.inputs, lambda i, v, y_r: sign * v[i] + y_r[places[i]])
+        nothing, accelerations = algebra(self.inputs).nothing, self.accelerations
 
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any) -> Vector:
             if memory.workspace == 0.0:
