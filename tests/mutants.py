@@ -216,7 +216,7 @@ def _tests(module: Path, folders: tuple[str, ...]) -> Iterator[str]:
     """Tests that shall notice, those named like the module first."""
     words = set(module.stem.split("_"))
     files = [
-        file for folder in folders for file in sorted((Path("tests") / folder).glob("test_*.py"))
+        file for folder in folders for file in sorted((Path("tests") / folder).rglob("test_*.py"))
     ]
     near = sorted(files, key=lambda file: not words & set(file.stem.split("_")[1:]))
     yield from map(str, near)

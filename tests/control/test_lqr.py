@@ -182,6 +182,7 @@ def test_optimal_trajectory_refuses_instants_that_are_not_equally_spaced():
         ((CHAIN_A, CHAIN_B, I2, I2), r"R has shape \(2, 2\), must be \(1, 1\)"),
         ((CHAIN_A, CHAIN_B, np.diag([1.0, np.nan]), 1.0), r"Q must be finite, is .*nan"),
         (([[0.0, np.inf], [0.0, 0.0]], CHAIN_B, I2, 1.0), r"A must be finite, is .*inf"),
+        ((CHAIN_A, CHAIN_B, "Q", 1.0), r"Q must be a matrix of finite numbers, is 'Q'"),
         ((CHAIN_A, CHAIN_B, np.diag([1.0, -2.0]), 1.0), r"Q must be positive semi.*-2\.0"),
         ((CHAIN_A, CHAIN_B, I2, 0.0), r"R must be positive definite, is \[\[0\.0\]\]"),
         ((CHAIN_A, CHAIN_B, I2, -3.0), r"R must be positive definite, is \[\[-3\.0\]\]"),

@@ -432,10 +432,13 @@ def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
     together[[0, 6]] = 0.2, 0.3
     apart = together * np.repeat([1.0, -1.0], 6)
     # A force on the cart turns the upright pole the other way than one on the pole.
-    rates = [balance(law, plant, 0.0, np.zeros(4), w).required for w in (together, apart)]
-    assert rates[1] > rates[0]
+    upright = [balance(law, plant, 0.0, np.zeros(4), w) for w in (together, apart)]
+    assert upright[1].required > upright[0].required
     margins = [least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
     assert margins[0] == pytest.approx(margins[1], rel=1e-12)
+    # A region of next to nothing is the pole upright.
+    here = least_margin(law, plant, (1e-9, 1e-9), together)
+    assert here == pytest.approx(upright[1].configured - upright[1].required, rel=1e-6)
 
 
 def test_projection_that_does_not_see_the_input_is_refused() -> None:

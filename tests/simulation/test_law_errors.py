@@ -146,6 +146,15 @@ def single(t: float, x: Any, memory: Any, p: Any) -> tuple[float]:
     return (1.0,)
 
 
+@each_engine
+@each_kind
+def test_whole_numbers_are_inputs(kind: str, engine: Engine) -> None:
+    def law(t: float, x: Any, memory: Any, p: Any) -> tuple[int, int]:
+        return (3, -1)
+
+    assert run(law, "two_link_arm", kind, engine).command[-1].tolist() == [3.0, -1.0]
+
+
 WRONG = [
     ("servo", nothing_later, "None at t = 0.006 s"),
     ("servo", whole_state, r"\[0.0, 0.0\] at t = 0 s"),

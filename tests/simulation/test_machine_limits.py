@@ -333,6 +333,7 @@ def test_what_leans_on_a_stop_rests_only_below_the_timestep_that_is_told() -> No
         (lambda: Motor("i", 0.1, 1.0, ratio=0.0), r"ratio = 0 must be at least 1e-15, or negative"),
         (lambda: Motor("i", 0.1, 1.0, thermal_resistance=1.0), r"heating needs both"),
         (lambda: SwingingLoad("b", 0.0, 1.0), r"mass = 0 must be positive"),
+        (lambda: SwingingLoad("b", 1e-16, 1.0), r"mass = 1e-16 must be at least 1e-15"),
         (lambda: Wall("b", 0.1, normal=(0, 0, 0)), r"must point somewhere"),
         (lambda: Wall("b", 0.1, at=(0, 0)), r"three finite numbers"),  # pyright: ignore[reportArgumentType]
         (lambda: JointEdit("j", tilt=2.0), r"tilt = 2 must be less than a quarter"),

@@ -449,6 +449,14 @@ def test_joints_that_are_not_named_are_locked() -> None:
     np.testing.assert_allclose(robot.inertia(q), locked, rtol=0, atol=1e-14)
 
 
+def test_what_a_model_says_of_a_joint_that_is_left_out_goes_with_it() -> None:
+    """Its sensors, and keyframes, which have a number for each joint."""
+    sensors = "".join(f'<jointpos joint="{name}"/>' for name in ("turn", "push"))
+    more = f'<sensor>{sensors}</sensor><keyframe><key qpos="0.1 0.2 0.3"/></keyframe></mujoco>'
+    model = Robot.from_mjcf(TREE.replace("</mujoco>", more), joints=["lift", "turn"]).plant.model
+    assert (model.nsensor, model.sensor_objid[0], model.nkey) == (1, model.joint("turn").id, 0)
+
+
 def test_every_kind_of_source_gives_the_same_robot(tmp_path: Path) -> None:
     file = tmp_path / "tree.xml"
     file.write_text(TREE)

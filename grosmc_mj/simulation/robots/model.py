@@ -73,6 +73,9 @@ def robot_spec(
     _name_everything(spec)
     said: list[str] = []
     removed = _keep(spec, joints, actuators, said)
+    lost = [sensor for sensor in spec.sensors if {sensor.objname, sensor.refname} & removed]
+    for part in (*spec.keys, *lost):
+        spec.delete(part)
     couplings = kept_couplings(spec, said)
     compiled = compile_spec(spec)
     _refuse_unfit(compiled)
@@ -93,11 +96,6 @@ def robot_spec(
     write_drives(spec, chosen)
     if built is not None:
         write_drives(built, chosen, as_built=True)
-    for each in (spec, built):
-        if each is not None:
-            lost = (s for s in each.sensors if {s.objname, s.refname} & removed)
-            for part in (*each.keys, *lost):
-                each.delete(part)
     said += [drive.said for drive in drives if drive.said]
     said += [str(coupling) for coupling in couplings]
     if idle:
