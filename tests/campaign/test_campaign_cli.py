@@ -70,6 +70,18 @@ def test_a_campaign_says_its_numbers_and_what_they_do_not_prove(
     assert "no proof" in " ".join(said.split())
 
 
+def test_a_campaign_that_requires_nothing_says_who_completed_and_draws_no_margins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "free.toml"
+    path.write_text(servo(laws=LQR, limits=""))
+    assert run("campaign", path, "--runs", "16", "--out", tmp_path / "out", "--verbose") == cli.DONE
+    said = capsys.readouterr().out
+    assert "lqr: nothing is required of it." in said
+    assert "16 of 16" in said
+    assert not list((tmp_path / "out").glob("margins.*"))
+
+
 @pytest.mark.parametrize(("share", "code"), [("0.05", cli.DONE), ("0.99", cli.DIFFERS)])
 def test_at_least_decides_the_exit_code(
     file: Path, tmp_path: Path, share: str, code: int, capsys: pytest.CaptureFixture[str]

@@ -109,8 +109,9 @@ def say_tables(console: Console, asked: Campaign, found: Findings) -> None:
 
     console.print()
     console.print(tables.pass_rates_table(found.rates, found.cut_short, found.sampled))
-    console.print()
-    console.print(tables.margins_table(found.summaries, found.units, found.looked_at))
+    if found.summaries:
+        console.print()
+        console.print(tables.margins_table(found.summaries, found.units, found.looked_at))
     if found.differences:
         console.print()
         console.print(tables.paired_table(found.differences, found.units, found.looked_at))

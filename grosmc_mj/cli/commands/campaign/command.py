@@ -262,8 +262,10 @@ class CampaignCommand(Command):
             [folder.path / f"{name}.{suffix}" for suffix in ("png", "svg")]
             for name in ("margins", "map", "radius")
         )
-        write_margins(asked, found, margins)
-        files = [margins[0]]
+        files = []
+        if found.summaries:
+            write_margins(asked, found, margins)
+            files.append(margins[0])
         axes = map_axes(asked, found, self.axes)
         if axes is not None:
             write_pass_map(asked, folder, found, axes, plane)
