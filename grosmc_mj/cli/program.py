@@ -30,6 +30,9 @@ _RENAMED = {
     "premises": ("claims", "--premises"),
 }
 
+# What the parser says of an option that another command may have.
+_APPLIED = re.compile(r" \(applied to [^)]*\)|Arguments are applied to .*", re.DOTALL)
+
 
 def execute(arguments: Sequence[str]) -> int:
     """Carry out what the arguments describe.
@@ -156,7 +159,19 @@ def _condense(box: str) -> str:
 
     The frame is of line-drawing characters or, where the terminal lacks them, of ASCII ones.
     """
-    lines = [line.strip("│| ") for line in box.splitlines()[1:]]
-    parts = [part.strip("╰╯+─- ") for part in re.split(r"[─-]{5,}", " ".join(lines))]
-    words = [part for part in parts if part and "helptext" not in part]
+    lines = "\n".join(line.strip("│|").rstrip() for line in box.splitlines()[1:])
+    parts = [part.strip("╰╯+─-\n ") for part in re.split(r"[─-]{5,}", lines)]
+    words = [
+        _meant(part) if part.startswith("Perhaps") else " ".join(_APPLIED.sub("", part).split())
+        for part in parts
+        if part and "helptext" not in part
+    ]
     return "; ".join([*words, f"for help: {PROGRAM} --help"])
+
+
+def _meant(part: str) -> str:
+    """The options that may be meant, each with the first command that has it."""
+    # Help stands further in than the options that it is of.
+    option = rf"^( +)(-.*)\n(?:\1 +.*\n)*? +in {PROGRAM} (.+) --help"
+    found = [f"{each[2]} of {each[3]}" for each in re.finditer(option, part, re.MULTILINE)]
+    return f"perhaps you meant {', or '.join(found)}"

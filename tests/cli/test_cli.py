@@ -35,6 +35,15 @@ def run(*arguments: str) -> int:
         (("validate", "--timestep", "0"), "must lie between 0 and 1 s"),
         (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
         (("validate", "--colour", "red"), "--colour"),
+        (("run", "servo", "--no-figure"), "perhaps you meant --figures, --no-figures of run; for"),
+        (
+            ("report", "--worst"),
+            "options: --worst; perhaps you meant --worst of campaign; for help",
+        ),
+        (
+            ("report", "--out", "x"),
+            "--out x; perhaps you meant -o, --output FILE.html of report, or",
+        ),
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
         (
             ("frobnicate",),
