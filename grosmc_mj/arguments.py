@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numbers
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 
 
 def real(value: Any) -> float:
@@ -115,3 +116,26 @@ def require_each(
     """
     if not isinstance(values, (list, tuple)) or not all(isinstance(v, kinds) for v in values):
         raise error(f"{what} = {shown(values)} must be {wanted}")
+
+
+def require_known(
+    kind: str,
+    name: Any,
+    valid: Collection[str],
+    where: str = "",
+    error: type[Exception] = ArgumentError,
+) -> None:
+    """Refuse a name that is none of the valid ones, with the nearest of them.
+
+    Args:
+        kind: What it is the name of.
+        name: What was given.
+        valid: All names that there are.
+        where: Begins the message.
+        error: Raised if there is none of that name.
+
+    Raises:
+        Exception: Of that class.
+    """
+    if not isinstance(name, str) or name not in valid:
+        raise error(where + unknown_name(kind, name, valid))

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.files import written_aside
 
 _KEY = b"grosmc_mj"
@@ -51,8 +52,7 @@ def write_columns(path: Path, columns: Sequence[SignalColumn], about: Mapping[st
         ArgumentError: If it ends in none of ``FORMATS``.
         SetupError: If it cannot be written.
     """
-    if path.suffix not in FORMATS:
-        raise ArgumentError(unknown_name("ending", path.suffix, FORMATS))
+    require_known("ending", path.suffix, FORMATS)
     with written_aside(path) as part:
         if path.suffix == ".parquet":
             import pyarrow.parquet as pq

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arguments import real, reals, require, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, GainError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, GainError, shown
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
@@ -284,8 +284,7 @@ def _refuse_unknown(error: ErrorCoordinates, nominal: Any, uncertainty: Uncertai
             raise GainError(f"{name}: the uncertainty has {given} {what}, must have {needed}")
     known = [each.name for each in fields(nominal.plant)]
     for scaled in uncertainty.scales:
-        if scaled not in known:
-            raise GainError(unknown_name(f"parameter of {name}", scaled, known))
+        require_known(f"parameter of {name}", scaled, known, error=GainError)
     if getattr(error.reference, "moves", False):
         raise GainError(
             f"{name}: the reference moves: a bound in |z| cannot cover that; give k and epsilon "

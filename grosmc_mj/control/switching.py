@@ -14,9 +14,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.errors import GainError, unknown_name
+from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.vectors import Vector, each, norm
 
@@ -400,6 +401,5 @@ def find_switching(name: str) -> Switching:
     Raises:
         GainError: If there is none.
     """
-    if not isinstance(name, str) or name not in SWITCHINGS:
-        raise GainError(unknown_name("switching law", name, SWITCHINGS))
+    require_known("switching law", name, SWITCHINGS, error=GainError)
     return SWITCHINGS[name]()

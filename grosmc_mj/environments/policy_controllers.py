@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn, get_args
 
 import numpy as np
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.memory import Memory
@@ -21,7 +22,6 @@ from grosmc_mj.errors import (
     PolicyError,
     SetupError,
     UndefinedLawError,
-    unknown_name,
 )
 
 if TYPE_CHECKING:
@@ -187,8 +187,7 @@ def policy_controller(
             for an action of the wrong shape, and PolicyError with file and line for an error
             of the policy's own.
     """
-    if takes not in get_args(Takes):
-        raise ArgumentError(unknown_name("form of observation", takes, get_args(Takes)))
+    require_known("form of observation", takes, get_args(Takes))
     if not (callable(policy) or _predicting(policy)):
         raise ArgumentError(
             f"a {type(policy).__name__} is no policy: give a function of an observation, or an "

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from grosmc_mj.arguments import require
+from grosmc_mj.arguments import require, require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.task import AS_PRINTED, Realization, require_analytic
-from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
@@ -42,8 +41,7 @@ def find_experiment(system: str, case: str) -> Experiment:
         ArgumentError: If it has no such case.
     """
     names = {each.case.name: each for each in find_experiments(find_system(system).name)}
-    if case not in names:
-        raise ArgumentError(unknown_name(f"case of {system}", case, names))
+    require_known(f"case of {system}", case, names)
     return names[case]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arguments import require
+from grosmc_mj.arguments import require, require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.gains import Uncertainty
@@ -166,8 +166,7 @@ class Experiment:
             ("plant", table.on or (), self.plant_names),
         ):
             for name in named:
-                if name not in valid:
-                    raise ArgumentError(unknown_name(kind, name, valid))
+                require_known(kind, name, valid)
         if 0 < self.file.run.duration <= table.after:
             raise ArgumentError(f"after {table.after:g} s the run has ended")
         return limits(table, designed, self.plant_names)
@@ -191,8 +190,7 @@ class Experiment:
         Raises:
             ArgumentError: If there is none of that name.
         """
-        if name not in self.nominal.names:
-            raise ArgumentError(unknown_name("plant", name, self.nominal.names))
+        require_known("plant", name, self.nominal.names)
         settings = self.settings
         return self.nominal.true(name, self.case.edits, settings.timestep, settings.integrator)
 
@@ -291,8 +289,7 @@ class Experiment:
         """
         given = {name: value for name, value in changes.items() if value is not None}
         for name in given:
-            if name not in vars(self.settings):
-                raise ArgumentError(unknown_name("setting", name, vars(self.settings)))
+            require_known("setting", name, vars(self.settings))
         asked = self.asked | given.keys()
         return replace(self, settings=replace(self.settings, **given), asked=asked)
 

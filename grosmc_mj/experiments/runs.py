@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
-from grosmc_mj.errors import ArgumentError, DivergenceError, unknown_name
+from grosmc_mj.errors import DivergenceError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.metrics import (
     Comparison,
@@ -61,8 +62,7 @@ class Settings:
             ("surface", self.surface, get_args(Surface)),
             ("switching law", self.switching, SWITCHINGS),
         ):
-            if value not in valid:
-                raise ArgumentError(unknown_name(kind, value, valid))
+            require_known(kind, value, valid)
 
     def changes(self) -> dict[str, Any]:
         """The settings that are not the defaults."""

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, require
+from grosmc_mj.arguments import real, require, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, ModelError, shown
 from grosmc_mj.plants.plant import Integrator, Kind, Plant
 from grosmc_mj.plants.system import System, Variant
 
@@ -37,8 +37,7 @@ class AnalyticPlant(Plant):
 
     def __post_init__(self) -> None:
         require("system", self.system, System, "a System", ModelError)
-        if not isinstance(self.variant, str) or self.variant not in get_args(Variant):
-            raise ModelError(unknown_name("variant", self.variant, get_args(Variant)))
+        require_known("variant", self.variant, get_args(Variant), error=ModelError)
 
     @classmethod
     def from_model(
@@ -130,8 +129,7 @@ class AnalyticPlant(Plant):
         """
         names = [each.name for each in fields(self.parameters)]
         for name, value in changes.items():
-            if name not in names:
-                raise ModelError(unknown_name(f"parameter of {self.system.name}", name, names))
+            require_known(f"parameter of {self.system.name}", name, names, error=ModelError)
             if not math.isfinite(real(value)):
                 raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
         return replace(self, parameters=replace(self.parameters, **changes))

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arguments import real, reals, require, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
 
 # Which formula: a number, so that it can lie beside the others in mjData.userdata.
@@ -159,8 +159,7 @@ def wrench_table(
     for disturbance in disturbances:
         if not bodies:
             raise ArgumentError("the plant has no bodies that a disturbance could act on")
-        if disturbance.body not in bodies:
-            raise ArgumentError(unknown_name("body", disturbance.body, bodies))
+        require_known("body", disturbance.body, bodies)
         try:
             values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
         except (TypeError, ValueError) as error:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arguments import real, reals, require, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ModelError, shown, unknown_name
+from grosmc_mj.errors import ModelError, shown
 from grosmc_mj.simulation.machine.building import build
 from grosmc_mj.simulation.machine.parts import MachinePart
 from grosmc_mj.simulation.machine.writing import draw_ball, linear, write_inertia
@@ -191,8 +191,7 @@ def apply_edits(
     inputs = [edit for edit in edits if isinstance(edit, InputEdit)]
     bodies = [like.body(i).name for i in range(1, like.nbody)]
     for edit in (*scaled, *loads):
-        if edit.body not in bodies:
-            raise ModelError(unknown_name("body", edit.body, bodies))
+        require_known("body", edit.body, bodies, error=ModelError)
     _refuse_twice("body", [edit.body for edit in scaled], "give one edit with both scales")
     _refuse_twice("joint", [edit.joint for edit in joints], "give one edit with all its numbers")
     _refuse_twice("input", [edit.input for edit in inputs], "give one edit")
@@ -208,8 +207,7 @@ def apply_edits(
         _edit_joint(edited, edit)
     for edit in inputs:
         names = [actuator.name for actuator in edited.actuators]
-        if edit.input not in names:
-            raise ModelError(unknown_name("input", edit.input, names))
+        require_known("input", edit.input, names, error=ModelError)
         edited.actuator(edit.input).gear = [edit.gear, *edited.actuator(edit.input).gear[1:]]
     build(edited, [edit for edit in edits if isinstance(edit, MachinePart)])
     return edited
@@ -313,8 +311,7 @@ def _steiner(offset: Array) -> Array:
 def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
     """Write a joint's new numbers."""
     names = [joint.name for joint in spec.joints]
-    if edit.joint not in names:
-        raise ModelError(unknown_name("joint", edit.joint, names))
+    require_known("joint", edit.joint, names, error=ModelError)
     joint = spec.joint(edit.joint)
     if edit.damping is not None:
         joint.damping = linear(edit.damping, joint.damping)

@@ -8,9 +8,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
+from grosmc_mj.errors import DivergenceError, UndefinedLawError
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.native_engine import run_native
 from grosmc_mj.simulation.engines.python_engine import run_python
@@ -60,8 +61,7 @@ def simulate(
         DivergenceError: If a single run diverges. In a batch the status says so.
         UndefinedLawError: If a single run reaches a state where its law or plant is undefined.
     """
-    if not isinstance(engine, str) or engine not in get_args(Engine):
-        raise ArgumentError(unknown_name("engine", engine, get_args(Engine)))
+    require_known("engine", engine, get_args(Engine))
     problem, single = prepare(
         plant,
         controller,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import RequirementTable
@@ -196,6 +197,5 @@ def chosen_laws(laws: Sequence[StudiedLaw], names: Sequence[str]) -> list[Studie
     """
     known = {law.name: law for law in laws}
     for name in names:
-        if name not in known:
-            raise ArgumentError(unknown_name("law", name, known))
+        require_known("law", name, known)
     return [known[name] for name in dict.fromkeys(names)] if names else list(laws)

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from scipy import stats
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.sampling import all_corners
@@ -246,8 +247,7 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     unit, index, of = QUANTITIES[table.owner][table.quantity], -1, table.of
     if table.owner == "start":
         names = [state.name for state in plant.system.states]
-        if table.of not in names:
-            raise ArgumentError(unknown_name("state", table.of, names))
+        require_known("state", table.of, names)
         index = names.index(table.of)
         unit = plant.system.states[index].unit
     if table.owner in LOOP_UNITS:
@@ -288,8 +288,7 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
 def _of_body(table: UncertainTable, case: Case, plant: Any) -> float:
     model = _model(plant, "body")
     bodies = body_names(model)
-    if table.of not in bodies:
-        raise ArgumentError(unknown_name("body", table.of, bodies))
+    require_known("body", table.of, bodies)
     if table.quantity == "added_mass":
         return 0.0
     if table.quantity == "mass_scale" and model.body(table.of).mass[0] == 0:
@@ -301,8 +300,7 @@ def _of_body(table: UncertainTable, case: Case, plant: Any) -> float:
 def _of_joint(table: UncertainTable, case: Case, plant: Any) -> float:
     model = _model(plant, "joint")
     joints = joint_names(model)
-    if table.of not in joints:
-        raise ArgumentError(unknown_name("joint", table.of, joints))
+    require_known("joint", table.of, joints)
     return float(getattr(model, _OF_JOINT[table.quantity])[model.joint(table.of).dofadr[0]])
 
 
@@ -396,8 +394,7 @@ def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Ar
     found = np.eye(len(names))
     for table in tables:
         for name in table.between:
-            if name not in names:
-                raise ArgumentError(f"correlation: {unknown_name('number', name, names)}")
+            require_known("number", name, names, where="correlation: ")
         i, j = (names.index(name) for name in table.between)
         if i == j:
             raise ArgumentError(f"correlation of {names[i]} with itself: name two different ones")

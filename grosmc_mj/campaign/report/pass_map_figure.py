@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import Quantity
@@ -22,7 +23,7 @@ from grosmc_mj.campaign.findings.checks import checked_margins, checked_values
 from grosmc_mj.campaign.findings.findings import Findings
 from grosmc_mj.campaign.findings.promise import premise_grid, speaks_of
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.report.figure import board, in_lines, write_figure
 from grosmc_mj.report.palette import BLACK, SKY, VERMILION, law_styles
 
@@ -190,8 +191,7 @@ def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
     if not shown.laws:
         raise ArgumentError("no runs to draw: give at least one law")
     for law in shown.boundary:
-        if law not in shown.laws:
-            raise ArgumentError(unknown_name("law of a boundary", law, shown.laws))
+        require_known("law of a boundary", law, shown.laws)
     styles = law_styles(shown.laws)
     seen: set[PassMark] = set()
     with board(len(shown.laws), _SIZE, title, footnote) as found:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE
@@ -23,7 +24,7 @@ from grosmc_mj.campaign.runs.manifest import (
 )
 from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes, laws_with_meters, outcomes, plants_of
-from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError, unknown_name
+from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.experiments.runs import RunResult
@@ -70,8 +71,7 @@ def replay(
         GrosmcError: If there is no such run or controller.
     """
     name = list(campaign.laws)[-1] if controller is None else controller
-    if name not in campaign.laws:
-        raise ArgumentError(unknown_name("controller", name, campaign.laws))
+    require_known("controller", name, campaign.laws)
     number = _number(campaign, which)
     if number is None:
         values = found_values(campaign, folder.path, which, name)

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.chapter.claims.claim import (
     Choice,
     Claim,
@@ -19,7 +20,7 @@ from grosmc_mj.chapter.claims.claim import (
     Verdict,
 )
 from grosmc_mj.chapter.claims.reading import read_claims
-from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name
+from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import SYSTEMS, find_system
@@ -53,8 +54,7 @@ def find_claim(name: str) -> Claim:
         ArgumentError: If there is none of that name.
     """
     claims = {claim.id: claim for claim in CLAIMS}
-    if name not in claims:
-        raise ArgumentError(unknown_name("claim", name, claims))
+    require_known("claim", name, claims)
     return claims[name]
 
 

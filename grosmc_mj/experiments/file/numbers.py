@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.state_design import StateUncertainty
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.file.units import number_in
 
 
@@ -92,8 +93,7 @@ def _known_keys(value: Any, kind: type[Any]) -> list[str]:
     if not isinstance(value, dict):
         raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
     for key in value:
-        if key not in keys:
-            raise ArgumentError(f"uncertainty: {unknown_name('key', key, keys)}")
+        require_known("key", key, keys, where="uncertainty: ")
     return keys
 
 

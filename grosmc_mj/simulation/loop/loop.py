@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from grosmc_mj.arguments import require_each, require_whole
+from grosmc_mj.arguments import require_each, require_known, require_whole
 from grosmc_mj.errors import ArgumentError, Mistakes, shown, unknown_name
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
@@ -88,8 +88,7 @@ class Loop:
         Raises:
             ArgumentError: If there is no such part.
         """
-        if kind not in _KINDS:
-            raise ArgumentError(unknown_name("part", kind, _KINDS))
+        require_known("part", kind, _KINDS)
         if kind == "computing":
             return self.computing
         parts: Sequence[Any] = getattr(self, f"{kind}s")
@@ -113,8 +112,7 @@ class Loop:
         old = self.part(kind, of)
         valid = [each.name for each in fields(old) if each.name != "of"]
         for name in numbers:
-            if name not in valid:
-                raise ArgumentError(unknown_name(f"number of a {kind} part", name, valid))
+            require_known(f"number of a {kind} part", name, valid)
         new = replace(old, **numbers)
         if kind == "computing":
             return replace(self, computing=new)

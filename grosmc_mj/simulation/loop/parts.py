@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from grosmc_mj.arguments import real, require
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.arguments import real, require, require_known
+from grosmc_mj.errors import ArgumentError, shown
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
 # The number that an estimator is tuned by.
@@ -140,8 +140,7 @@ class Estimator:
         if len(set(names)) < len(names):
             raise ArgumentError(f"of = {shown(self.of)} must name each state once")
         object.__setattr__(self, "of", tuple(names))
-        if not isinstance(self.law, str) or self.law not in get_args(EstimatorLaw):
-            raise ArgumentError(unknown_name("estimator", self.law, get_args(EstimatorLaw)))
+        require_known("estimator", self.law, get_args(EstimatorLaw))
         needed = TUNED_BY.get(self.law)
         for name in dict.fromkeys(TUNED_BY.values()):
             value = getattr(self, name)

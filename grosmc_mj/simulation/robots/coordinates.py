@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.coordinates.torques import LinearTorques
-from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.engines.mjdata import scratch
@@ -134,8 +134,7 @@ class RobotCoordinates(OutputCoordinates):
         """
         if body is None:
             return torques_of_body(self.model, int(self.model.jnt_bodyid[-1]))
-        if body not in self.carriers:
-            raise ArgumentError(f"adaptive: {unknown_name('body', body, self.carriers)}")
+        require_known("body", body, self.carriers, where="adaptive: ")
         return torques_of_body(self.model, self.carriers[body])
 
     def workspace(self, p: Any) -> NominalData:

@@ -9,8 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.arguments import require_each
-from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.arguments import require_each, require_known
+from grosmc_mj.errors import ModelError
 from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.simulation.robots.actuators import torque_drives
 from grosmc_mj.simulation.robots.couplings import kept_couplings
@@ -161,8 +161,7 @@ def _chosen(kind: str, names: Iterable[str], valid: Sequence[str]) -> list[str]:
     require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
     chosen = list(chosen)
     for name in chosen:
-        if name not in valid:
-            raise ModelError(unknown_name(kind, name, valid))
+        require_known(kind, name, valid, error=ModelError)
         if chosen.count(name) > 1:
             raise ModelError(f"{kind} {name!r} is named twice")
     return chosen

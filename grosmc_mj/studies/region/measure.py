@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
@@ -89,8 +90,7 @@ class Region:
             raise ArgumentError(
                 f"duration {question.duration:g} s must be positive, up to {LONGEST:g} s"
             )
-        if question.screen not in SCREENS:
-            raise ArgumentError(unknown_name("screen", question.screen, SCREENS))
+        require_known("screen", question.screen, SCREENS)
         self.question = question
         perturbed = _perturbed(question)
         self.system: System = perturbed.nominal.system
@@ -235,8 +235,7 @@ def _perturbed(question: RegionQuestion) -> Experiment:
     known = find_experiments(question.system)
     if question.case is not None:
         names = {each.case.name: each for each in known}
-        if question.case not in names:
-            raise ArgumentError(unknown_name(f"case of {question.system}", question.case, names))
+        require_known(f"case of {question.system}", question.case, names)
         known = [names[question.case]]
     elif len(known) > 1:
         return next(each for each in known if each.case.edits and _regulates_states(each))

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, get_args
 
-from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import Mistakes
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.machine import MachinePart
@@ -162,8 +163,7 @@ def machine_unit(kind: str, of: str, quantity: str, system: System) -> str:
     unit = MACHINE_UNITS[kind][quantity]
     if "{" not in unit:
         return unit
-    if of not in system.joints:
-        raise ArgumentError(unknown_name("joint", of, system.joints))
+    require_known("joint", of, system.joints)
     slides = system.states[system.joints.index(of)].unit == "m"
     x, f, m = ("m", "N", "kg") if slides else ("rad", "N m", "kg m^2")
     return unit.format(x=x, f=f, m=m)
@@ -208,8 +208,7 @@ def in_model(name: str, owner: str, system: System) -> str:
     inputs = [each.name for each in system.inputs]
     if owner != "input":
         return name
-    if name not in inputs:
-        raise ArgumentError(unknown_name("input", name, inputs))
+    require_known("input", name, inputs)
     return system.actuators[inputs.index(name)]
 
 

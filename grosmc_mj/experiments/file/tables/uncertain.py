@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import shown, unknown_name
 from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
 from grosmc_mj.experiments.file.tables.machine import MACHINE_UNITS
@@ -62,8 +63,7 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
             '{ distribution = "normal", mean = 0.1, deviation = 0.02 }'
         )
     for key in value:
-        if key not in DistributionTable.model_fields:
-            raise ValueError(unknown_name("key", key, DistributionTable.model_fields))
+        require_known("key", key, DistributionTable.model_fields, error=ValueError)
     if value.get("distribution") not in _KINDS:
         raise ValueError(unknown_name("distribution", value.get("distribution"), _KINDS))
     return DistributionTable(**value)
