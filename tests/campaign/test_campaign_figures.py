@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,16 +11,17 @@ import pytest
 from matplotlib.colors import to_hex
 
 from grosmc_mj.campaign.findings.basis import NO_PROOF
-from grosmc_mj.campaign.report.margin_figure import MarginPanel, draw_margins
+from grosmc_mj.campaign.findings.promise import Promise
+from grosmc_mj.campaign.findings.radius import Look, Radius
+from grosmc_mj.campaign.report.margin_figure import draw_margins
 from grosmc_mj.campaign.report.pass_map_figure import (
     BOUNDARY,
-    AxisOf,
     Boundary,
     PassMap,
     Points,
     draw_pass_map,
 )
-from grosmc_mj.campaign.report.radius_figure import RadiusCurve, draw_radius
+from grosmc_mj.campaign.report.radius_figure import draw_radius
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.report.figure import in_lines, write_figure
 from grosmc_mj.report.palette import COLOURS
@@ -29,17 +31,20 @@ TITLE = "Cart-pendulum: 8 of 16 runs, sobol, seed 0"
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 
 
-def margin_panels():
-    return [
-        MarginPanel("deviation below 2 deg", "deg", {"grosmc": MARGINS, "mine": MARGINS[3:]}),
-        MarginPanel("settles within 4 s", "s", {"grosmc": np.ones(3)}),
-    ]
+def margins_figure(title: str = TITLE, **panels: Any) -> Any:
+    """Margins in degrees, and what else is given, without a unit."""
+    found = panels or {
+        "deviation below 2 deg": {"grosmc": MARGINS, "mine": MARGINS[3:]},
+        "settles within 4 s": {"grosmc": np.ones(3)},
+    }
+    units = dict.fromkeys(found, "") | {"deviation below 2 deg": "deg"}
+    return draw_margins(found, units, title, NO_PROOF)
 
 
 def pass_map(**boundary):
     x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
-    axes = AxisOf("mass scale of pole", ""), AxisOf("start angle", "deg")
-    return PassMap(*axes, {"grosmc": Points(x, y, MARGINS), "lqr": Points(x, y, x)}, boundary)
+    laws = {"grosmc": Points(x, y, MARGINS), "lqr": Points(x, y, x)}
+    return PassMap("mass scale of pole", "start angle [deg]", laws, boundary)
 
 
 def boundary(offset):
@@ -48,22 +53,19 @@ def boundary(offset):
     return Boundary(x, y, np.tile(offset - x, (5, 1)))
 
 
-def radius_curve(**changes):
-    given = {
-        "law": "grosmc",
-        "scales": np.array([4.0, 1.0, 2.0, 3.0]),
-        "least": np.array([-INF, 0.5, 0.1, -0.2]),
-        "found": 2.0,
-        "promised": 1.5,
-        "promised_note": "by the sliding gain",
-    }
-    return RadiusCurve(**(given | changes))
+def searched(law="grosmc", least=(0.5, 0.1, -0.2, -INF), promised=1.5, note="by the sliding gain"):
+    """Scales 1, 2 ..., of which those fail whose margin is negative."""
+    looks = [
+        Look(scale, margin, int(margin < 0), np.zeros(1))
+        for scale, margin in enumerate(least, start=1)
+    ]
+    return Radius(law, 16, tuple(looks), Promise(promised, note), largest=8.0)
 
 
 EACH = [
-    lambda: draw_margins(margin_panels(), TITLE, NO_PROOF),
+    lambda: margins_figure(),
     lambda: draw_pass_map(pass_map(grosmc=boundary(2.0)), TITLE, NO_PROOF),
-    lambda: draw_radius([radius_curve()], TITLE, NO_PROOF),
+    lambda: draw_radius([searched()], TITLE, NO_PROOF),
 ]
 
 
@@ -92,9 +94,9 @@ def test_figures_are_written_the_same_each_time(make, tmp_path):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: draw_margins(margin_panels(), TITLE, NO_PROOF),
+        lambda: margins_figure(),
         lambda: draw_pass_map(pass_map(), TITLE, NO_PROOF),
-        lambda: draw_radius([radius_curve(), radius_curve(law="lqr")], TITLE, NO_PROOF),
+        lambda: draw_radius([searched(), searched("lqr")], TITLE, NO_PROOF),
     ],
 )
 def test_every_figure_says_what_was_sampled_and_what_that_is_not(make):
@@ -122,7 +124,7 @@ def test_a_figure_is_written_or_refused_as_a_whole(tmp_path):
 
 
 def test_margins_are_distribution_functions():
-    panel = drawn(draw_margins(margin_panels(), TITLE, NO_PROOF)).axes[0]
+    panel = drawn(margins_figure()).axes[0]
     zero, curve, other = panel.lines
     assert list(zero.get_xdata()) == [0, 0]
     x, y = curve.get_data()
@@ -144,7 +146,7 @@ def test_margins_are_distribution_functions():
 
 def test_margins_far_out_do_not_set_the_axis():
     margins = np.concatenate([np.linspace(0.5, 1, 50), [-3000.0, -1e9]])
-    (panel,) = drawn(draw_margins([MarginPanel("kept", "", {"lqr": margins})], TITLE, "")).axes
+    (panel,) = drawn(margins_figure(kept={"lqr": margins})).axes
     low, high = panel.get_xlim()
     assert -0.5 < low < 0 < 1 < high < 1.5
     assert entries(panel.get_legend()) == ["LQR: 50 of 52 kept; 2 beyond the left edge"]
@@ -154,15 +156,15 @@ def test_margins_far_out_do_not_set_the_axis():
     "margins", [[-INF, -INF], [0.0], [-5.0, -4.0], [1e-9, 2e-9], [3.0], [-1e300, 1.0]]
 )
 def test_zero_is_always_well_inside(margins):
-    panel = MarginPanel("kept", "", {"grosmc": np.array(margins)})
-    low, high = drawn(draw_margins([panel], TITLE, "")).axes[0].get_xlim()
+    figure = margins_figure(kept={"grosmc": np.array(margins)})
+    low, high = drawn(figure).axes[0].get_xlim()
     assert low < 0 < high
     assert 0.1 < -low / (high - low) < 0.9
 
 
 def test_a_law_that_fails_widely_does_not_hide_the_others():
     laws = {"grosmc": np.linspace(0.1, 1, 30), "lqr": np.linspace(-1e6, -1e5, 30)}
-    low, _ = drawn(draw_margins([MarginPanel("kept", "", laws)], TITLE, "")).axes[0].get_xlim()
+    low, _ = drawn(margins_figure(kept=laws)).axes[0].get_xlim()
     assert low > -10
 
 
@@ -172,8 +174,8 @@ def test_an_axis_of_margins_has_their_own_scale():
     limits = []
     for factor in (1.0, 2.0**-20, 2.0**20):
         laws = {"grosmc": factor * margins, "lqr": -1e6 * factor * np.ones(30)}
-        first = draw_margins([MarginPanel("kept", "", laws)], TITLE, "")
-        second = draw_radius([radius_curve(least=factor * least)], TITLE, "")
+        first = margins_figure(kept=laws)
+        second = draw_radius([searched(least=factor * least)], TITLE, "")
         found = (drawn(first).axes[0].get_xlim(), drawn(second).axes[0].get_ylim())
         limits.append(np.array(found) / factor)
     np.testing.assert_allclose(limits[1:], [limits[0]] * 2, rtol=1e-9)
@@ -241,7 +243,7 @@ def test_a_premise_may_be_minus_infinity():
 
 
 def test_a_radius_is_drawn_beside_the_promise():
-    (panel,) = drawn(draw_radius([radius_curve()], TITLE, NO_PROOF)).axes
+    (panel,) = drawn(draw_radius([searched()], TITLE, NO_PROOF)).axes
     legend = dict(zip(entries(panel.get_legend()), panel.get_legend().legend_handles, strict=True))
     lines = {each.get_label().replace("\n", " "): each for each in panel.lines}
     assert list(legend) == [
@@ -271,69 +273,26 @@ def test_a_radius_is_drawn_beside_the_promise():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"found": 4.0, "least": np.ones(4)}, "no failure found up to 4, the largest tried"),
-        ({"found": None, "least": -np.ones(4)}, "a failure was found at every scale tried"),
-        ({"promised": None, "promised_note": "no gain"}, "premises promise no radius: no gain"),
-        ({"promised_note": ""}, "premises promise 1.5"),
+        ({"least": np.ones(4)}, "no failure found up to 4, the largest tried"),
+        ({"least": -np.ones(4)}, "a failure was found at every scale tried"),
+        ({"promised": None, "note": "no gain"}, "premises promise no radius: no gain"),
+        ({"note": ""}, "premises promise 1.5"),
     ],
 )
 def test_a_radius_that_is_not_there_is_said(changes, said):
-    (panel,) = drawn(draw_radius([radius_curve(**changes)], TITLE, NO_PROOF)).axes
+    (panel,) = drawn(draw_radius([searched(**changes)], TITLE, NO_PROOF)).axes
     assert said in entries(panel.get_legend())
 
 
 def test_where_s_leaves_its_bound_is_drawn_beside_the_promise():
-    curve = radius_curve()._replace(stayed=1.8, left=1.9)
-    (panel,) = drawn(draw_radius([curve], TITLE, NO_PROOF)).axes
+    found = searched()
+    looks = [replace(look, leaving=int(look.scale > 2)) for look in found.looks]
+    found = replace(found, looks=tuple(looks), band=0.1)
+    (panel,) = drawn(draw_radius([found], TITLE, NO_PROOF)).axes
     lines = {each.get_label().replace("\n", " "): each for each in panel.lines}
     (said,) = [label for label in lines if label.startswith("|s|")]
-    assert said == "|s| keeps the promised bound up to 1.8, leaves it at 1.9"
-    assert list(lines[said].get_xdata()) == [1.8, 1.8]
-
-
-# What is refused.
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (lambda: draw_margins([], TITLE, ""), "no margins to draw"),
-        (lambda: draw_margins([MarginPanel("a", "", {})], TITLE, ""), "no margins to draw"),
-        (
-            lambda: draw_margins([MarginPanel("a", "", {"lqr": np.array([])})], TITLE, ""),
-            "margins of lqr has shape",
-        ),
-        (lambda: draw_pass_map(pass_map()._replace(laws={}), TITLE, ""), "no runs to draw"),
-        (
-            lambda: draw_pass_map(
-                pass_map()._replace(laws={"lqr": Points(np.ones(2), np.ones(3), np.ones(3))}),
-                TITLE,
-                "",
-            ),
-            "first parameter of lqr has 2 entries",
-        ),
-        (
-            lambda: draw_pass_map(
-                pass_map(grosmc=boundary(2.0)._replace(y=np.arange(4.0))), TITLE, ""
-            ),
-            "grosmc's premise has shape",
-        ),
-        (
-            lambda: draw_pass_map(
-                pass_map(grosmc=boundary(2.0)._replace(margin=np.full((5, 13), np.nan))), TITLE, ""
-            ),
-            "grosmc's premise is NaN",
-        ),
-        (lambda: draw_pass_map(pass_map(lq=boundary(2.0)), TITLE, ""), "did you mean 'lqr'"),
-        (lambda: draw_radius([], TITLE, ""), "no radius to draw"),
-        (lambda: draw_radius([radius_curve(scales=np.ones(3))], TITLE, ""), "3 entries"),
-        (lambda: draw_radius([radius_curve(least=np.full(4, np.nan))], TITLE, ""), "is nan"),
-    ],
-)
-def test_nothing_to_draw_is_refused(wrong, said):
-    with pytest.raises(ArgumentError, match=said) as error:
-        wrong()
-    assert "\n" not in str(error.value)
+    assert said == "|s| keeps the promised bound up to 2, leaves it at 3"
+    assert list(lines[said].get_xdata()) == [2, 2]
 
 
 def test_unknown_endings_are_refused_before_anything_is_written(tmp_path):

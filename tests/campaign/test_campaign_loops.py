@@ -191,9 +191,7 @@ def test_a_map_shows_times_as_they_are_run_and_bandwidths_in_their_unit() -> Non
     }
     folder: Any = SimpleNamespace(columns=lambda *_: dict.fromkeys(asked.laws, columns))
     shown = pass_map_of(asked, folder, (delay, bandwidth))
-    assert (shown.x.label, shown.y.label) == (
-        "computing delay [s]", "rotor speed bandwidth [rad/s]",
-    )  # fmt: skip
+    assert (shown.x, shown.y) == ("computing delay [s]", "rotor speed bandwidth [rad/s]")
     np.testing.assert_array_equal(shown.laws["lqr"].x, [0.0, 3e-3])
     np.testing.assert_array_equal(shown.laws["lqr"].y, [80.0, 90.0])
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +12,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.findings.checks import checked_margins
 from grosmc_mj.campaign.findings.findings import ALL, Findings
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.report.figure import board, in_lines, write_figure
 from grosmc_mj.report.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
 
@@ -30,65 +27,41 @@ _WIDEST = 8.0
 _LEAST_SIDE = 0.16
 
 
-class MarginPanel(NamedTuple):
-    """One requirement.
-
-    Attributes:
-      title: It in words.
-      unit: Of the margin; empty for a number without.
-      margins: Each law's, (n,), -inf for a run that did not complete.
-    """
-
-    title: str
-    unit: str
-    margins: Mapping[str, Array]
-
-
 def write_margins(campaign: Campaign, found: Findings, files: Sequence[Path]) -> None:
     """Draw the distribution of each requirement's margin into each file."""
     requirements = list(dict.fromkeys(each.words for each in campaign.requirements)) or [ALL]
-    panels = [
-        MarginPanel(
-            words,
-            found.units[words],
-            {
-                law: each
-                for (requirement, law), each in found.margins.items()
-                if requirement == words
-            },
-        )
+    panels = {
+        words: {law: each for (of, law), each in found.margins.items() if of == words}
         for words in requirements
-    ]
+    }
     title = f"{campaign.experiment.case.title}: margins ({found.looked_at.words})"
-    write_figure(draw_margins(panels, title, found.sampled.footnote), files)
+    write_figure(draw_margins(panels, found.units, title, found.sampled.footnote), files)
 
 
-def draw_margins(panels: Sequence[MarginPanel], title: str, footnote: str) -> Figure:
+def draw_margins(
+    panels: Mapping[str, Mapping[str, Array]], units: Mapping[str, str], title: str, footnote: str
+) -> Figure:
     """A panel a requirement, a curve a law.
 
     Args:
-        panels: One a requirement.
+        panels: Each law's margins, (n,), -inf for a run that did not complete, by the requirement.
+        units: Of each requirement's margin; empty for a number without.
         title: Of the figure: of what, and what was sampled.
         footnote: What it does not prove.
-
-    Raises:
-        ArgumentError: If there is nothing to draw, or a margin is NaN or +inf.
     """
-    if not panels or not all(panel.margins for panel in panels):
-        raise ArgumentError("no margins to draw: give at least one requirement and one law for it")
-    styles = law_styles(dict.fromkeys(law for panel in panels for law in panel.margins))
+    styles = law_styles(dict.fromkeys(law for margins in panels.values() for law in margins))
     size = (_SIZE[0], _SIZE[1] + _ENTRY_HEIGHT * len(styles))
     with board(len(panels), size, title, footnote) as found:
-        for axes, panel in zip(found.panels, panels, strict=True):
-            _draw(axes, panel, styles)
+        for axes, (words, margins) in zip(found.panels, panels.items(), strict=True):
+            _draw(axes, margins, units[words], styles)
+            axes.set_title(in_lines(words), pad=16)
     return found.figure
 
 
-def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> None:
+def _draw(
+    axes: Axes, found: Mapping[str, Array], unit: str, styles: Mapping[str, LawStyle]
+) -> None:
     """One requirement's empirical distribution functions."""
-    found = {
-        law: checked_margins(f"margins of {law}", margins) for law, margins in panel.margins.items()
-    }
     low, high = _range(found.values())
     # A little further left, so that a step at the edge is seen.
     edge = low - 0.015 * (high - low)
@@ -111,8 +84,7 @@ def _draw(axes: Axes, panel: MarginPanel, styles: Mapping[str, LawStyle]) -> Non
     place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "va": "bottom"}
     axes.annotate("failed", (0, 1), (-4, 1), ha="right", fontsize=8.5, **place)
     axes.annotate("kept", (0, 1), (4, 1), ha="left", fontsize=8.5, **place)
-    axes.set_title(in_lines(panel.title), pad=16)
-    axes.set_xlabel(f"margin [{panel.unit}]" if panel.unit else "margin")
+    axes.set_xlabel(f"margin [{unit}]" if unit else "margin")
     axes.set_ylabel("runs with this margin or less")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
 

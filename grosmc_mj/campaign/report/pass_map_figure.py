@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -15,15 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import Quantity
-from grosmc_mj.campaign.findings.checks import checked_margins, checked_values
 from grosmc_mj.campaign.findings.findings import Findings
 from grosmc_mj.campaign.findings.promise import premise_grid, speaks_of
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.report.figure import board, in_lines, write_figure
 from grosmc_mj.report.palette import BLACK, SKY, VERMILION, law_styles
 
@@ -34,32 +30,12 @@ _EDGE, _HATCH = "#117733", "//"
 BOUNDARY = "premise's boundary (other parameters at their worst)"
 
 
-class PassMark(Enum):
-    """What became of a run."""
-
-    PASSED = "passed"
-    FAILED = "failed"
-    DIVERGED = "did not complete"
-
-
-# A colour and a marker each; the later lie above.
-_MARKS: Mapping[PassMark, tuple[str, str]] = {
-    PassMark.PASSED: (SKY, "o"),
-    PassMark.FAILED: (VERMILION, "X"),
-    PassMark.DIVERGED: (BLACK, "^"),
+# A colour and a marker for what became of a run; the later lie above.
+_MARKS: Mapping[str, tuple[str, str]] = {
+    "passed": (SKY, "o"),
+    "failed": (VERMILION, "X"),
+    "did not complete": (BLACK, "^"),
 }
-
-
-class AxisOf(NamedTuple):
-    """A parameter as an axis: its name and unit (empty for a number without)."""
-
-    name: str
-    unit: str
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
 class Points(NamedTuple):
@@ -88,31 +64,23 @@ class PassMap(NamedTuple):
     """What is drawn.
 
     Attributes:
-      x: The first parameter.
+      x: The first parameter, with its unit.
       y: The second.
       laws: The runs of each law.
       boundary: Of the laws whose premises were asked.
     """
 
-    x: AxisOf
-    y: AxisOf
+    x: str
+    y: str
     laws: Mapping[str, Points]
     boundary: Mapping[str, Boundary]
 
 
-def outcomes(margins: Any) -> dict[PassMark, NDArray[np.bool_]]:
-    """Which runs came out how, a mask each: kept at 0 or more, -inf is a run not completed.
-
-    Raises:
-      ArgumentError: If there are no margins, or one is NaN or +inf.
-    """
-    found = checked_margins("margins", margins)
-    diverged = found == -np.inf
-    return {
-        PassMark.PASSED: found >= 0,
-        PassMark.FAILED: (found < 0) & ~diverged,
-        PassMark.DIVERGED: diverged,
-    }
+def _outcomes(margins: Array) -> dict[str, NDArray[np.bool_]]:
+    """Which runs came out how, a mask each: kept at 0 or more, -inf is a run not completed."""
+    diverged = margins == -np.inf
+    masks = margins >= 0, (margins < 0) & ~diverged, diverged
+    return {outcome: mask for outcome, mask in zip(_MARKS, masks, strict=True) if mask.any()}
 
 
 def write_pass_map(
@@ -146,12 +114,11 @@ def pass_map_of(campaign: Campaign, folder: Folder, axes: tuple[Quantity, Quanti
         grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
         if grid is not None:
             boundaries[law] = Boundary(grid[0] * first, grid[1] * second, grid[2])
-    return PassMap(
-        AxisOf(axes[0].name, first_unit),
-        AxisOf(axes[1].name, second_unit),
-        laws,
-        boundaries,
+    x_label, y_label = (
+        f"{name} [{unit}]" if unit else name
+        for name, unit in zip(names, (first_unit, second_unit), strict=True)
     )
+    return PassMap(x_label, y_label, laws, boundaries)
 
 
 def map_axes(
@@ -184,25 +151,18 @@ def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
         shown: What to draw.
         title: Of the figure: of what, and what was sampled.
         footnote: What it does not prove.
-
-    Raises:
-        ArgumentError: If there is nothing to draw, or arrays do not fit each other.
     """
-    if not shown.laws:
-        raise ArgumentError("no runs to draw: give at least one law")
-    for law in shown.boundary:
-        require_known("law of a boundary", law, shown.laws)
     styles = law_styles(shown.laws)
-    seen: set[PassMark] = set()
+    seen: set[str] = set()
     with board(len(shown.laws), _SIZE, title, footnote) as found:
         for axes, (law, points) in zip(found.panels, shown.laws.items(), strict=True):
-            seen |= _draw(axes, law, points)
+            seen |= _draw(axes, points)
             if law in shown.boundary:
-                _draw_boundary(axes, law, shown.boundary[law])
+                _draw_boundary(axes, shown.boundary[law])
             rate = f"{np.count_nonzero(points.margins >= 0)} of {len(points.x)} passed"
             axes.set_title(in_lines(f"{styles[law].label}: {rate}"))
-            axes.set_xlabel(shown.x.label)
-            axes.set_ylabel(shown.y.label)
+            axes.set_xlabel(shown.x)
+            axes.set_ylabel(shown.y)
             axes.set_xlim(*_ends(shown, 0))
             axes.set_ylim(*_ends(shown, 1))
         found.area.legend(
@@ -225,35 +185,23 @@ def _ends(shown: PassMap, axis: int) -> tuple[float, float]:
     return (low - room, high + room)
 
 
-def _draw(axes: Axes, law: str, points: Points) -> set[PassMark]:
+def _draw(axes: Axes, points: Points) -> set[str]:
     """The runs of one law, and which outcomes there are."""
-    masks = outcomes(points.margins)
-    runs = len(points.margins)
-    x = checked_values(f"first parameter of {law}", points.x, runs)
-    y = checked_values(f"second parameter of {law}", points.y, runs)
-    area = float(np.clip(16000 / runs, 3, 40))
-    for layer, (outcome, mask) in enumerate(masks.items()):
+    masks = _outcomes(points.margins)
+    area = float(np.clip(16000 / len(points.margins), 3, 40))
+    for outcome, mask in masks.items():
         colour, marker = _MARKS[outcome]
-        if not mask.any():
-            continue
         axes.scatter(
-            x[mask], y[mask], s=area * (1 if outcome is PassMark.PASSED else 1.4), c=colour,
-            marker=marker, linewidths=0, zorder=2 + 0.1 * layer, rasterized=True,
-            label=outcome.value,
+            points.x[mask], points.y[mask], s=area * (1 if outcome == "passed" else 1.4), c=colour,
+            marker=marker, linewidths=0, zorder=2 + 0.1 * list(_MARKS).index(outcome),
+            rasterized=True, label=outcome,
         )  # fmt: skip
-    return {outcome for outcome, mask in masks.items() if mask.any()}
+    return set(masks)
 
 
-def _draw_boundary(axes: Axes, law: str, boundary: Boundary) -> None:
+def _draw_boundary(axes: Axes, boundary: Boundary) -> None:
     """The line on which the premises begin to fail, and hatching where they do."""
-    x, y, margin = (np.asarray(each, dtype=float) for each in boundary)
-    if margin.shape != (len(y), len(x)) or min(margin.shape) < 2:
-        raise ArgumentError(
-            f"{law}'s premise has shape {margin.shape}: give (ny, nx) = ({len(y)}, {len(x)}), "
-            "two or more each"
-        )
-    if np.isnan(margin).any():
-        raise ArgumentError(f"{law}'s premise is NaN somewhere: give signed margins, -inf allowed")
+    x, y, margin = boundary
     # A contour needs finite numbers; beyond the largest, only the sign matters.
     finite = np.abs(margin[np.isfinite(margin)])
     cap = float(finite.max(initial=0.0)) or 1.0
@@ -266,14 +214,14 @@ def _draw_boundary(axes: Axes, law: str, boundary: Boundary) -> None:
         axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)
 
 
-def _entries(seen: set[PassMark], premises: Sequence[Array]) -> list[Artist]:
+def _entries(seen: set[str], premises: Sequence[Array]) -> list[Artist]:
     """The legend's entries: the outcomes that occur, and what is drawn of the premises."""
     entries: list[Artist] = [
-        Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome.value)
+        Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome)
         for outcome, (colour, marker) in _MARKS.items()
         if outcome in seen
     ]
-    broken = [np.asarray(margin) < 0 for margin in premises]
+    broken = [margin < 0 for margin in premises]
     if any(each.any() and not each.all() for each in broken):
         entries.append(Line2D([], [], color=_EDGE, lw=2, label=BOUNDARY))
     if any(each.any() for each in broken):
