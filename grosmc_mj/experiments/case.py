@@ -132,10 +132,8 @@ def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int,
         if name not in names:
             mistakes.note(f"{where}: {unknown_name('state', name, names)}")
             continue
-        try:
+        with mistakes.gathered(f"{where}: {name}: "):
             found[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
-        except ValueError as error:
-            mistakes.note(f"{where}: {name}: {error}")
     mistakes.refuse()
     return found
 

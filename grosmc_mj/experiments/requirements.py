@@ -165,10 +165,7 @@ def _number(kind: str, value: Any, unit: str) -> float:
     """The number of a limit."""
     if kind == "no_reaching_phase":
         return _ROUNDING
-    try:
-        number = float(value) if kind in _READ else number_in(value, unit)
-    except ValueError as error:
-        raise ArgumentError(str(error)) from None
+    number = float(value) if kind in _READ else number_in(value, unit)
     if not number > 0:
         raise ArgumentError(f"{shown(value)} must be positive")
     return number

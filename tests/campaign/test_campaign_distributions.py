@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,13 @@ from scipy import stats
 
 from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.experiments.file.tables.uncertain import DistributionTable
-from grosmc_mj.experiments.file.units import number_in
 
 SHARES = np.array([2.0**-53, 1e-6, 0.01, 0.25, 0.5, 0.9, 1 - 1e-6])
 
 
 def made(**table: Any) -> Distribution:
     """A distribution of pure numbers."""
-    return distribution(DistributionTable(**table), partial(number_in, unit=""))
+    return distribution(DistributionTable(**table), "")
 
 
 WHOLE = [
@@ -87,11 +85,11 @@ def test_values_never_leave_the_support(u: float, least: float, width: float) ->
 
 def test_the_spread_of_a_lognormal_has_no_unit() -> None:
     table = DistributionTable(distribution="lognormal", median="500 g", spread=0.3)
-    found = distribution(table, partial(number_in, unit="kg"))
+    found = distribution(table, "kg")
     assert found.quantiles(np.array([0.5])) == pytest.approx(0.5, rel=1e-14)
     assert found.words == "lognormal: median 0.5, spread 0.3"
 
 
 def test_the_ends_of_a_range_are_its_corners() -> None:
-    found = distribution(["0 deg", "360 deg"], partial(number_in, unit="rad"))
+    found = distribution(["0 deg", "360 deg"], "rad")
     assert found.quantiles(np.array([0.0, 1.0])).tolist() == [0.0, 2 * math.pi]

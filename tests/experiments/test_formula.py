@@ -89,6 +89,7 @@ HOSTILE = {
     "exp(9*log(3*t))": "has a log within exp: write a power",
     "exp(exp(exp(exp(2.0))))": "has no finite real value",
     "9" * 400: "has no finite real value",
+    "1e999 deg * t": "must be finite",
     "1e999": "has a number beyond 1e+100",
     "1/0": "has no finite real value",
     "1/(t-t)": "has no finite real value",

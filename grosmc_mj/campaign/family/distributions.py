@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +10,8 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import DistributionTable
-from grosmc_mj.experiments.file.units import number_in
 
 # The numbers of each distribution, and those that it may have besides.
 _NUMBERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -47,14 +46,12 @@ class Distribution:
         return np.clip(values, *self.support)
 
 
-def distribution(
-    spread: list[Any] | DistributionTable, read: Callable[[Any], float]
-) -> Distribution:
+def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distribution:
     """The distribution that a file's range or table describes.
 
     Args:
         spread: ``[least, most]``, or a table of numbers.
-        read: Turns a value of the file into a number in the quantity's unit; raises ValueError.
+        unit: Of the quantity.
 
     Raises:
         ArgumentError: If a number is missing or wrong, or the range is empty.
@@ -62,10 +59,10 @@ def distribution(
     if not isinstance(spread, DistributionTable):
         least, most = spread
         spread = DistributionTable(distribution="uniform", least=least, most=most)
-    return _checked(spread.distribution, _read(spread, read))
+    return _checked(spread.distribution, _read(spread, unit))
 
 
-def _read(table: DistributionTable, read: Callable[[Any], float]) -> dict[str, float]:
+def _read(table: DistributionTable, unit: str) -> dict[str, float]:
     """The numbers of a table, in the quantity's unit."""
     needed, allowed = _NUMBERS[table.distribution]
     given = {
@@ -78,13 +75,7 @@ def _read(table: DistributionTable, read: Callable[[Any], float]) -> dict[str, f
     if idle := [name for name in given if name not in (*needed, *allowed)]:
         valid = ", ".join((*needed, *allowed))
         raise ArgumentError(f"{table.distribution} has no {', '.join(idle)}; valid: {valid}")
-    found = {}
-    for name, value in given.items():
-        try:
-            found[name] = number_in(value, "") if name in _PURE else read(value)
-        except ValueError as error:
-            raise ArgumentError(f"{name}: {error}") from None
-    return found
+    return numbers_of(table, given, lambda name: "" if name in _PURE else unit)
 
 
 def _checked(kind: str, numbers: dict[str, float]) -> Distribution:

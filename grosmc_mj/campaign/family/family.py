@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -26,8 +26,8 @@ from grosmc_mj.experiments.file.tables.machine import (
     in_model,
     machine_unit,
 )
+from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
-from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.plants import Plant
 from grosmc_mj.report.tables import shown_unit
@@ -255,7 +255,6 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     if table.owner in MACHINE_UNITS:
         of = in_model(table.of, MACHINE_PARTS[table.owner].owner, plant.system)
         unit = machine_unit(table.owner, table.of, table.quantity, plant.system)
-    read = partial(number_in, unit=unit)
     found = Quantity(
         name=table.called,
         owner=table.owner,
@@ -263,15 +262,11 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
         quantity=table.quantity,
         at=(table.at[0], table.at[1], table.at[2]),
         unit=unit,
-        distribution=distribution(getattr(table, table.quantity), read),
+        distribution=distribution(getattr(table, table.quantity), unit),
         nominal=_NOMINAL[table.owner](table, case, plant),
         index=index,
     )
-    if table.nominal is not None:
-        try:
-            found = replace(found, nominal=read(table.nominal))
-        except ValueError as error:
-            raise ArgumentError(f"nominal: {error}") from None
+    found = replace(found, **numbers_of(table, ["nominal"], lambda _: unit))
     for value in (*found.distribution.support, found.nominal):
         if not found.physical(value):
             must = "be positive" if found.quantity in _POSITIVE else "not be negative"

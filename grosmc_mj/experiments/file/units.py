@@ -8,7 +8,7 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.errors import shown
+from grosmc_mj.errors import ArgumentError, shown
 
 if TYPE_CHECKING:
     import pint
@@ -64,26 +64,25 @@ def number_in(value: Any, unit: str) -> float:
         unit: The unit wanted, such as ``rad/s``; ``1`` or nothing for a pure number.
 
     Raises:
-        ValueError: If there is no unit, an unknown one, or one of something else.
+        ArgumentError: If there is no unit, an unknown one, or one of something else.
     """
-    # Every mistake is a ValueError: what reads the file makes one line of it.
     example = _EXAMPLES.get(unit, f"1 {unit}")
     if unit in {"", "1", "%"}:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ValueError(f"{shown(value)} must be a number without a unit")
+            raise ArgumentError(f"{shown(value)} must be a number without a unit")
         return _finite(float(value), value)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        raise ValueError(f'{value} has no unit: write "{value} {unit}"')  # noqa: TRY004
+        raise ArgumentError(f'{value} has no unit: write "{value} {unit}"')
     if not isinstance(value, str):
-        raise ValueError(f'{shown(value)} must be a number with a unit, such as "{example}"')  # noqa: TRY004
+        raise ArgumentError(f'{shown(value)} must be a number with a unit, such as "{example}"')
     found, text = _NUMBER.fullmatch(value.strip()), shown(value, str)
     if found is None:
-        raise ValueError(f'"{text}" is no number with a unit, such as "{example}"')
+        raise ArgumentError(f'"{text}" is no number with a unit, such as "{example}"')
     number, written = float(found[1]), found[2]
     if written and not _UNIT.fullmatch(written):
-        raise ValueError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
+        raise ArgumentError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
     if not written:
-        raise ValueError(f'"{text}" has no unit: write "{text} {unit}"')
+        raise ArgumentError(f'"{text}" has no unit: write "{text} {unit}"')
     factor = 1.0 if written == unit else _KNOWN.get((written, unit))
     if factor is not None:
         return _finite(number * factor, value)
@@ -93,12 +92,12 @@ def number_in(value: Any, unit: str) -> float:
         quantity = _registry().Quantity(number, _registry().parse_units(written))
         converted = float(quantity.to(unit).magnitude)
     except DimensionalityError:
-        raise ValueError(
+        raise ArgumentError(
             f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
         ) from None
     # pint has no common class for what it cannot read.
     except Exception:
-        raise ValueError(
+        raise ArgumentError(
             f'"{text}": {shown(written)} is no unit; write it as in "{example}"'
         ) from None
     return _finite(converted, value)
@@ -107,5 +106,5 @@ def number_in(value: Any, unit: str) -> float:
 def _finite(number: float, value: Any) -> float:
     """The number, if it is one."""
     if not math.isfinite(number):
-        raise ValueError(f"{shown(value)} must be finite")
+        raise ArgumentError(f"{shown(value)} must be finite")
     return number

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from grosmc_mj.errors import ArgumentError, Mistakes
+from grosmc_mj.errors import Mistakes
 from grosmc_mj.experiments.file.units import number_in
 
 Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
@@ -46,9 +46,7 @@ def numbers_of(
             continue
         with mistakes.gathered():
             unit = unit_of(name)
-            try:
+            with mistakes.gathered(f"{name}: "):
                 found[name] = number_in(value, unit)
-            except ValueError as error:
-                raise ArgumentError(f"{name}: {error}") from None
     mistakes.refuse()
     return found
