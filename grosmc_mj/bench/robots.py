@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from grosmc_mj.bench.batches import closed_loop, open_batch
 from grosmc_mj.bench.timing import Throughput, measured
-from grosmc_mj.cases.jaco.jaco import controllers, jaco, joint_sines, payload, start
+from grosmc_mj.cases.jaco.jaco import jaco
+from grosmc_mj.experiments.experiment import Experiment
 
 # A compiled Jaco is 1.7 MB of meshes, so several simulations share one.
 _SIMULATIONS, _PAYLOADS, _HEAVIEST, _STEPS = 1024, 64, 1.5, 50
@@ -23,13 +26,12 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
     Raises:
         SetupError: If dm_control is not installed.
     """
-    robot = jaco()
-    path = joint_sines(robot)
-    law = controllers(robot, path).grosmc
-    masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:]
-    loaded = [robot.plant.edited(payload(robot, float(mass))) for mass in masses]
+    experiment = Experiment.load("jaco/sines").with_settings(switching="sign", surface="printed")
+    law, nominal, (payload,) = experiment.law("physics", "grosmc"), jaco(), experiment.case.edits
+    masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:].tolist()
+    loaded = [nominal.plant.edited(replace(payload, mass=mass)) for mass in masses]
     plants = [loaded[i % _PAYLOADS] for i in range(_SIMULATIONS)]
-    starts = np.tile(start(path), (_SIMULATIONS, 1))
+    starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
     name = "GROSMC, native, batch"
     loops = [
         open_batch(plants, starts, _STEPS),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import cache
 
 import mujoco
@@ -11,8 +12,6 @@ import pytest
 
 from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.switching import find_switching
-from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import compare_with_optimum
@@ -32,18 +31,13 @@ def arm() -> Robot:
     return arms.jaco()
 
 
-@cache
-def path(name: str) -> arms.Path:
-    return arms.joint_sines(arm()) if name == "sines" else arms.figure_of_eight(arm())
-
-
-@cache
-def designs(name: str, realization: Realization = AS_PRINTED) -> arms.JacoControllers:
-    return arms.controllers(arm(), path(name), realization)
+def case(name: str, switching: str = "sign", surface: str = "printed") -> Experiment:
+    return Experiment.load(f"jaco/{name}").with_settings(switching=switching, surface=surface)
 
 
 def plant(mass: float) -> MujocoPlant:
-    return arm().plant.edited(arms.payload(arm(), mass)) if mass else arm().plant
+    (payload,) = case("sines").case.edits
+    return arm().plant.edited(replace(payload, mass=mass))
 
 
 def deviation(run: Trajectory, law: Controller) -> float:
@@ -73,10 +67,11 @@ def test_the_nominal_dynamics_are_the_whole_models() -> None:
 
 
 def test_the_figure_of_eight_is_followed_by_the_tip_of_its_joint_angles() -> None:
-    eight = path("eight")
-    assert eight.tip_error < 5e-6
-    model, period = arm().plant.model, 2 * np.pi / eight.parameters.frequency
-    q = np.array([eight.reference(t, eight.parameters)[::3] for t in np.linspace(0, period, 50)])
+    (reference, series), angles = arms.figure_of_eight(arm()), np.linspace(0, 2 * np.pi, 1000)
+    q = np.array([reference(angle / series.frequency, series)[::3] for angle in angles])
+    off = arms.tip_path(arm(), q) - arms.eight_of_tip(arm(), angles)
+    assert np.linalg.norm(off, axis=1).max() < 5e-6
+    model = arm().plant.model
     limited = model.jnt_limited.astype(bool)
     assert np.all(q[:, limited] > model.jnt_range[limited, 0])
     assert np.all(q[:, limited] < model.jnt_range[limited, 1])
@@ -91,9 +86,8 @@ def test_a_curve_out_of_reach_is_refused() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("switching", ["implicit-estimate"])
 def test_both_engines_run_the_same_law(switching: str) -> None:
-    realization = Realization(find_switching(switching), 1e-3)
-    law = designs("eight", realization).grosmc
-    x0 = arms.start(path("eight"))
+    eight = case("eight", switching, "discrete")
+    law, x0 = eight.law("physics", "grosmc"), eight.case.x0
     native, python = (
         simulate(plant(1.0), law, x0, duration=0.1, engine=engine)
         for engine in ("native", "python")
@@ -104,9 +98,10 @@ def test_both_engines_run_the_same_law(switching: str) -> None:
 
 @pytest.mark.slow
 def test_a_batch_with_different_payloads_is_its_single_runs() -> None:
-    law, random = designs("sines").grosmc, np.random.default_rng(1)
+    sines, random = case("sines"), np.random.default_rng(1)
+    law = sines.law("physics", "grosmc")
     plants = [plant(float(mass)) for mass in np.linspace(0.1, 1.5, 8)] * 32
-    x0 = arms.start(path("sines")) + random.uniform(-0.1, 0.1, (256, 12))
+    x0 = sines.case.x0 + random.uniform(-0.1, 0.1, (256, 12))
     batch = simulate(plants, law, x0, duration=0.1, record=False)
     for run in random.choice(256, 6, replace=False):
         alone = simulate(plants[run], law, x0[run], duration=0.1, record=False)
@@ -116,9 +111,10 @@ def test_a_batch_with_different_payloads_is_its_single_runs() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sines"])
 def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram(name: str) -> None:
-    x0, laws = arms.start(path(name)), designs(name)
-    runs = {law.name: simulate(plant(1.0), law, x0, duration=8.0) for law in laws}
-    off = {law.name: deviation(runs[law.name], law) for law in laws}
+    laws = {law: case(name).law("physics", law) for law in ("lqr", "pd", "grosmc")}
+    x0 = case(name).case.x0
+    runs = {name: simulate(plant(1.0), law, x0, duration=8.0) for name, law in laws.items()}
+    off = {name: deviation(runs[name], law) for name, law in laws.items()}
     # Under the sign law |s| stays within h (epsilon + W), W at most 1.75: 4 mrad/s, which the
     # surface makes into less than 1 mrad.
     assert off["grosmc"] < 1e-3

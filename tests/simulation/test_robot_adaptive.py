@@ -313,14 +313,13 @@ def test_a_campaign_s_runs_are_those_of_the_law_alone(tmp_path: Path) -> None:
 def test_jaco_finds_a_payload_of_a_kilogram() -> None:
     """Without dry friction, for which no parameter stands; of equal poles with PD."""
     pytest.importorskip("dm_control")
-    robot = arms.jaco()
-    path = arms.joint_sines(robot)
+    robot, case = arms.jaco(), Experiment.load("jaco/sines").case
     Q = np.kron(np.eye(6), np.diag([100.0, 0.0]))
-    joints = robot.task(path.reference, path.parameters, Q, np.eye(6))
+    joints = robot.task(*arms.joint_sines(robot), Q, np.eye(6))
     smooth = [JointEdit(joint, friction=0.0) for joint in arms.JOINTS]
-    plant, left = robot.plant.edited(*smooth, arms.payload(robot, 1.0)), {}
+    plant, left = robot.plant.edited(*smooth, *case.edits), {}
     for controller in (adaptive(joints, 5.0, 10.0), computed_torque_pd(joints, 5.0, 1.0)):
-        found = simulate(plant, controller, arms.start(path), duration=60.0)
+        found = simulate(plant, controller, case.x0, duration=60.0)
         left[controller.name] = np.abs(errors(found, controller)[-8000:]).max()
         if controller.name == "adaptive":
             assert found.memory["theta"][-1, 0] == pytest.approx(1.0, abs=0.1)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import computed_torque_pd, linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, ReferenceFunction, fourier_series
-from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen.backends import without_graphics
-from grosmc_mj.simulation.edits import AddedMass
 from grosmc_mj.simulation.robots.robot import Robot
 
 JOINTS = tuple(f"joint_{i}" for i in range(1, 7))
@@ -31,50 +27,9 @@ _AMPLITUDES = (0.4, 0.25, 0.25, 0.3, 0.3, 0.4)
 _MULTIPLES = (1, 2, 1, 2, 1, 2)
 _SINE_PERIOD = 8.0
 
-# Weights of every joint's error and acceleration: two poles at 3.2 rad/s, damped by 0.71. From
-# 0.1 rad off the reference that asks for 1 rad/s² at first, 2 N m of the wrist's 6.8.
-_Q, _R = (100.0, 0.0), 1.0
-# The PD is faster, as two equal poles can be without more torque at the start than there is.
-_PD_FREQUENCY, _PD_DAMPING = 5.0, 1.0
-# What 1 kg, which the law does not know of, and dry friction push s' by along both references is
-# at most 1.75 rad/s², at joint 4. Since the payload also leaves the switching term 0.81 of its
-# effect, 1.90 are needed on the eight and, for moments, 2.06 on the sines. The wrist's headroom
-# ends at about 2: each rad/s² costs it 2 N m. k brings back what saturation let go.
-_EPSILON, _REACHING = 2.0, 5.0
-
 # The figure of eight, in the plane across the arm: half width and half height [m].
 _EIGHT, _EIGHT_PERIOD = (0.12, 0.06), 8.0
 _SAMPLES, _HARMONICS = 48, 8
-# An inverse kinematics step this far off has lost the curve [m].
-_LOST = 1e-6
-
-
-class Path(NamedTuple):
-    """A reference in joint space and how well its tip keeps to a curve.
-
-    Attributes:
-        reference: y_r(t) of the six joints with two derivatives.
-        parameters: Its series.
-        tip_error: Largest distance of the tip from the curve [m]; 0 if there is no curve.
-    """
-
-    reference: ReferenceFunction
-    parameters: FourierSeries
-    tip_error: float
-
-
-class JacoControllers(NamedTuple):
-    """The controllers that are compared.
-
-    Attributes:
-        lqr: Computed torque with the LQR of the chains.
-        pd: Computed torque with the same two poles for every joint.
-        grosmc: The law (55) in the same feedback.
-    """
-
-    lqr: Controller
-    pd: Controller
-    grosmc: Controller
 
 
 def jaco(timestep: float = 1e-3) -> Robot:
@@ -124,52 +79,16 @@ def _stage(model: Any) -> None:
     )
 
 
-def controllers(robot: Robot, path: Path, realization: Realization = AS_PRINTED) -> JacoControllers:
-    """LQR, computed-torque PD and GROSMC for a path, all by the arm without a payload.
-
-    Args:
-        robot: The arm.
-        path: What it is to track.
-        realization: How GROSMC is sampled.
-    """
-    n = robot.joints
-    Q, R = np.kron(np.eye(n), np.diag(_Q)), _R * np.eye(n)
-    task = robot.task(path.reference, path.parameters, Q, R, realization)
-    return JacoControllers(
-        lqr=linearized_lqr(task, "lqr"),
-        pd=computed_torque_pd(task, _PD_FREQUENCY, _PD_DAMPING),
-        grosmc=tracking_grosmc(task, _REACHING, _EPSILON),
-    )
-
-
-def start(path: Path, off: float = 0.1) -> Array:
-    """At rest, every joint this far from where the path begins [rad]; (12,)."""
-    q = np.array(path.reference(0.0, path.parameters))[::3]
-    return np.concatenate([q + off, np.zeros(len(q))])
-
-
-def payload(robot: Robot, mass: float) -> AddedMass:
-    """A point mass held between the fingers [kg]."""
-    site = robot.plant.model.site(TIP)
-    x, y, z = (float(value) for value in site.pos)
-    return AddedMass(HAND, mass, (x, y, z))
-
-
-def joint_sines(robot: Robot, scale: float = 1.0) -> Path:
-    """Sines about the home pose, each joint with its own amplitude, of a common period of 8 s.
-
-    Args:
-        robot: The arm.
-        scale: Of all amplitudes.
-    """
+def joint_sines(robot: Robot) -> tuple[ReferenceFunction, FourierSeries]:
+    """Sines about the home pose, each joint with its own amplitude, of a common period of 8 s."""
     n = robot.joints
     sine = np.zeros((n, max(_MULTIPLES)))
-    sine[range(n), np.array(_MULTIPLES) - 1] = scale * np.array(_AMPLITUDES)
+    sine[range(n), np.array(_MULTIPLES) - 1] = _AMPLITUDES
     series = FourierSeries(2 * math.pi / _SINE_PERIOD, np.array(HOME), np.zeros_like(sine), sine)
-    return Path(fourier_series(n, sine.shape[1]), series, 0.0)
+    return fourier_series(n, sine.shape[1]), series
 
 
-def figure_of_eight(robot: Robot, scale: float = 1.0, harmonics: int = _HARMONICS) -> Path:
+def figure_of_eight(robot: Robot, scale: float = 1.0) -> tuple[ReferenceFunction, FourierSeries]:
     """The tip along a figure of eight about its home, the hand's orientation kept.
 
     Inverse kinematics at samples of the curve gives joint angles, of which a cut Fourier series
@@ -178,32 +97,27 @@ def figure_of_eight(robot: Robot, scale: float = 1.0, harmonics: int = _HARMONIC
     Args:
         robot: The arm.
         scale: Of the curve.
-        harmonics: How many the series keeps.
 
     Raises:
         ArgumentError: If the curve leaves the arm's reach.
     """
     angles = np.arange(_SAMPLES) * (2 * math.pi / _SAMPLES)
-    at_home = _tip(robot, np.array(HOME))[None]
-    samples = _inverse_kinematics(robot, _curve(at_home[0], angles, scale))
-    series = FourierSeries.through(samples, 2 * math.pi / _EIGHT_PERIOD, harmonics)
-    reference = fourier_series(robot.joints, harmonics)
-    fine = np.linspace(0, 2 * math.pi, 1000)
-    wanted = _curve(at_home[0], fine, scale)
-    reached = [_tip(robot, np.array(reference(a / series.frequency, series))[::3]) for a in fine]
-    return Path(reference, series, float(np.linalg.norm(reached - wanted, axis=1).max()))
+    samples = _inverse_kinematics(robot, eight_of_tip(robot, angles, scale))
+    series = FourierSeries.through(samples, 2 * math.pi / _EIGHT_PERIOD, _HARMONICS)
+    return fourier_series(robot.joints, _HARMONICS), series
+
+
+def eight_of_tip(robot: Robot, angle: Array, scale: float = 1.0) -> Array:
+    """The figure of eight at its angles (N,); returns (N, 3) [m]."""
+    width, height = (scale * half for half in _EIGHT)
+    across, up = width * np.sin(angle), height * np.sin(2 * angle)
+    home = _tip(robot, np.array(HOME))
+    return home + np.stack([np.zeros_like(angle), across, up], axis=1)
 
 
 def tip_path(robot: Robot, q: Array) -> Array:
     """Where the nominal arm's tip is at joint angles (N, 6); returns (N, 3) [m]."""
     return np.array([_tip(robot, row) for row in q])
-
-
-def _curve(centre: Array, angle: Array, scale: float) -> Array:
-    """The figure of eight, (N, 3)."""
-    width, height = (scale * half for half in _EIGHT)
-    across, up = width * np.sin(angle), height * np.sin(2 * angle)
-    return centre + np.stack([np.zeros_like(angle), across, up], axis=1)
 
 
 def _tip(robot: Robot, q: Array) -> Array:
