@@ -5,7 +5,6 @@ from __future__ import annotations
 import keyword
 import math
 from collections.abc import Callable, Iterable, Mapping
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -18,7 +17,7 @@ from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates, Work
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
@@ -204,7 +203,7 @@ def custom_controller(
         name=name,
         law=_weighed(law, m, _weighing(design)),
         parameters=parameters,
-        memory=_Fresh(m, _started(memory or {})),
+        memory=memory_of(m, **_started(memory or {})),
         design=Design(
             design.error,
             design.lqr,
@@ -250,14 +249,13 @@ def _started(memory: Mapping[str, Any]) -> dict[str, float | Array]:
     return started
 
 
-class _Fresh:
-    """Makes the memory of a run of m inputs, with fields of a law's own."""
-
-    def __init__(self, m: int, own: Mapping[str, float | Array]) -> None:
-        self._m, self._own = m, own
-
-    def __call__(self) -> Memory:
-        return extended(Memory(v=np.zeros(self._m)), **deepcopy(dict(self._own)))
+def named_gains(**matrices: Array) -> dict[str, float]:
+    """Gains by their symbols: K1, K2 ... or, of several inputs, K11, K12 ... row by row."""
+    return {
+        f"{symbol}{i + 1 if len(matrix) > 1 else ''}{j + 1}": float(matrix[i, j])
+        for symbol, matrix in matrices.items()
+        for i, j in np.ndindex(*matrix.shape)
+    }
 
 
 @cache

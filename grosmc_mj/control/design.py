@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, require
 from grosmc_mj.control import laws
-from grosmc_mj.control.controller import Controller, Design
+from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.gains import Uncertainty, switching_gains
 from grosmc_mj.control.lqr import LqrDesign, priced
-from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.surface import drift_of_surface, held_gain, surface_matrix
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.task import (
@@ -293,15 +293,13 @@ def _controller(
     m, n = optimum.K.shape
     # Rounding of what is zero is not worth showing.
     K = np.where(np.abs(optimum.K) > 1e-12 * np.abs(optimum.K).max(), optimum.K, 0.0)
-    first = {f"K{j + 1}": float(K[0, j]) for j in range(n)}
-    every = {f"K{i + 1}{j + 1}": float(K[i, j]) for i in range(m) for j in range(n)}
     switching = AS_PRINTED.switching
-    memory = switching.new_memory(m, n) if with_reach else partial(_without_surface, m)
+    memory = switching.new_memory(m, n) if with_reach else memory_of(m)
     design = Design(
         task.error,
         optimum,
         source=source,
-        gains={**(first if m == 1 else every), **gains},
+        gains=named_gains(K=K) | gains,
         declared=declared,
         sliding_unit=sliding_unit,
         linearizing=linearizing,
@@ -309,11 +307,6 @@ def _controller(
         with_reach=with_reach,
     )
     return Controller(name, law, parameters, memory, design)
-
-
-def _without_surface(m: int) -> Memory:
-    """Memory of a law of m inputs without a surface."""
-    return Memory(v=np.zeros(m))
 
 
 def _sliding_unit(task: Task, parameters: SurfaceParameters) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.records import extended
 
 
 @dataclass
@@ -27,6 +31,20 @@ class Memory:
     undefined: float = 0.0
     workspace: float = 0.0
     first: float = 0.0
+
+
+def memory_of(m: int, **own: float | Array) -> Callable[[], Any]:
+    """Makes the memory of each run of a law of m inputs.
+
+    Args:
+        m: Number of inputs.
+        own: What the law remembers besides, by name, as a run begins.
+    """
+    return partial(_fresh, m, own)
+
+
+def _fresh(m: int, own: Mapping[str, float | Array]) -> Any:
+    return extended(Memory(v=np.zeros(m)), **deepcopy(dict(own)))
 
 
 def _row() -> Array:

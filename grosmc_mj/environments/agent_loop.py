@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
-from grosmc_mj.control.memory import Memory
-from grosmc_mj.records import extended
+from grosmc_mj.control.memory import memory_of
 from grosmc_mj.simulation.loop.in_loop import loop_of, relooped
 from grosmc_mj.vectors import algebra, each
 
@@ -29,7 +28,11 @@ class AgentLoop:
         sampling, bare = loop_of(law), loop_of(law).bare
         m = len(sampling.system.inputs)
         agent = replace(
-            bare, name="agent", law=_as_pending(m), memory=partial(_memory, m), sampling=None
+            bare,
+            name="agent",
+            law=_as_pending(m),
+            memory=memory_of(m, pending=np.zeros(m)),
+            sampling=None,
         )
         self._made = replace(law, sampling=replace(sampling, bare=agent, predicts=False))
         self.restart(0)
@@ -60,10 +63,6 @@ class AgentLoop:
         other.__dict__.update(self.__dict__)
         other._memory = deepcopy(self._memory)
         return other
-
-
-def _memory(m: int) -> Memory:
-    return extended(Memory(v=np.zeros(m)), pending=np.zeros(m))
 
 
 @cache

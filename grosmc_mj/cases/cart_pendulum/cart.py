@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
-from grosmc_mj.control.controller import Controller, Design
+from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr
 from grosmc_mj.control.lqr import lqr
@@ -168,7 +168,7 @@ def holding_pfl(
         StateTask(plant, *WEIGHTS).error,
         optimum,
         source="eqs. (23)+(31)+(37) with an outer loop on the cart",
-        gains={f"K{j + 1}": float(value) for j, value in enumerate(optimum.K[0])},
+        gains=named_gains(K=optimum.K),
         declared=f"m up to x{uncertainty.mass:g}, L up to x{uncertainty.length:g}, forces up to "
         f"{uncertainty.force:g} N on the cart",
         sliding_unit="rad/s",

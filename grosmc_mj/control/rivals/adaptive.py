@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from grosmc_mj.control.controller import Controller, Design, Sampled
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.control.laws import Law
-from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.task import Task, require_task
 from grosmc_mj.errors import GainError, shown
 from grosmc_mj.vectors import algebra, each, row_times
@@ -40,19 +40,6 @@ class AdaptiveParameters(Sampled):
     damping: Array
     adaptation: float
     limit: float
-
-
-@dataclass
-class AdaptiveLawMemory(Memory):
-    """Memory of the adaptive law.
-
-    Attributes:
-        theta: Estimates of the parameters for the next sample, (k,).
-        composite: s = e' + Lambda e at the last sample, (m,), by the sign of e = q - q_d.
-    """
-
-    theta: Array = field(default_factory=lambda: np.zeros(1))
-    composite: Array = field(default_factory=lambda: np.zeros(1))
 
 
 def adaptive(
@@ -118,7 +105,8 @@ def adaptive(
         "adaptive",
         slotine_li(error, torques),
         parameters,
-        partial(_memory, error.inputs, torques.size),
+        # The estimates for the next sample, and s of the last one by the sign of e = q - q_d.
+        memory_of(error.inputs, theta=np.zeros(torques.size), composite=np.zeros(error.inputs)),
         Design(
             error,
             optimum,
@@ -171,8 +159,3 @@ def slotine_li(error: OutputCoordinates, found: LinearTorques) -> Law:
         return given(u)
 
     return law
-
-
-def _memory(m: int, count: int) -> AdaptiveLawMemory:
-    """Memory of a new run."""
-    return AdaptiveLawMemory(v=np.zeros(m), theta=np.zeros(count), composite=np.zeros(m))

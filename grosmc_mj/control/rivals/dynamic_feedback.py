@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from grosmc_mj.control.controller import Controller, Design, Sampled
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, shown
 from grosmc_mj.jitable import jitable
@@ -73,17 +73,6 @@ class DynamicParameters(Sampled):
     L: Array
     start: Array
     limit: float = math.inf
-
-
-@dataclass
-class DynamicMemory(Memory):
-    """Memory of a law with dynamics.
-
-    Attributes:
-        q: Its integrals or its observer's state, (N,).
-    """
-
-    q: Array = field(default_factory=lambda: np.zeros(1))
 
 
 @cache
@@ -178,7 +167,8 @@ def dynamic_controller(
         name,
         dynamic_feedback(task.error, order, linearizing=linearizing, holds=holds),
         DynamicParameters(**plain, limit=float(limit)),
-        partial(_memory, task.error.inputs, order),
+        # Its integrals or its observer's state.
+        memory_of(task.error.inputs, q=np.zeros(order)),
         Design(
             task.error,
             optimum,
@@ -188,17 +178,3 @@ def dynamic_controller(
             numbers_at=numbers,
         ),
     )
-
-
-def named_gains(**matrices: Array) -> dict[str, float]:
-    """Gains by their symbols: K1, K2 ... or, of several inputs, K11, K12 ... row by row."""
-    return {
-        f"{symbol}{i + 1 if len(matrix) > 1 else ''}{j + 1}": float(matrix[i, j])
-        for symbol, matrix in matrices.items()
-        for i, j in np.ndindex(*matrix.shape)
-    }
-
-
-def _memory(m: int, order: int) -> DynamicMemory:
-    """Memory of a new run."""
-    return DynamicMemory(v=np.zeros(m), q=np.zeros(order))

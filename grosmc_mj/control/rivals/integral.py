@@ -10,9 +10,9 @@ import scipy.linalg
 
 from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller, named_gains
+from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
 from grosmc_mj.control.task import Task, require_task
 from grosmc_mj.errors import GainError, shown
 
