@@ -84,19 +84,16 @@ def generate(
 
 
 def generate_condition(
-    name: str, condition: Any, arguments: str, places: Mapping[Any, str]
-) -> Callable[..., bool]:
-    """A jitable function that says whether a condition of sympy holds.
+    name: str, condition: Any, places: Mapping[Any, str]
+) -> Callable[[Any], bool]:
+    """A jitable function of the state that says whether a condition of sympy holds.
 
     Raises:
         ModelError: If the condition has a symbol without a place.
     """
     value = sp.Piecewise((sp.Integer(1), condition), (sp.Integer(0), True))
-    indicator = generate(name, [value], arguments, places)
-    arity = len(arguments.split(","))
-    if arity == 1:
-        return jitable(lambda x: indicator(x)[0] != 0.0)
-    return jitable(lambda x, p: indicator(x, p)[0] != 0.0)
+    indicator = generate(name, [value], "x", places)
+    return jitable(lambda x: indicator(x)[0] != 0.0)
 
 
 def _compile(name: str, source: str) -> Callable[..., Any]:

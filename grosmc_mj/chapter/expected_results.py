@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.metrics import Metric
+from grosmc_mj.experiments.metrics.recorded import Metric
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.report.document import write_json
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.metrics import Metric, cost_shares
+from grosmc_mj.experiments.metrics.recorded import Metric, cost_shares
 from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number, numbers, words

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,15 +16,6 @@ from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.laws import Coordinates, Law
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.vectors import algebra, each
-
-
-class _Matrices(NamedTuple):
-    """q+ = A q + B e, u = C q + D e."""
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
 
 
 def from_control(
@@ -59,14 +50,14 @@ def from_control(
         )
     error, found = like.designed.error, _sampled(sys, float(period), name)
     outputs, inputs = len(error.output_rows), error.inputs
-    if found.D.shape != (inputs, outputs):
+    if (shape := found["D"].shape) != (inputs, outputs):
         raise ArgumentError(
-            f"{name} has {found.D.shape[1]} inputs and {found.D.shape[0]} outputs, must see "
+            f"{name} has {shape[1]} inputs and {shape[0]} outputs, must see "
             f"{outputs} errors and give {inputs} inputs of {error.system.name}"
         )
-    order = len(found.A)
+    order = len(found["A"])
     memory = {"q": np.zeros(order)}
-    made = custom_controller(name, _law(error, order), like, found._asdict(), memory)
+    made = custom_controller(name, _law(error, order), like, found, memory)
     design = replace(made.designed, source="python-control", control_period=float(period))
     return replace(made, design=design)
 
@@ -77,7 +68,7 @@ def is_linear_system(found: Any) -> bool:
     return bool(kinds & {"control.StateSpace", "control.TransferFunction"})
 
 
-def _sampled(sys: Any, period: float, name: str) -> _Matrices:
+def _sampled(sys: Any, period: float, name: str) -> dict[str, Array]:
     """The matrices at a sampling time; a static gain gets one state, of zeros."""
     import control
 
@@ -98,7 +89,7 @@ def _sampled(sys: Any, period: float, name: str) -> _Matrices:
     A, B, C, D = (np.asarray(part, float) for part in (made.A, made.B, made.C, made.D))
     if not len(A):
         A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
-    return _Matrices(*map(np.ascontiguousarray, (A, B, C, D)))
+    return {key: np.ascontiguousarray(M) for key, M in zip("ABCD", (A, B, C, D), strict=True)}
 
 
 @cache

@@ -90,24 +90,6 @@ class SwitchingGains(NamedTuple):
     gain_ratio: float
 
 
-class _Believed(NamedTuple):
-    """States, and what the law's model says there.
-
-    Attributes:
-        z: Error states, (N, size).
-        x: The plant's states, (N, n).
-        inverse: (G_r E)^-1, (N, m, m).
-        size: |G_r E|, (N,).
-        u_0: The continuous law's input, (N, m).
-    """
-
-    z: Array
-    x: Array
-    inverse: Array
-    size: Array
-    u_0: Array
-
-
 def surface_rate(
     motion: tuple[Array, Array], z: Array, G: Array, S: Array, u: Array
 ) -> tuple[Array, Array]:
@@ -196,39 +178,36 @@ def switching_gains(
     G_r, S = G[:, list(chains.last_rows)], G @ (A - B @ K)
     gamma0, gamma1, least = 0.0, 0.0, math.inf
 
-    def believed(z: Array) -> _Believed:
-        """What the law's model says at error states, (N, size)."""
-        x = np.array([error.place(0.0, each, nominal) for each in z])
-        u_0, steered = -times(K, z), np.broadcast_to(G @ B, (len(z), *(G @ B).shape))
-        if linearizing:
-            alpha, E = error.dynamics_along([0.0] * len(x), x, nominal)
-            steered, u_0 = G_r @ E, solved(E, u_0 - alpha)
-        size = np.linalg.norm(steered, axis=(-2, -1))
-        return _Believed(z, x, np.linalg.inv(steered), size, u_0)
-
     # At rest, a step along each axis next to it, and the grid.
-    at = believed(np.array([np.zeros(error.size), *_states(uncertainty.region)]))
-    distance = np.linalg.norm(at.z[1:], axis=-1)
-    equations, still = error.system.equations, error.raised_along([0.0] * len(at.x), nominal)
-    slopes = error.slopes(at.x, nominal)
+    z = np.array([np.zeros(error.size), *_states(uncertainty.region)])
+    x = np.array([error.place(0.0, each, nominal) for each in z])
+    # What the law's model says there: the continuous law's input, and G_r E.
+    u_0, believed = -times(K, z), np.broadcast_to(G @ B, (len(z), *(G @ B).shape))
+    if linearizing:
+        alpha, E = error.dynamics_along([0.0] * len(x), x, nominal)
+        believed, u_0 = G_r @ E, solved(E, u_0 - alpha)
+    inverse, size = np.linalg.inv(believed), np.linalg.norm(believed, axis=(-2, -1))[1:]
+    distance = np.linalg.norm(z[1:], axis=-1)
+    equations, still = error.system.equations, error.raised_along([0.0] * len(x), nominal)
+    slopes = error.slopes(x, nominal)
     units = np.diag(uncertainty.wrench)[np.array(uncertainty.wrench) != 0]
     for plant in _family(nominal.plant, uncertainty.scales):
-        motion = error.moved_by(equations, at.x, plant, slopes, still)
-        (held, *rest), steered = surface_rate(motion, at.z, G, S, at.u_0)
-        R = (steered @ at.inverse)[1:]
+        motion = error.moved_by(equations, x, plant, slopes, still)
+        (held, *rest), steered = surface_rate(motion, z, G, S, u_0)
+        R = (steered @ inverse)[1:]
         r = np.minimum(authority(R), authority_together(R))
         if not np.all(r > 1e-9):
             worst = int(np.argmin(np.where(np.isnan(r), -np.inf, r)))
             raise GainError(
                 f"{error.system.name}: the input gain of a declared plant is {r[worst]:g} of the "
-                f"nominal one at z = {at.z[1 + worst]}; no switching gain can make up for that"
+                f"nominal one at z = {z[1 + worst]}; no switching gain can make up for that"
             )
-        reach = r * at.size[1:]
+        reach = r * size
         shares = (np.array(rest) - held) / (reach * distance)[:, None]
         pushed = np.abs(held) + np.zeros_like(shares)
         for w in units:
-            everywhere = np.tile(w, (len(at.x), 1))
-            away = error.pushed_by(equations, at.x, plant, everywhere, slopes)
+            everywhere = np.tile(w, (len(x), 1))
+            away = error.pushed_by(equations, x, plant, everywhere, slopes)
             pushed += np.abs(times(G, away))[1:]
         gamma0 = max(gamma0, float((np.linalg.norm(pushed, axis=-1) / reach).max()))
         # Near z = 0 the mismatch is linear in z: its largest share is the norm of its slope.

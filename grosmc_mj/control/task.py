@@ -286,12 +286,12 @@ class StateTask:
 
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
-        return FeedbackParameters(self.plant.parameters or Unread(), self.point, K)
+        return FeedbackParameters(self.plant.parameters or NoNumbers(), self.point, K)
 
 
 @dataclass(frozen=True)
-class Unread:
-    """The numbers of a plant that no law here reads: MuJoCo has them."""
+class NoNumbers:
+    """Of what has no numbers that a law reads: MuJoCo or formulas have them."""
 
 
 @cache

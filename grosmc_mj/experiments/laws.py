@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn
@@ -30,7 +30,7 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
 from grosmc_mj.control.state_design import state_grosmc
-from grosmc_mj.control.task import FeedbackParameters, StateTask, Task
+from grosmc_mj.control.task import FeedbackParameters, NoNumbers, StateTask, Task
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
@@ -88,11 +88,6 @@ OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip"
 _WEIGHTS = ("Q", "R")
 # Arguments of a law that are no numbers of a file's: its name there says them.
 _OURS = ("name", "linearizing")
-
-
-@dataclass(frozen=True)
-class Formulas:
-    """Parameters of a reference that is written out: there are none."""
 
 
 def design(
@@ -365,7 +360,7 @@ def _reference(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
     try:
-        return _written(tuple(formulas), degrees), Formulas()
+        return _written(tuple(formulas), degrees), NoNumbers()
     except ArgumentError as error:
         raise ArgumentError(f"task: reference: {error}") from None
 

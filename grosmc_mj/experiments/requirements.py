@@ -288,8 +288,3 @@ def judge_all(found: Sequence[Limit], results: Sequence[RunResult]) -> list[Judg
         for result in results
         if result.controller.name in limit.of and result.plant in limit.on
     ]
-
-
-def failed(judgements: Sequence[Judgement]) -> list[Judgement]:
-    """Those that are not kept."""
-    return [each for each in judgements if not each.kept]

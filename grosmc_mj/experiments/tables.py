@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from grosmc_mj.experiments.metrics import Metric
+from grosmc_mj.experiments.metrics.recorded import Metric
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.report.tables import names, number, numbers, table, text, words

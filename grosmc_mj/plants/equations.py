@@ -86,12 +86,12 @@ class Equations:
         """m, the number of inputs."""
         return len(self.g[0])
 
-    def places(self, state: str = "x", parameters: str = "p") -> Mapping[sp.Symbol, str]:
+    def places(self) -> Mapping[sp.Symbol, str]:
         """Where generated functions of (x, w, p) find each symbol."""
         return {
-            **{symbol: f"{parameters}.{symbol}" for symbol in self.parameters},
+            **{symbol: f"p.{symbol}" for symbol in self.parameters},
             **{symbol: f"w[{i}]" for i, symbol in enumerate(self.w)},
-            **{symbol: f"{state}[{i}]" for i, symbol in enumerate(self.x)},
+            **{symbol: f"x[{i}]" for i, symbol in enumerate(self.x)},
         }
 
     @cached_property
@@ -120,12 +120,12 @@ class Equations:
     @cached_property
     def singular(self) -> Callable[[Any], bool]:
         """Jitable x -> whether the plant's own equations break down."""
-        return generate_condition("singular", self.breaks_down, "x", self.places())
+        return generate_condition("singular", self.breaks_down, self.places())
 
     @cached_property
     def linearizable(self) -> Callable[[Any], bool]:
         """Jitable x -> whether x is in the region X_0 of section 3.2."""
-        return generate_condition("linearizable", self.region, "x", self.places())
+        return generate_condition("linearizable", self.region, self.places())
 
 
 class NoEquations(Equations):

@@ -38,11 +38,6 @@ class LinearParametrization:
     Y: Sequence[Sequence[Any]]
     theta: Sequence[Any]
 
-    @property
-    def count(self) -> int:
-        """k, the number of parameters."""
-        return len(self.theta)
-
     @cached_property
     def regressor(self) -> Callable[[Any, Any, Any, Any], tuple[float, ...]]:
         """Jitable (x, r, a, p) -> Y row by row, m k numbers."""

@@ -106,7 +106,13 @@ class Plant(ABC):
                 rest there.
         """
         state, inputs = self.operating_point(x, u)
-        self.require_rest(state, inputs, self.derivative(state, inputs))
+        rates = self.derivative(state, inputs)
+        if np.abs(rates).max() > AT_REST:
+            given = np.concatenate([state, inputs]).tolist()
+            raise ArgumentError(
+                f"{self.system.name}: [x, u] = {given} is no equilibrium: x' = {rates.tolist()}, "
+                f"must be zero within {AT_REST:g}"
+            )
         return self.jacobian(state, inputs)
 
     @abstractmethod
@@ -230,21 +236,3 @@ class Plant(ABC):
             units = ", ".join(signal.unit for signal in system.inputs)
             raise ArgumentError(f"u = {shown(u)} must be {m} finite numbers [{units}]")
         return state, np.broadcast_to(inputs, (m,))
-
-    def require_rest(self, x: Array, u: Array, rates: Array) -> None:
-        """Refuse what is no equilibrium, where x' = A x + B u lacks a constant.
-
-        Args:
-            x: State, (n,).
-            u: Input, (m,).
-            rates: x' there, (n,).
-
-        Raises:
-            ArgumentError: With x' at that state.
-        """
-        if np.abs(rates).max() > AT_REST:
-            given = np.concatenate([x, u]).tolist()
-            raise ArgumentError(
-                f"{self.system.name}: [x, u] = {given} is no equilibrium: x' = {rates.tolist()}, "
-                f"must be zero within {AT_REST:g}"
-            )

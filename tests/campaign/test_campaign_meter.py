@@ -14,9 +14,8 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.definitions import Recording, folded
-from grosmc_mj.experiments.metrics.recorded import noted
+from grosmc_mj.experiments.metrics.recorded import Comparison, compare_with_optimum, measure, noted
 from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant

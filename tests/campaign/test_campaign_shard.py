@@ -11,8 +11,8 @@ from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, serv
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
-from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.definitions import Recording, folded
+from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.running import METRICS, metered
 from grosmc_mj.experiments.requirements import Limit, afters, margins_of, required
 from grosmc_mj.simulation.simulate import simulate

@@ -14,7 +14,8 @@ from shipped import find_case, run_case
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
-from grosmc_mj.experiments.metrics import (
+from grosmc_mj.experiments.metrics.definitions import MeterNumbers, Meters, note, note_all
+from grosmc_mj.experiments.metrics.recorded import (
     Comparison,
     Metric,
     compare_with_optimum,
@@ -22,7 +23,6 @@ from grosmc_mj.experiments.metrics import (
     overshoot,
     settling_time,
 )
-from grosmc_mj.experiments.metrics.definitions import MeterNumbers, Meters, note, note_all
 from grosmc_mj.experiments.requirements import Limit, judge, margins_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.plants import SERVO

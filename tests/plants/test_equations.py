@@ -234,7 +234,7 @@ def test_symbol_without_a_place_is_named_with_those_that_have_one() -> None:
     with pytest.raises(ModelError, match=r"speed: unknown symbol q, z; known: x1, x2"):
         generate("speed", [X1 + sp.Symbol("z"), sp.Symbol("q")], "x", {X1: "x[0]", X2: "x[1]"})
     with pytest.raises(ModelError, match="where: unknown symbol x2; known: x1"):
-        generate_condition("where", X2 > 0, "x", {X1: "x[0]"})
+        generate_condition("where", X2 > 0, {X1: "x[0]"})
 
 
 @pytest.mark.parametrize("function", ["drift", "input_matrix"])

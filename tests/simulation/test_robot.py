@@ -34,7 +34,7 @@ from grosmc_mj.control.references import (
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
-from grosmc_mj.experiments.metrics import compare_with_optimum, measure
+from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -248,7 +248,8 @@ def test_the_design_model_moves_by_mujocos_accelerations() -> None:
     law, h = computed_torque_pd(task, 9.0, 6.0), 1e-3
     loop = Loop(Computing(delay=h))
     looped = in_loop(law, loop, tree().plant.system, control_period=h, timestep=h, predict=True)
-    memory, _kept = looped.begin()
+    started, _kept = looped.begin()
+    memory: Any = started
     model = tree().plant.model
     data, u = mujoco.MjData(model), np.array([0.4, -0.3, 0.2])
     for x in states(N):

@@ -36,7 +36,7 @@ from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.metrics import compare_with_optimum
+from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.plants import SERVO, TWO_LINK_ARM, AnalyticPlant
 from grosmc_mj.plants.two_link_arm import TwoLinkParameters, tip
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom

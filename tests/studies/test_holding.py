@@ -32,7 +32,7 @@ from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
-from grosmc_mj.experiments.metrics import settling_time
+from grosmc_mj.experiments.metrics.recorded import settling_time
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters

@@ -10,8 +10,8 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import DistributionTable
+from grosmc_mj.experiments.file.units import number_in
 
 # The numbers of each distribution, and those that it may have besides.
 _NUMBERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -75,7 +75,13 @@ def _read(table: DistributionTable, unit: str) -> dict[str, float]:
     if idle := [name for name in given if name not in (*needed, *allowed)]:
         valid = ", ".join((*needed, *allowed))
         raise ArgumentError(f"{table.distribution} has no {', '.join(idle)}; valid: {valid}")
-    return numbers_of(table, given, lambda name: "" if name in _PURE else unit)
+    found = {}
+    for name, value in given.items():
+        try:
+            found[name] = number_in(value, "" if name in _PURE else unit)
+        except ArgumentError as error:
+            raise ArgumentError(f"{name}: {error}") from None
+    return found
 
 
 def _checked(kind: str, numbers: dict[str, float]) -> Distribution:

@@ -31,14 +31,12 @@ from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, OperatingPoint
 
 _ANGLE = ErrorCoordinates(CART_PENDULUM, setpoint)
 
-# The pole's rate costs most: with a stiff cart the sliding dynamics themselves are unstable for a
-# longer pole, whatever the switching gain (``sliding_dynamics``).
+# Q (4, 4) and R of the index (4). The pole's rate costs most: with a stiff cart the sliding
+# dynamics themselves are unstable for a longer pole, whatever the switching gain
+# (``sliding_dynamics``).
 WEIGHTS = (np.diag([1.0, 1.0, 1.0, 100.0]), 1.0)
 # Largest angle that the outer loop asks for [rad].
 LEAN = 0.35
-
-# Q (4, 4) and R of the index (4).
-Weights = tuple[Array, float]
 # What the holding laws are asked to withstand: the chapter's case 1, and 0.05 N on the cart.
 UNCERTAINTY = StateUncertainty(mass=4.0, length=4.0, force=0.05)
 
@@ -46,16 +44,14 @@ UNCERTAINTY = StateUncertainty(mass=4.0, length=4.0, force=0.05)
 def holding_lqr(
     plant: AnalyticPlant,
     model: tuple[Array, Array] | None = None,
-    weights: Weights | None = None,
 ) -> Controller:
     """LQR of all four states, eqs. (5)-(6).
 
     Args:
         plant: The nominal plant: a pole on a cart.
         model: (A, B) of it, for instance from MuJoCo; in symbols by default.
-        weights: Q and R of the index; ``WEIGHTS`` by default.
     """
-    law = linear_lqr(StateTask(plant, *(weights or WEIGHTS), model=model))
+    law = linear_lqr(StateTask(plant, *WEIGHTS, model=model))
     source = "eqs. (5)-(6) with four states"
     return replace(law, name="cart-lqr", design=replace(law.designed, source=source))
 
@@ -65,7 +61,6 @@ def holding_ism(
     model: tuple[Array, Array] | None = None,
     uncertainty: StateUncertainty = UNCERTAINTY,
     G: ArrayLike | None = None,
-    weights: Weights | None = None,
 ) -> Controller:
     """Integral sliding mode on the four-state LQR: section 2's surface (8) and law (12).
 
@@ -75,13 +70,12 @@ def holding_ism(
         uncertainty: What the law shall withstand.
         G: Projection of the surface, (1, 4); B+ by default, which does not amplify what is
             unmatched.
-        weights: Q and R of the index; ``WEIGHTS`` by default.
 
     Raises:
         GainError: If a member of the family turns the input round or makes the sliding dynamics
             unstable, when no switching gain helps.
     """
-    law = state_grosmc(StateTask(plant, *(weights or WEIGHTS), model=model), uncertainty, G)
+    law = state_grosmc(StateTask(plant, *WEIGHTS, model=model), uncertainty, G)
     source = "eqs. (8)+(12) with four states"
     return replace(law, name="cart-ism", design=replace(law.designed, source=source))
 

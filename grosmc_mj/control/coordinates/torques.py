@@ -40,7 +40,7 @@ def torques_of(found: LinearParametrization) -> LinearTorques:
     regressor, nominal = found.regressor, found.nominal
     nothing = algebra(len(found.q)).nothing
     return LinearTorques(
-        size=found.count,
+        size=len(found.theta),
         nominal=jitable(lambda p: nominal(p.plant)),
         known=jitable(lambda x, r, a, memory, p: nothing),
         regressor=jitable(lambda x, r, a, memory, p: regressor(x, r, a, p.plant)),

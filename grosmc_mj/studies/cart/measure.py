@@ -18,7 +18,7 @@ from grosmc_mj.control.state_design import mismatch, sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics import Metric, settling_time
+from grosmc_mj.experiments.metrics.recorded import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.linearization import linearize

@@ -20,7 +20,7 @@ from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
-from grosmc_mj.experiments.metrics import SETTLING_BAND
+from grosmc_mj.experiments.metrics.definitions import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.edits import BodyEdit

@@ -16,7 +16,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
-from grosmc_mj.experiments.metrics import compare_with_optimum
+from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import find_system
 from grosmc_mj.premises.balance import balances
