@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -178,7 +179,7 @@ def _rate(workers: int, duration: float) -> float:
         folder = Folder(Path(scratch) / "campaign")
         folder.begin(campaign, resume=False)
         executor = make_executor("processes", workers=workers)
-        work = _Timed(shards_of(campaign, folder, threads=1))
+        work = partial(_timed, shards_of(campaign, folder, threads=1))
         spans = [each.report for each in executor.run(work, range(parts), lambda _: None)]
     # The first part of each worker has the design and the loading of compiled code in it.
     began = max(sorted(start for start, _ in spans)[:workers])
@@ -187,13 +188,8 @@ def _rate(workers: int, duration: float) -> float:
     return len(later) * size / (max(end for _, end in later) - first)
 
 
-class _Timed:
-    """A part's work, which reports when it began and ended."""
-
-    def __init__(self, shard: Callable[[int], object]) -> None:
-        self.shard = shard
-
-    def __call__(self, index: int) -> tuple[float, float]:
-        began = time.time()
-        self.shard(index)
-        return began, time.time()
+def _timed(shard: Callable[[int], object], index: int) -> tuple[float, float]:
+    """Run a part; when it began and ended."""
+    began = time.time()
+    shard(index)
+    return began, time.time()

@@ -8,8 +8,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from grosmc_mj.chapter.expected_results import tolerance_of
-from grosmc_mj.comparison.figure import OTHER, Figure
-from grosmc_mj.comparison.figures import direction
+from grosmc_mj.comparison.figures import OTHER, Figure, direction
 
 
 class Effect(Enum):

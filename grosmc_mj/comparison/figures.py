@@ -3,12 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
-from grosmc_mj.comparison.figure import LESS, MORE, OTHER, Figure
-from grosmc_mj.comparison.study_figures import STUDIES
 from grosmc_mj.report.page import documents
 from grosmc_mj.report.page.reading import Document
+from grosmc_mj.report.page.studies import documents as study_documents
+
+# What is more on one side of a comparison than on the other is better, worse, or just other.
+MORE, LESS, OTHER = 1, -1, 0
+
+
+class Figure(NamedTuple):
+    """One thing that results tell.
+
+    Attributes:
+        name: Of what, and which number of it.
+        value: A number, a word, or None for what has none.
+        better: ``MORE`` if more is better, ``LESS`` if less is, else ``OTHER``; words are ranked by
+            :func:`direction`.
+        metric: Name of the metric that the number is, or is a margin of; empty for others.
+        switched: Whether a switching law made it, which amplifies rounding.
+        unit: Of the number.
+        size: What the number's relative accuracy is of; None for itself.
+        kind: Of document that tells it.
+    """
+
+    name: str
+    value: float | str | None
+    better: int = OTHER
+    metric: str = ""
+    switched: bool = False
+    unit: str = ""
+    size: float | None = None
+    kind: str = ""
+
 
 # Words that are better than others, best first; between others there is no order.
 _RANK = (("kept", "not kept"), ("completed", "diverged"), ("as recorded", "not as recorded"),
@@ -39,10 +67,10 @@ def _runs(content: documents.StoredRunResults | documents.StoredValidation) -> I
     """How each run ended, and its metrics."""
     for run in content.runs:
         name = f"{run.system}/{run.case} {run.plant} {run.controller}"
-        yield Figure("", f"{name}: status", run.status)
+        yield Figure(f"{name}: status", run.status)
         for metric, found in run.metrics.items():
             yield Figure(
-                "", f"{name}: {metric}", found.value, OTHER, metric, bool(run.switching), found.unit
+                f"{name}: {metric}", found.value, OTHER, metric, bool(run.switching), found.unit
             )
 
 
@@ -53,10 +81,9 @@ def _run(content: documents.StoredRunResults) -> Iterator[Figure]:
         name = f"{', '.join(sorted(cases))} {each.plant} {each.controller}: {each.requirement}"
         metric = _METRICS.get(each.requirement, each.requirement.removesuffix("_below"))
         of = each.controller in switched
-        yield Figure("", name, "kept" if each.kept else "not kept")
+        yield Figure(name, "kept" if each.kept else "not kept")
         unit = str(each.limit.get("unit", ""))
-        margin = Figure("", f"{name}, margin", each.margin, MORE, metric, of, unit, each.measured)
-        yield margin
+        yield Figure(f"{name}, margin", each.margin, MORE, metric, of, unit, each.measured)
     yield from _runs(content)
 
 
@@ -65,15 +92,15 @@ def _claims(content: documents.StoredClaims | documents.StoredValidation) -> Ite
         if claim.expected.verdicts:
             found = {plant: each.verdict for plant, each in claim.plants.items()}
             fine = found == claim.expected.verdicts
-            yield Figure("", f"{claim.id}", "as expected" if fine else "not as expected")
+            yield Figure(f"{claim.id}", "as expected" if fine else "not as expected")
         for plant, each in claim.plants.items():
-            yield Figure("", f"{claim.id} on {plant}: verdict", each.verdict)
-            yield Figure("", f"{claim.id} on {plant}", each.value, OTHER, "", True, claim.unit)
+            yield Figure(f"{claim.id} on {plant}: verdict", each.verdict)
+            yield Figure(f"{claim.id} on {plant}", each.value, OTHER, "", True, claim.unit)
 
 
 def _validation(content: documents.StoredValidation) -> Iterator[Figure]:
     if content.as_recorded is not None:
-        yield Figure("", "all runs", "as recorded" if content.as_recorded else "not as recorded")
+        yield Figure("all runs", "as recorded" if content.as_recorded else "not as recorded")
     yield from _runs(content)
     yield from _claims(content)
 
@@ -83,10 +110,10 @@ def _tolerances(content: documents.StoredTolerances) -> Iterator[Figure]:
     for each in content.tolerances:
         name = f"{target} {each.condition} {each.law}, {each.imperfection}"
         if each.impossible is None:
-            yield Figure("", f"{name}: ideally", "kept" if each.kept_ideally else "not kept")
+            yield Figure(f"{name}: ideally", "kept" if each.kept_ideally else "not kept")
             most = each.largest_kept
             yield Figure(
-                "", f"{name}: largest kept", None if most is None else most.factor, MORE, "", True
+                f"{name}: largest kept", None if most is None else most.factor, MORE, "", True
             )
 
 
@@ -96,10 +123,68 @@ def _ladder(content: documents.StoredLadder) -> Iterator[Figure]:
         how = "up to" if each.together else "alone"
         name = f"{target} {each.condition} {each.law}, {how} {each.rung}"
         if each.impossible is None:
-            yield Figure("", name, "kept" if each.kept else "not kept")
+            yield Figure(name, "kept" if each.kept else "not kept")
             yield Figure(
-                "", f"{name}: share of the limit", each.share_of_the_tightest_limit, LESS, "", True
+                f"{name}: share of the limit", each.share_of_the_tightest_limit, LESS, "", True
             )
+
+
+def _region(content: study_documents.StoredRegion) -> Iterator[Figure]:
+    converged = content.outcomes["c"].name if "c" in content.outcomes else ""
+    for each in content.maps:
+        starts = sum(each.counts.values())
+        share = 100 * each.counts.get(converged, 0) / starts if starts > 0 else None
+        name = f"{content.system}/{each.case} {each.controller}: starts that converge"
+        yield Figure(name, share, MORE, "", True, "%")
+
+
+def _agreement(content: study_documents.StoredAgreements) -> Iterator[Figure]:
+    # Below the bound a difference is rounding.
+    yield Figure("equations and MuJoCo", "disagree" if content.disagreements else "agree")
+
+
+def _switching(content: study_documents.StoredSwitching) -> Iterator[Figure]:
+    found = content.benchmark
+    for over, samples in (("h", found.sample_times), ("r", found.gain_ratios)):
+        for each in samples:
+            at = each.h if over == "h" else each.gain_ratio
+            name = f"scalar benchmark, {each.law} at {over} = {at:g}: max |s|"
+            yield Figure(name, each.max_sliding, LESS, "", True)
+    for each in content.cases:
+        name = f"{each.system}/{each.case} {each.law}, {each.surface}, at {each.control_period:g} s"
+        yield Figure(f"{name}: deviation", each.deviation, LESS, "", True)
+
+
+def _cart(content: study_documents.StoredCart) -> Iterator[Figure]:
+    for each in content.runs:
+        name = f"{each.case} {each.controller}"
+        yield Figure(f"{name}: status", each.ended or "completed")
+        for measure, found in each.measures.items():
+            yield Figure(f"{name}: {measure}", found.value, OTHER, "", True, found.unit)
+    for each in content.projections:
+        deviation = each.deviation
+        name = f"G = {each.name}: deviation"
+        yield Figure(name, deviation.value, LESS, "", True, deviation.unit)
+
+
+def _sweeps(content: study_documents.StoredSweeps) -> Iterator[Figure]:
+    words = {True: "the claim holds", False: "it does not", None: "nothing can be told"}
+    for each in content.sweeps:
+        for trial in each.values:
+            name = f"{each.claim} with {trial.choice}"
+            yield Figure(name, words[trial.holds])
+            yield Figure(f"{name}: measured", trial.measured, OTHER, "", True)
+
+
+def _premises(content: study_documents.StoredPremises) -> Iterator[Figure]:
+    for audit in content.premises:
+        for each in audit.premises:
+            name = f"{audit.system}/{audit.case} {audit.controller}: {each.name}"
+            yield Figure(name, "holds" if each.holds else "fails")
+            for where, found in (("region", each.region), ("run", each.along_run)):
+                if found is not None:
+                    named = f"{name}, margin in the {where}"
+                    yield Figure(named, found.margin, MORE, "", True, each.unit)
 
 
 _TELL: dict[str, Callable[[Any], Iterator[Figure]]] = {
@@ -108,5 +193,10 @@ _TELL: dict[str, Callable[[Any], Iterator[Figure]]] = {
     "claims": _claims,
     "tolerance": _tolerances,
     "ladder": _ladder,
-    **STUDIES,
+    "region": _region,
+    "agreement": _agreement,
+    "switching": _switching,
+    "cart": _cart,
+    "sweep": _sweeps,
+    "premises": _premises,
 }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from itertools import groupby
 
 from grosmc_mj.chapter.claims.claim import Claim, Finding
@@ -37,7 +38,7 @@ def judge_claims(
     """
     parts = parts_of(claims)
     found: dict[str, Finding] = {}
-    with closing(executor.run(_Judging(lab, parts), range(len(parts)), notice)) as answers:
+    with closing(executor.run(partial(_judged, lab, parts), range(len(parts)), notice)) as answers:
         for part in answers:
             for claim, finding in zip(parts[part.index], part.report, strict=True):
                 # What has travelled is a copy.
@@ -56,18 +57,6 @@ def parts_of(claims: Sequence[Claim]) -> list[list[Claim]]:
     ]
 
 
-@dataclass(frozen=True)
-class _Judging:
-    """The work of a process.
-
-    Attributes:
-        lab: Where every part that comes to this process is measured.
-        parts: The claims.
-    """
-
-    lab: Laboratory
-    parts: Sequence[Sequence[Claim]]
-
-    def __call__(self, index: int, /) -> list[Finding]:
-        """Judge a part."""
-        return [judge(self.lab, claim) for claim in self.parts[index]]
+def _judged(lab: Laboratory, parts: Sequence[Sequence[Claim]], index: int) -> list[Finding]:
+    """Judge a part; all parts that come to one process are measured in one laboratory."""
+    return [judge(lab, claim) for claim in parts[index]]

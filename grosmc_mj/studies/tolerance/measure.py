@@ -153,7 +153,7 @@ def tolerances_of_laws(
         notice: Told of a worker that died and was replaced.
         every: As for ``tolerances``.
     """
-    asking = _StudiedLaws(studied, seeds, executor.threads_per_worker, every)
+    asking = partial(_of_law, studied, seeds, executor.threads_per_worker, every)
     known = {each: each for each in studied.imperfections}
     with closing(executor.run(asking, range(len(studied.laws)), notice)) as answers:
         for each in answers:
@@ -162,18 +162,9 @@ def tolerances_of_laws(
             yield each.index, rows
 
 
-@dataclass(frozen=True)
-class _StudiedLaws:
+def _of_law(studied: Setting, seeds: int, threads: int, every: bool, index: int) -> list[Tolerance]:
     """The work of a process: a law of a target."""
-
-    studied: Setting
-    seeds: int
-    threads: int
-    every: bool
-
-    def __call__(self, index: int, /) -> list[Tolerance]:
-        law = self.studied.laws[index]
-        return tolerances(self.studied, law, self.seeds, self.threads, every=self.every)
+    return tolerances(studied, studied.laws[index], seeds, threads, every=every)
 
 
 def tolerances(
