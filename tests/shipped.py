@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import AS_PRINTED, Realization, Task, realized
-from grosmc_mj.control.references import Circle, Setpoints
+from grosmc_mj.control.references import Setpoints
 from grosmc_mj.experiments import runs
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
@@ -19,7 +20,7 @@ from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.problem import Plant
 
 REGULATION = "two_link_arm regulation"
-TWO_LINK_CIRCLE = Circle(0.45, 0.15, 0.15, math.pi)
+TWO_LINK_CIRCLE = SimpleNamespace(centre1=0.45, centre2=0.15, radius=0.15, frequency=math.pi)
 TWO_LINK_TARGET = Setpoints(math.pi / 3, -math.pi / 2)
 PENDULUM_DISTURBANCE = 0.01  # rad/s^2, printed
 

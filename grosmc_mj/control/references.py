@@ -136,53 +136,6 @@ class Setpoints:
     value2: float
 
 
-@dataclass(frozen=True)
-class Sine:
-    """y_r = amplitude sin(frequency t).
-
-    Attributes:
-        amplitude: In the unit of the output.
-        frequency: [rad/s].
-    """
-
-    amplitude: float
-    frequency: float
-
-
-sine = reference([sp.Symbol("amplitude") * sp.sin(sp.Symbol("frequency") * TIME)])
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A circle in the plane of two outputs, counter-clockwise from its rightmost point.
-
-    Attributes:
-        centre1: Its centre, first output [m].
-        centre2: Second output [m].
-        radius: [m].
-        frequency: [rad/s].
-    """
-
-    centre1: float
-    centre2: float
-    radius: float
-    frequency: float
-
-
-def _circle() -> ReferenceFunction:
-    centre1, centre2, radius, frequency = sp.symbols("centre1 centre2 radius frequency")
-    return reference(
-        [
-            centre1 + radius * sp.cos(frequency * TIME),
-            centre2 + radius * sp.sin(frequency * TIME),
-        ],
-        (2, 2),
-    )
-
-
-circle = _circle()
-
-
 @dataclass(frozen=True, eq=False)
 class FourierSeries:
     """Periodic references y_i = mean_i + sum_k [cosine_ik cos(k w t) + sine_ik sin(k w t)].

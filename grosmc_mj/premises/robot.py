@@ -69,22 +69,13 @@ def audits(results: Sequence[RunResult]) -> list[Audit]:
     ]
 
 
-def robot_premises(result: RunResult) -> tuple[Premise, ...]:
-    """The premises of a law along a run of a robot.
+def robot_audit(result: RunResult) -> Audit:
+    """The premises of a law along a run of a robot, at each instant that was looked at.
 
     A law that does not switch has those of torques and joints only.
 
     Args:
         result: A run in MuJoCo of a robot's law.
-
-    Raises:
-        ArgumentError: If it is another run, or has no interval.
-    """
-    return robot_audit(result).premises
-
-
-def robot_audit(result: RunResult) -> Audit:
-    """The same, with the required and the configured rate at each instant that was looked at.
 
     Raises:
         ArgumentError: If it is another run, or has no interval.

@@ -28,7 +28,7 @@ from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
-from grosmc_mj.premises.robot import is_robots, robot_audit, robot_premises
+from grosmc_mj.premises.robot import is_robots, robot_audit
 from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
@@ -269,7 +269,7 @@ def test_a_robot_without_limits_keeps_them() -> None:
 
 
 def test_a_law_that_does_not_switch_has_the_premises_of_torques_and_joints_alone() -> None:
-    assert [each.name for each in robot_premises(run(law("lqr")))] == list(KEPT[3:])
+    assert [each.name for each in robot_audit(run(law("lqr"))).premises] == list(KEPT[3:])
 
 
 def test_table_and_document_have_every_premise() -> None:
@@ -287,7 +287,7 @@ def test_other_runs_have_no_such_premises() -> None:
         other = run_case(case, plant, "grosmc", PYTHON)
         assert not is_robots(other)
         with pytest.raises(ArgumentError, match="no run of a robot"):
-            robot_premises(other)
+            robot_audit(other)
 
 
 @pytest.mark.slow
