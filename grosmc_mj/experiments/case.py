@@ -10,8 +10,7 @@ from typing import Any
 
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.tables.loop import loop_of_file
-from grosmc_mj.experiments.file.tables.machine import in_model, machine_of_file
+from grosmc_mj.experiments.file.tables.parts import in_model, loop_of_file, machine_of_file
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.plants import System
@@ -90,7 +89,7 @@ def case_of(
             disturbances.append(_disturbance(table, f"disturbance {i + 1}", folder))
     loop = None
     with mistakes.gathered():
-        loop = loop_of_file(file.computing, file.sensor, file.estimator, file.actuator, system)
+        loop = loop_of_file(file, system)
     edits, parts = (), ()
     with mistakes.gathered():
         edits = edits_of(file, system, known=False)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, shown, unknown_name
 from grosmc_mj.experiments.case import edits_of, states_of
 from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.experiments.file.tables.machine import MACHINE_PARTS
+from grosmc_mj.experiments.file.tables.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.plants import (
     SYSTEMS,

@@ -16,6 +16,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file import schema
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files, starter
+from grosmc_mj.experiments.file.tables.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
 from grosmc_mj.simulation.models.files import load_model
@@ -201,15 +202,7 @@ def test_every_shipped_case_can_be_prepared():
         assert experiment.limits, f"{path} requires nothing"
 
 
-MACHINE = {
-    "transmission": schema.TransmissionTable,
-    "lugre": schema.LuGreTable,
-    "stop": schema.StopTable,
-    "motor": schema.MotorTable,
-    "swinging_load": schema.SwingingLoadTable,
-    "sliding_load": schema.SlidingLoadTable,
-    "wall": schema.WallTable,
-}
+MACHINE = {kind: TABLES[kind] for kind in MACHINE_PARTS}
 
 
 def test_the_starter_explains_every_key():

@@ -12,8 +12,7 @@ from grosmc_mj.campaign.family.family import Family, Quantity
 from grosmc_mj.campaign.family.sampling import inside
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, MistakesError
-from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
-from grosmc_mj.experiments.file.tables.machine import MACHINE_UNITS
+from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, MACHINE_UNITS
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.loop import Loop, relooped
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant

@@ -19,12 +19,12 @@ from grosmc_mj.campaign.family.sampling import all_corners
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS, loop_unit
-from grosmc_mj.experiments.file.tables.machine import (
+from grosmc_mj.experiments.file.tables.parts import (
+    LOOP_UNITS,
     MACHINE_PARTS,
     MACHINE_UNITS,
     in_model,
-    machine_unit,
+    unit_of,
 )
 from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
@@ -250,11 +250,10 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
         require_known("state", table.of, names)
         index = names.index(table.of)
         unit = plant.system.states[index].unit
-    if table.owner in LOOP_UNITS:
-        unit = loop_unit(table.owner, table.of, table.quantity, plant.system)
-    if table.owner in MACHINE_UNITS:
+    if table.owner in MACHINE_PARTS:
         of = in_model(table.of, MACHINE_PARTS[table.owner].owner, plant.system)
-        unit = machine_unit(table.owner, table.of, table.quantity, plant.system)
+    if table.owner in {**LOOP_UNITS, **MACHINE_UNITS}:
+        unit = unit_of(table.owner, table.of, table.quantity, plant.system)
     found = Quantity(
         name=table.called,
         owner=table.owner,

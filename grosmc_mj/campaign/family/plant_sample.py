@@ -8,8 +8,7 @@ from typing import Any
 
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
-from grosmc_mj.experiments.file.tables.machine import table_of
+from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, table_of
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit

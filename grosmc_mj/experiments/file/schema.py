@@ -4,25 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, create_model, model_validator
 
 from grosmc_mj.errors import shown
 from grosmc_mj.experiments.file.tables.laws import ControllerTable, LawTable, TaskTable
-from grosmc_mj.experiments.file.tables.loop import (
-    ActuatorTable,
-    ComputingTable,
-    EstimatorTable,
-    SensorTable,
-)
-from grosmc_mj.experiments.file.tables.machine import (
-    LuGreTable,
-    MotorTable,
-    SlidingLoadTable,
-    StopTable,
-    SwingingLoadTable,
-    TransmissionTable,
-    WallTable,
-)
+from grosmc_mj.experiments.file.tables.parts import LOOP_PARTS, MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.tables.table import (
     Kilograms,
     Metres,
@@ -274,7 +260,30 @@ class ClaimTable(RequirementTable):
     under: Literal["nominal", "case1", "case2", "under load"] = "nominal"
 
 
-class CaseFile(Table):
+class _Beginning(Table):
+    """What a file begins with."""
+
+    name: Annotated[str, AfterValidator(file_name)] = ""
+    title: str = ""
+    source: str = ""
+    plant: PlantTable
+    design: DesignTable | None = None
+    run: RunTable
+    edit: list[EditTable] = []
+    disturbance: list[DisturbanceTable] = []
+
+
+_WithParts = create_model(
+    "_WithParts",
+    __base__=_Beginning,
+    **{
+        kind: (TABLES[kind] | None, None) if kind == "computing" else (list[TABLES[kind]], [])
+        for kind in (*LOOP_PARTS, *MACHINE_PARTS)
+    },  # pyright: ignore[reportArgumentType, reportCallIssue]
+)
+
+
+class CaseFile(_WithParts):
     """A whole file.
 
     Attributes:
@@ -306,25 +315,6 @@ class CaseFile(Table):
         correlation: Which of them vary together.
     """
 
-    name: Annotated[str, AfterValidator(file_name)] = ""
-    title: str = ""
-    source: str = ""
-    plant: PlantTable
-    design: DesignTable | None = None
-    run: RunTable
-    edit: list[EditTable] = []
-    disturbance: list[DisturbanceTable] = []
-    computing: ComputingTable | None = None
-    sensor: list[SensorTable] = []
-    estimator: list[EstimatorTable] = []
-    actuator: list[ActuatorTable] = []
-    transmission: list[TransmissionTable] = []
-    lugre: list[LuGreTable] = []
-    stop: list[StopTable] = []
-    motor: list[MotorTable] = []
-    swinging_load: list[SwingingLoadTable] = []
-    sliding_load: list[SlidingLoadTable] = []
-    wall: list[WallTable] = []
     task: TaskTable = TaskTable()
     laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
-from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS, loop_unit
+from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, unit_of
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.loop.loop import TIMES, Part, time_as_run
@@ -164,7 +164,7 @@ def _amounts(
             for item in fields(part):
                 value: Any = getattr(part, item.name)
                 if item.name in LOOP_UNITS[kind] and value != 0 and math.isfinite(value):
-                    unit = loop_unit(kind, of, item.name, system)
+                    unit = unit_of(kind, of, item.name, system)
                     most = _most(item.name, unit, timestep, control_period) / abs(value)
                     yield Amount(kind, of, item.name, value, unit, most)
 

@@ -8,8 +8,7 @@ from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import shown, unknown_name
-from grosmc_mj.experiments.file.tables.loop import LOOP_UNITS
-from grosmc_mj.experiments.file.tables.machine import MACHINE_UNITS
+from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, MACHINE_UNITS
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three
 
 # What may be uncertain, by what it belongs to, with the unit of its values; states and the parts of

@@ -1,0 +1,225 @@
+"""What a case file may say of the loop and the machine as built: a table for each kind of part.
+
+The keys of a table are the fields of the value of that name, with their units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Annotated, Any, get_args, get_type_hints
+
+from pydantic import create_model
+
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import Mistakes
+from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
+from grosmc_mj.plants import System
+from grosmc_mj.simulation.loop.loop import Loop
+from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
+from grosmc_mj.simulation.machine import MachinePart
+
+
+def table_of(part: MachinePart | type[MachinePart]) -> str:
+    """What a part's table is called."""
+    return part.kind.replace(" ", "_")
+
+
+LOOP_PARTS: Mapping[str, Any] = {
+    "computing": Computing, "sensor": Sensor, "estimator": Estimator, "actuator": Actuator,
+}  # fmt: skip
+MACHINE_PARTS: Mapping[str, type[MachinePart]] = {
+    table_of(made): made for made in get_args(MachinePart)
+}
+# The numbers of each kind of part with their units; {} stands for that of what it is of.
+LOOP_UNITS: dict[str, dict[str, str]] = {
+    "computing": {"delay": "s", "jitter": "s", "missed": ""},
+    "sensor": {
+        "resolution": "{}",
+        "noise": "{}",
+        "bias": "{}",
+        "drift": "{}/s",
+        "delay": "s",
+        "period": "s",
+    },
+    "estimator": {"time_constant": "s", "slope": "{}/s", "bandwidth": "rad/s", "load": "input"},
+    "actuator": {
+        "delay": "s",
+        "resolution": "{}",
+        "limit": "{}",
+        "rate_limit": "{}/s",
+        "lag": "s",
+        "dead_zone": "{}",
+    },
+}
+# The numbers of each kind of part with their units: {x} is that of the joint's coordinate, {f} of
+# its force or torque, {m} of its inertia.
+MACHINE_UNITS: dict[str, dict[str, str]] = {
+    "transmission": {
+        "inertia": "{m}",
+        "stiffness": "{f}/{x}",
+        "damping": "{f} s/{x}",
+        "backlash": "{x}",
+        "friction": "{f}",
+    },
+    "lugre": {
+        "coulomb": "{f}",
+        "static": "{f}",
+        "stiffness": "{f}/{x}",
+        "damping": "{f} s/{x}",
+        "stribeck": "{x}/s",
+    },
+    "stop": {"low": "{x}", "high": "{x}", "restitution": "", "duration": "s"},
+    "motor": {
+        "constant": "N m/A",
+        "resistance": "ohm",
+        "inductance": "H",
+        "ratio": "",
+        "efficiency": "",
+        "voltage": "V",
+        "current": "A",
+        "bandwidth": "rad/s",
+        "inertia": "kg m^2",
+        "cogging": "N m",
+        "cogging_periods": "",
+        "thermal_resistance": "K/W",
+        "heat_capacity": "J/K",
+    },
+    "swinging_load": {"mass": "kg", "length": "m", "damping": "N m s/rad"},
+    "sliding_load": {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"},
+    "wall": {"radius": "m", "restitution": "", "duration": "s"},
+}
+_PARTS, _UNITS = {**LOOP_PARTS, **MACHINE_PARTS}, {**LOOP_UNITS, **MACHINE_UNITS}
+
+
+def _table(kind: str, made: Any) -> type[Table]:
+    """The table of a kind of part."""
+    hints, keys = get_type_hints(made), {}
+    for item in fields(made):
+        name, default = item.name, ... if item.default is MISSING else item.default
+        if name in _UNITS[kind]:
+            keys[name] = (Any, default if default is ... else None)
+        elif isinstance(default, tuple):
+            numbers: Any = list[float] if name == "normal" else list[Metres]
+            keys[name] = (Annotated[numbers, Three], list(default))
+        else:
+            # The part itself says which laws and how many states there may be.
+            written = {"law": str, "of": str | list[str] if made is Estimator else str}
+            keys[name] = (written.get(name, hints[name]), default)
+    if made is Computing:
+        # Of noise, jitter and missed samples.
+        keys["seed"] = (int, 0)
+    return create_model(f"{made.__name__}Table", __base__=Table, **keys)
+
+
+TABLES: Mapping[str, type[Table]] = {kind: _table(kind, made) for kind, made in _PARTS.items()}
+
+
+def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
+    """Unit of a number of a part.
+
+    Args:
+        kind: What its table is called.
+        of: The state, input, joint or body that it is of.
+        quantity: Which number.
+        system: Whose.
+
+    Raises:
+        ArgumentError: If the system has no such state, input or joint.
+    """
+    unit = _UNITS[kind][quantity]
+    if unit == "input":
+        return system.input.unit
+    if "{" not in unit:
+        return unit
+    if kind in MACHINE_PARTS:
+        require_known("joint", of, system.joints)
+        slides = system.states[system.joints.index(of)].unit == "m"
+        x, f, m = ("m", "N", "kg") if slides else ("rad", "N m", "kg m^2")
+        return unit.format(x=x, f=f, m=m)
+    what, signals = ("input", system.inputs) if kind == "actuator" else ("state", system.states)
+    units = {each.name: each.unit for each in signals}
+    require_known(what, of, units)
+    return unit.format(units[of])
+
+
+def loop_of_file(file: Any, system: System) -> Loop | None:
+    """The loop of a case file, None for one without.
+
+    Args:
+        file: A ``CaseFile``.
+        system: Whose loop it is.
+
+    Raises:
+        ArgumentError: All numbers that do not fit.
+    """
+    if not any(getattr(file, kind) for kind in LOOP_PARTS):
+        return None
+    mistakes, computer, seed, found = Mistakes(), Computing(), 0, None
+    parts: dict[str, list[Any]] = {"sensor": [], "estimator": [], "actuator": []}
+    with mistakes.gathered("computing: "):
+        if file.computing is not None:
+            seed = file.computing.seed
+            computer = Computing(**_numbers("computing", "", file.computing, system))
+    for kind, made in parts.items():
+        for index, table in enumerate(getattr(file, kind)):
+            with mistakes.gathered(f"{kind} {index + 1}: "):
+                first = table.of if isinstance(table.of, str) else (table.of or [""])[0]
+                numbers = _numbers(kind, first, table, system)
+                made.append(LOOP_PARTS[kind](**_written(kind, table), **numbers))
+    with mistakes.gathered("computing: "):
+        found = Loop(computer, *map(tuple, parts.values()), seed=seed)
+    mistakes.refuse()
+    return found
+
+
+def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
+    """The parts of a case file's machine.
+
+    Args:
+        file: A ``CaseFile``.
+        system: Whose machine it is.
+
+    Raises:
+        GrosmcError: All numbers that do not fit.
+    """
+    found: list[MachinePart] = []
+    mistakes = Mistakes()
+    for kind, made in MACHINE_PARTS.items():
+        for index, table in enumerate(getattr(file, kind)):
+            with mistakes.gathered(f"{kind} {index + 1}: "):
+                of = in_model(getattr(table, made.owner), made.owner, system)
+                numbers = _numbers(kind, of, table, system)
+                given: dict[str, Any] = {**_written(kind, table), made.owner: of, **numbers}
+                found.append(made(**given))
+    mistakes.refuse()
+    return tuple(found)
+
+
+def in_model(name: str, owner: str, system: System) -> str:
+    """What the model calls an input of the system; joints and bodies are called the same.
+
+    Args:
+        name: In a case file.
+        owner: What it is a name of.
+        system: Whose.
+
+    Raises:
+        ArgumentError: If the system has no such input.
+    """
+    inputs = [each.name for each in system.inputs]
+    if owner != "input":
+        return name
+    require_known("input", name, inputs)
+    return system.actuators[inputs.index(name)]
+
+
+def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, float]:
+    """The numbers that a table gives, in the units of the system."""
+    return numbers_of(table, _UNITS[kind], lambda name: unit_of(kind, of, name, system))
+
+
+def _written(kind: str, table: Table) -> dict[str, Any]:
+    """What else it gives, as it is written."""
+    given = {name: getattr(table, name) for name in table.model_fields_set - _UNITS[kind].keys()}
+    return {key: tuple(v) if isinstance(v, list) else v for key, v in given.items()}
