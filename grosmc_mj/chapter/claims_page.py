@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, Verdict
 from grosmc_mj.chapter.claims.ledger import by_cause
-from grosmc_mj.chapter.claims.slips import slips
 from grosmc_mj.chapter.claims.sweep import flips_of
 from grosmc_mj.chapter.claims_figures import write_picture
 from grosmc_mj.chapter.claims_tables import decisive, shown, turning
@@ -16,6 +16,8 @@ from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
 from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.tables import numbers, words
+
+_SLIPS = Path(__file__).parent / "claims" / "slips.toml"
 
 
 def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list[Path]:
@@ -129,6 +131,12 @@ def _counts(findings: Sequence[Finding]) -> Iterator[str]:
         rows.append([kind.plural, *counts, str(len(own))])
     verdicts = (each.value for each in Verdict)
     yield from markdown_table([*words(""), *numbers(*verdicts, "all")], rows)
+
+
+def slips() -> list[tuple[str, str, str]]:
+    """Slips of the pen in the chapter, in its order: where, what is written, what is meant."""
+    found = tomllib.loads(_SLIPS.read_text(encoding="utf-8"))["slip"]
+    return [(each["where"], each["written"], each["meant"]) for each in found]
 
 
 def _slips() -> Iterator[str]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.simulation.edits import BodyEdit, Edit, InputEdit
+
+if TYPE_CHECKING:
+    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # A compiler refuses a body that moves and weighs less.
 _LEAST = mujoco.mjMINVAL
@@ -31,23 +34,6 @@ _FIELDS = ("body_mass", "body_inertia", "body_ipos", "body_pos", "site_pos", "ac
 
 # A field of mjModel, which of its rows, and what is there.
 Change = tuple[str, Any, Any]
-
-
-class Templated(Protocol):
-    """A plant in MuJoCo, whose model is another one edited."""
-
-    @property
-    def edits(self) -> tuple[Edit, ...]:
-        """Edits of the nominal model."""
-        ...
-
-    def template(self, size: int) -> Template:
-        """What the edits can be written into, with so much room in mjData.userdata."""
-        ...
-
-    def model_with_userdata(self, size: int) -> mujoco.MjModel:
-        """The compiled edited model, with so much room."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +185,7 @@ class Template:
 
 
 def batch_of(
-    plants: Sequence[Templated], size: int, threads: int
+    plants: Sequence[MujocoPlant], size: int, threads: int
 ) -> tuple[Batch, list[mujoco.MjModel]]:
     """A simulation of each plant, and the models they have their sizes, names and options from.
 

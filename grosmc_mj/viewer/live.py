@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
-from grosmc_mj.simulation.engines.python_step import ClosedLoop
+from grosmc_mj.simulation.engines.python_engine import ClosedLoop
 from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.trajectory import Status, why_ended
@@ -130,15 +130,7 @@ class Live:
 
     def restart(self) -> None:
         """Back to the start, with a new memory of the law."""
-        problem = self._problem
-        self._loop = ClosedLoop(
-            problem.plants[0],
-            problem.controller,
-            problem.x0[0],
-            timestep=problem.timestep,
-            stride=problem.stride,
-            control_period=problem.control_period,
-        )
+        self._loop = ClosedLoop(self._problem)
         self.note, self._owed = "", 0.0
         self.push.press(0, -np.inf)
 

@@ -13,7 +13,6 @@ from grosmc_mj.arguments import require_each, require_known
 from grosmc_mj.errors import ModelError
 from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.simulation.robots.actuators import torque_drives
-from grosmc_mj.simulation.robots.couplings import kept_couplings
 from grosmc_mj.simulation.robots.drives import write_drives
 
 _JOINT = mujoco.mjtJoint
@@ -76,7 +75,7 @@ def robot_spec(
     lost = [sensor for sensor in spec.sensors if {sensor.objname, sensor.refname} & removed]
     for part in (*spec.keys, *lost):
         spec.delete(part)
-    couplings = kept_couplings(spec, said)
+    couplings = _kept_couplings(spec, said)
     compiled = compile_spec(spec)
     _refuse_unfit(compiled)
     drives = torque_drives(spec, [each.name for each in spec.actuators])
@@ -87,8 +86,11 @@ def robot_spec(
         raise ModelError(
             f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..."
         )
-    for coupling in couplings:
-        coupling.require_driven(idle)
+    for name in (name for coupled in couplings for name in coupled if name in idle):
+        raise ModelError(
+            f"joint {name!r} is coupled (equality) and no actuator drives it: leave it out "
+            "of joints=..., which locks it, or give it an actuator"
+        )
     chosen = [driven[name] for name in names if name in driven]
     built = spec.copy() if couplings or any(drive.built for drive in chosen) else None
     for equality in spec.equalities:
@@ -97,7 +99,7 @@ def robot_spec(
     if built is not None:
         write_drives(built, chosen, as_built=True)
     said += [drive.said for drive in drives if drive.said]
-    said += [str(coupling) for coupling in couplings]
+    said += map(_coupling_words, couplings)
     if idle:
         said.append(
             f"no actuator drives {', '.join(idle)}: laws are designed from MuJoCo's linearization "
@@ -153,6 +155,43 @@ def _keep(
     if left_out:
         said.append(f"left out: actuators {', '.join(left_out)}")
     return {*locked, *left_out}
+
+
+def _kept_couplings(spec: mujoco.MjSpec, said: list[str]) -> list[tuple[str, ...]]:
+    """The joints of each coupling; those that are off, or of joints that are not there, go.
+
+    Args:
+        spec: The model; what is left out is removed from it.
+        said: What differs from the model as it was given; more is added.
+
+    Raises:
+        ModelError: If a constraint is none between joints.
+    """
+    joints, found = {joint.name for joint in spec.joints}, []
+    for equality in spec.equalities:
+        kind = mujoco.mjtEq(equality.type).name.removeprefix("mjEQ_").lower()
+        names = tuple(name for name in (equality.name1, equality.name2) if name)
+        if not equality.active:
+            spec.delete(equality)
+        elif equality.type != mujoco.mjtEq.mjEQ_JOINT:
+            raise ModelError(
+                f"the model has equality constraints ({kind}): they close loops, and its torques "
+                "are no function of q, q' and q'' alone; remove them, or couple joints"
+            )
+        elif set(names) <= joints:
+            found.append(names)
+        else:
+            spec.delete(equality)
+            left = ", ".join(sorted({*names} - joints))
+            said.append(f"left out: the coupling (equality) with {left}")
+    return found
+
+
+def _coupling_words(joints: tuple[str, ...]) -> str:
+    """What a coupling is to the laws."""
+    names = " and ".join(map(repr, joints))
+    what = f"couples the joints {names}" if len(joints) > 1 else f"holds the joint {names}"
+    return f"the plant {what} (equality), which no law knows: laws move each on its own"
 
 
 def _chosen(kind: str, names: Iterable[str], valid: Sequence[str]) -> list[str]:
