@@ -99,23 +99,24 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	mv $(GALLERY)/ladder_cart_pendulum_machine_film.gif renders/gallery/cart_pendulum_ladder.gif
 
 results: $(INSTALLED)  ## Write the table of results from renders/validation.json anew
-	$(BIN)/python -m grosmc_mj.chapter.results_table docs/results.md renders/validation.json
+	$(BIN)/python -m grosmc_mj.cli.pages results docs/results.md renders/validation.json
 
 rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
-	$(BIN)/python -m grosmc_mj.studies.rivals.report docs/rivals.md
+	$(BIN)/python -m grosmc_mj.cli.pages rivals docs/rivals.md
 
 BENCHES := servo cart_pendulum arm
 
 as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
 	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) &&) true
-	$(BIN)/python -m grosmc_mj.studies.tolerance.page docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
+	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
 
 MACHINES := servo cart_pendulum arm two_link_arm
 
 ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
 	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
-	$(BIN)/python -m grosmc_mj.studies.ladder.page docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
+	$(BIN)/python -m grosmc_mj.cli.pages 'bump tests' docs/ladder.md
+	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

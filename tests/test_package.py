@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 import grosmc_mj
-from grosmc_mj.chapter.results_table import BEGIN, END, results_table, write_table
+from grosmc_mj.chapter.results_table import results_table
+from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import SetupError
 from grosmc_mj.films.film import Format
 
@@ -114,11 +115,12 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
     assert len(rows) == 3
     assert rows[2] == "| servo | case1 | lqr | 0.25 rad | not reached |  | 1.25 | 0.125 | 2 A |  |"
     readme, results = tmp_path / "README.md", tmp_path / "validation.json"
-    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    readme.write_text("before\n<!-- results -->\nold\n<!-- /results -->\nafter\n")
     results.write_text(json.dumps(document))
-    write_table(readme, results)
-    write_table(readme, results)
-    assert readme.read_text() == "\n".join(["before", BEGIN, *rows, END, "after", ""])
+    write_text("results", readme, results)
+    write_text("results", readme, results)
+    wanted = ["before", "<!-- results -->", *rows, "<!-- /results -->", "after", ""]
+    assert readme.read_text() == "\n".join(wanted)
 
 
 def test_a_readme_without_marks_is_refused_and_kept(tmp_path: Path) -> None:
@@ -126,5 +128,5 @@ def test_a_readme_without_marks_is_refused_and_kept(tmp_path: Path) -> None:
     readme.write_text("nothing here")
     results.write_text(json.dumps({"runs": []}))
     with pytest.raises(SetupError, match="has no <!-- results -->"):
-        write_table(readme, results)
+        write_text("results", readme, results)
     assert readme.read_text() == "nothing here"

@@ -12,9 +12,6 @@ from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.tables import TableData, numbers, words
 from grosmc_mj.versions import DECISIVE, versions
 
-# The marks of a page between which all tables stand.
-BEGIN, END = "<!-- bench -->", "<!-- /bench -->"
-
 
 def tables_text(tables: Iterable[TableData]) -> str:
     """All tables in Markdown, below what they were measured on."""

@@ -1,22 +1,13 @@
-"""The table of results in a page, written from a validation.json.
-
-``python -m grosmc_mj.chapter.results_table PAGE.md validation.json`` is what ``make results`` runs.
-"""
+"""The table of results in a page, from a validation.json."""
 
 from __future__ import annotations
 
-import json
-import sys
-from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.metrics.recorded import Metric, cost_shares
 from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number, numbers, words
 
-BEGIN, END = "<!-- results -->", "<!-- /results -->"
 _COLUMNS = (
     ("max |x1 − x1\\*|", "deviation"),
     ("settled", "settling_time"),
@@ -48,23 +39,3 @@ def _cell(metric: Metric | None) -> str:
     if metric is None or metric.value is None:
         return "not reached" if metric is not None and metric.note == "not reached" else ""
     return number(metric.value) + ("" if metric.unit in ("1", "1/s") else f" {metric.unit}")
-
-
-def write_table(readme: Path, results: Path) -> None:
-    """Put the table between the README's marks.
-
-    Raises:
-        SetupError: If a file or a mark is missing.
-    """
-    for path in (readme, results):
-        if not path.is_file():
-            raise SetupError(f"{path} is missing: run make validate in the checkout first")
-    document = json.loads(results.read_text(encoding="utf-8"))
-    replace_marked(readme, BEGIN, END, lambda: results_table(document))
-
-
-if __name__ == "__main__":
-    try:
-        write_table(*map(Path, sys.argv[1:3]))
-    except (SetupError, TypeError) as error:
-        sys.exit(f"PAGE.md and validation.json: {error}")

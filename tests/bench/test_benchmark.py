@@ -17,10 +17,10 @@ from grosmc_mj.bench import timing
 from grosmc_mj.bench.batches import batch_at
 from grosmc_mj.bench.loops import benchmark
 from grosmc_mj.bench.machines import benchmark_machines
-from grosmc_mj.bench.tables import BEGIN, END, tables_text, throughput_table
+from grosmc_mj.bench.tables import tables_text, throughput_table
 from grosmc_mj.bench.timing import Throughput
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.report.marked import replace_marked
+from grosmc_mj.report.markdown import replace_marked
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 
@@ -61,12 +61,12 @@ def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(
 def test_a_page_has_every_table_and_what_it_was_measured_on(tmp_path: Path) -> None:
     rows = [Throughput("law", 1024, 2.5e5, 0.943, 0.91, 0.96, "open loop")]
     page = tmp_path / "page.md"
-    page.write_text(f"Before\n{BEGIN}\nold\n{END}\nafter\n")
-    replace_marked(page, BEGIN, END, lambda: tables_text([throughput_table(rows, "arm")] * 2))
+    page.write_text("Before\n<!-- bench -->\nold\n<!-- /bench -->\nafter\n")
+    replace_marked(page, "bench", lambda: tables_text([throughput_table(rows, "arm")] * 2))
     text = page.read_text()
     assert text.count("| law | 1024 | 2.5e+05 | 0.94 | 0.91-0.96 | open loop |") == 2
     assert text.startswith("Before\n")
-    assert text.endswith(f"{END}\nafter\n")
+    assert text.endswith("<!-- /bench -->\nafter\n")
     assert "old" not in text
     assert f"{os.cpu_count()} cores" in text
     assert f"mujoco {mujoco.__version__}" in text

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.tables.laws import ControllerTable
 from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, compared, rivals
-from grosmc_mj.studies.rivals.report import BEGIN, END, rivals_table, write_page
+from grosmc_mj.studies.rivals.report import rivals_table
 from grosmc_mj.studies.rivals.tuning import (
     NOMINAL,
     NUMBERS,
@@ -105,7 +106,7 @@ def cells(table: str) -> dict[tuple[str, str], list[str]]:
 def test_page_says_what_a_run_says(system: str) -> None:
     """To 10 %: under sign switching rounding grows, and two machines part."""
     text = PAGE.read_text(encoding="utf-8")
-    shown = cells(text.partition(BEGIN)[2].partition(END)[0].strip())
+    shown = cells(text.partition("<!-- rivals -->")[2].partition("<!-- /rivals -->")[0].strip())
     for key, row in cells(rivals_table(measured(system))).items():
         for here, there in zip(row, shown[key], strict=True):
             number = re.match(r"[\d.e-]+(?= )", here)
@@ -185,4 +186,4 @@ def test_distance_of_adrc_falls_in_proportion_to_its_bandwidth(system: str) -> N
 
 def test_a_page_without_marks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SetupError, match="has no"):
-        write_page(tmp_path / "none.md")
+        write_text("rivals", tmp_path / "none.md")

@@ -77,8 +77,8 @@ class BenchCommand(Command):
 
     def _write_page(self, page: Path) -> int:
         """Measure everything, and write it between the page's marks."""
-        from grosmc_mj.bench.tables import BEGIN, END, tables_text
-        from grosmc_mj.report.marked import replace_marked
+        from grosmc_mj.bench.tables import tables_text
+        from grosmc_mj.report.markdown import replace_marked
 
         if self.robot or self.machine or self.campaign or self.films or self.integrator:
             raise ArgumentError("--page measures everything: leave out what names a part")
@@ -91,7 +91,7 @@ class BenchCommand(Command):
             said.extend(words for words, _ in found)
             return tables_text(each for _, tables in found for each in tables)
 
-        replace_marked(page, BEGIN, END, text)
+        replace_marked(page, "bench", text)
         console = screen.console()
         for words in said:
             console.print(words, style="bold", markup=False)

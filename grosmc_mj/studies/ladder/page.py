@@ -1,27 +1,15 @@
-"""The tables of ``docs/ladder.md``, from what the study has written and the servo's bump test.
-
-``python -m grosmc_mj.studies.ladder.page docs/ladder.md FILE.json ...`` is the end of
-``make ladder``.
-"""
+"""The tables of ``docs/ladder.md``, from what the study has written and the servo's bump test."""
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import GrosmcError
 from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import number, numbers, words
 from grosmc_mj.studies.ladder.answers import STANDS, cell_text
 from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
-
-BEGIN, END = "<!-- ladders -->", "<!-- /ladders -->"
-BEGIN_BUMPS, END_BUMPS = "<!-- bump tests -->", "<!-- /bump tests -->"
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
@@ -86,13 +74,3 @@ def bumps_text() -> str:
     ]
     columns = [*words("servo"), *numbers("K [rad/(V s)]", "τ [ms]")]
     return "\n".join(markdown_table(columns, rows))
-
-
-if __name__ == "__main__":
-    try:
-        page, *files = map(Path, sys.argv[1:])
-        documents = [json.loads(file.read_text()) for file in files]
-        replace_marked(page, BEGIN, END, lambda: ladders_text(documents))
-        replace_marked(page, BEGIN_BUMPS, END_BUMPS, bumps_text)
-    except (GrosmcError, OSError, ValueError, KeyError) as error:
-        sys.exit(f"PAGE.md FILE.json ...: {error}")

@@ -1,20 +1,11 @@
-"""The tables of tolerances in ``docs/as_built.md``, from what the study has written.
-
-``python -m grosmc_mj.studies.tolerance.page docs/as_built.md FILE.json ...`` is the end of
-``make as-built``.
-"""
+"""The tables of tolerances in ``docs/as_built.md``, from what the study has written."""
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import GrosmcError
 from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.marked import replace_marked
 from grosmc_mj.report.tables import numbers, words
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
@@ -26,8 +17,6 @@ from grosmc_mj.studies.tolerance.answers import (
     weakness,
 )
 from grosmc_mj.studies.tolerance.document import tolerances_in
-
-BEGIN, END = "<!-- tolerances -->", "<!-- /tolerances -->"
 
 
 def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
@@ -61,13 +50,3 @@ def _table(document: Mapping[str, Any]) -> str:
     title = f"**{document['configuration']['target']}**"
     said = f"MuJoCo was asked about {asked} of the answers, and differs on {differ}."
     return "\n".join([title, "", *lines, "", said])
-
-
-if __name__ == "__main__":
-    try:
-        page, *files = map(Path, sys.argv[1:])
-        replace_marked(
-            page, BEGIN, END, lambda: tolerances_text(json.loads(f.read_text()) for f in files)
-        )
-    except (GrosmcError, OSError, ValueError, KeyError) as error:
-        sys.exit(f"PAGE.md FILE.json ...: {error}")

@@ -1,0 +1,61 @@
+"""Tables within the pages of the documentation, written anew.
+
+``python -m grosmc_mj.cli.pages NAME PAGE.md FILE.json ...`` is what ``make results``, ``rivals``,
+``as-built`` and ``ladder`` run.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from grosmc_mj.chapter.results_table import results_table
+from grosmc_mj.errors import GrosmcError, SetupError
+from grosmc_mj.report.markdown import replace_marked
+from grosmc_mj.studies.ladder.page import bumps_text, ladders_text
+from grosmc_mj.studies.rivals.measure import SYSTEMS, rivals
+from grosmc_mj.studies.rivals.report import rivals_table
+from grosmc_mj.studies.tolerance.page import tolerances_text
+
+
+def _rivals(_: Sequence[Any]) -> str:
+    """All cases are run."""
+    return rivals_table(row for system in SYSTEMS for row in rivals(system))
+
+
+# What makes the text between the marks of that name, of the documents that it is given.
+TEXTS: Mapping[str, Callable[[Sequence[Any]], str]] = {
+    "results": lambda documents: results_table(*documents),
+    "rivals": _rivals,
+    "tolerances": tolerances_text,
+    "ladders": ladders_text,
+    "bump tests": lambda _: bumps_text(),
+}
+
+
+def write_text(name: str, page: Path, *files: Path) -> None:
+    """Put a text between the marks of its name.
+
+    Args:
+        name: A key of ``TEXTS``.
+        page: With the marks.
+        files: Documents that the text is made from.
+
+    Raises:
+        SetupError: If a file or a mark is missing.
+    """
+    for path in files:
+        if not path.is_file():
+            raise SetupError(f"{path} is missing: run make validate in the checkout first")
+    documents = [json.loads(path.read_text(encoding="utf-8")) for path in files]
+    replace_marked(page, name, lambda: TEXTS[name](documents))
+
+
+if __name__ == "__main__":
+    try:
+        write_text(sys.argv[1], *map(Path, sys.argv[2:]))
+    except (GrosmcError, OSError, ValueError, LookupError, TypeError) as error:
+        sys.exit(f"NAME PAGE.md FILE.json ...: {error}")
