@@ -26,6 +26,7 @@ ANALYTIC_TIMESTEP = 1e-3
 # Of a run, every one of which may be kept: some GB.
 _MOST_STEPS = 10**8
 _MOST_THREADS = 1024
+_THREADS = f"0 (all cores) or more, a whole number up to {_MOST_THREADS}"
 # Of a duration, a timestep and a control period [s]: beyond them is a slip of the unit.
 SHORTEST, LONGEST = 1e-9, 1e9
 _BOUNDS = f"from {SHORTEST:g} to {LONGEST:g} s"
@@ -63,7 +64,7 @@ def prepare(
     _require_designed_for(plants[0].system, controllers[0])
     h = _timestep(plants, timestep)
     stride, period = _stride(control_period, h, controllers)
-    _require_flag("record", record)
+    require("record", record, (bool, np.bool_), "True or False")
     problem = Problem(
         plants=_repeat(plants, nsim),
         controllers=_repeat(_sampled(controllers, period), nsim),
@@ -74,7 +75,7 @@ def prepare(
         control_period=period,
         disturbances=tuple(map(tuple, lists)),
         record=bool(record),
-        threads=_threads(threads),
+        threads=require_whole("threads", threads, 0, _MOST_THREADS, _THREADS),
     )
     _check_disturbances(problem)
     return problem, single
@@ -228,17 +229,6 @@ def _steps(duration: float, h: float) -> int:
             f"{_MOST_STEPS:.0e} are made"
         )
     return math.ceil(seconds / h * (1 - 1e-12))
-
-
-def _threads(threads: int) -> int:
-    """Threads of the native engine."""
-    wanted = f"0 (all cores) or more, a whole number up to {_MOST_THREADS}"
-    return require_whole("threads", threads, 0, _MOST_THREADS, wanted)
-
-
-def _require_flag(name: str, value: bool) -> None:
-    """Refuse what is neither true nor false."""
-    require(name, value, (bool, np.bool_), "True or False")
 
 
 def _check_disturbances(problem: Problem) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
@@ -36,6 +36,11 @@ class Status(Enum):
 
 # Of a law's memory: an address, when it began, and what a loop computes in.
 _NOT_SAVED = ("workspace", "first", "loop")
+
+
+# Signals with a row for each instant, and for each interval between two.
+_INSTANTS = ("state", "physics")
+_INTERVALS = ("command", "input", "sliding", "weighed", "memory", "wrench", "seen")
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,21 +214,19 @@ class Trajectory:
     def __getitem__(self, run: int) -> Trajectory:
         """One run of a batch, cut where it stopped being valid."""
         end = int(np.searchsorted(self.time, self.valid_until[run] * (1 + 1e-12), side="right"))
-        return Trajectory(
-            system=self.system,
+        lengths = {**dict.fromkeys(_INSTANTS, end), **dict.fromkeys(_INTERVALS, end - 1)}
+        signals = {name: getattr(self, name) for name in lengths}
+        cut = {
+            name: rows if rows is None else rows[run, : lengths[name]]
+            for name, rows in signals.items()
+        }
+        return replace(
+            self,
             time=self.time[:end],
-            state=self.state[run, :end],
-            command=self.command[run, : end - 1],
-            input=self.input[run, : end - 1],
-            sliding=None if self.sliding is None else self.sliding[run, : end - 1],
-            weighed=self.weighed[run, : end - 1],
-            memory=self.memory[run, : end - 1],
-            wrench=None if self.wrench is None else self.wrench[run, : end - 1],
-            physics=None if self.physics is None else self.physics[run, :end],
             status=self.status[run],
             valid_until=self.valid_until[run],
-            seen=None if self.seen is None else self.seen[run, : end - 1],
             unseen=self.unseen[run],
+            **cut,
         )
 
 
@@ -277,7 +280,7 @@ def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajector
 
     def rows(group: str) -> Array | None:
         names = groups[group]
-        held = group not in ("state", "physics")
+        held = group not in _INSTANTS
         if not names:
             return None
         made = np.column_stack([found[name][: len(time) - held] for name in names])

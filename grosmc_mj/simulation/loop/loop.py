@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from grosmc_mj.arguments import require_each, require_known, require_whole
-from grosmc_mj.errors import ArgumentError, Mistakes, shown, unknown_name
+from grosmc_mj.arguments import require, require_each, require_known, require_whole
+from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
 
@@ -20,7 +20,9 @@ SEED = "a whole number from 0 to below 2^53"
 Part = Computing | Sensor | Estimator | Actuator
 # Numbers of parts that are times, on the timestep's grid.
 TIMES = ("delay", "jitter", "period")
-_KINDS = ("computing", "sensor", "estimator", "actuator")
+# What it may have several of.
+_LISTS: Mapping[str, type[Any]] = {"sensor": Sensor, "estimator": Estimator, "actuator": Actuator}
+_KINDS = ("computing", *_LISTS)
 
 
 @dataclass(frozen=True)
@@ -42,29 +44,21 @@ class Loop:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, kind in (
-            ("sensors", Sensor),
-            ("estimators", Estimator),
-            ("actuators", Actuator),
-        ):
-            require_each(name, getattr(self, name), kind, f"a tuple of {kind.__name__}s")
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        if not isinstance(self.computing, Computing):
-            raise ArgumentError(f"computing = {shown(self.computing)} must be a Computing")
+        for kind, made in _LISTS.items():
+            name, parts = f"{kind}s", getattr(self, f"{kind}s")
+            require_each(name, parts, made, f"a tuple of {made.__name__}s")
+            object.__setattr__(self, name, tuple(parts))
+        require("computing", self.computing, Computing, "a Computing")
         seed = require_whole("seed", self.seed, 0, LARGEST_SEED - 1, SEED)
         object.__setattr__(self, "seed", seed)
 
     @property
     def parts(self) -> Iterator[tuple[str, Part]]:
-        """Every part, with what it is in words."""
+        """Every part, with its kind."""
         yield "computing", self.computing
-        for kind, parts in (
-            ("sensor", self.sensors),
-            ("estimator", self.estimators),
-            ("actuator", self.actuators),
-        ):
-            for part in parts:
-                yield f"{kind} of {', '.join(_names(part))}", part
+        for kind in _LISTS:
+            for part in getattr(self, f"{kind}s"):
+                yield kind, part
 
     @property
     def random(self) -> bool:
@@ -143,7 +137,8 @@ class Loop:
                 elif names.count(name) > 1:
                     article = "an" if what == "input" else "a"
                     mistakes.note(f"two {kind}s of {name!r}: {article} {what} has one")
-        for said, part in self.parts:
+        for kind, part in self.parts:
+            said = f"{kind} of {', '.join(_names(part))}" if kind in _LISTS else kind
             for item in fields(part):
                 if item.name in TIMES:
                     with mistakes.gathered(f"{said}: "):
@@ -164,17 +159,15 @@ class Loop:
     def rounded(self, timestep: float, control_period: float = math.inf) -> Loop:
         """The same with all times on the timestep's grid, the nearest; jitter within a period."""
         found = self
-        for kind, parts in (
-            ("computing", (self.computing,)),
-            ("sensor", self.sensors),
-            ("actuator", self.actuators),
-        ):
-            for part in parts:
-                times = [each.name for each in fields(part) if each.name in TIMES]
-                near = {
-                    name: time_as_run(name, getattr(part, name), timestep, control_period)
-                    for name in times
-                }
+        for kind, part in self.parts:
+            near = {
+                each.name: time_as_run(
+                    each.name, getattr(part, each.name), timestep, control_period
+                )
+                for each in fields(part)
+                if each.name in TIMES
+            }
+            if near:
                 found = found.changed(kind, getattr(part, "of", ""), **near)
         return found
 

@@ -3,11 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop.loop import Loop
 from grosmc_mj.simulation.loop.parts import TUNED_BY, Actuator, Computing, Estimator, Sensor
+
+# What each number of a part is called, where it is not ideal.
+_WORDS: Mapping[type, Mapping[str, str]] = {
+    Computing: {
+        "delay": "{ms:.4g} ms from sample to output",
+        "jitter": "samples up to {ms:.4g} ms late",
+        "missed": "{percent:.3g} % of the outputs missed",
+    },
+    Sensor: {
+        "resolution": "steps of {value:.4g} {unit}",
+        "noise": "noise of {value:.4g} {unit}",
+        "bias": "bias of {value:.4g} {unit}",
+        "drift": "drift of {value:.4g} {unit}/s",
+        "delay": "{ms:.4g} ms old",
+        "period": "every {ms:.4g} ms",
+    },
+    Actuator: {
+        "limit": "within {value:.4g} {unit}",
+        "rate_limit": "at most {value:.4g} {unit}/s",
+        "lag": "{lags} of {ms:.4g} ms",
+        "delay": "{ms:.4g} ms late",
+        "resolution": "steps of {value:.4g} {unit}",
+        "dead_zone": "dead up to {value:.4g} {unit}",
+    },
+}
 
 
 def loop_words(loop: Loop, system: System) -> list[str]:
@@ -19,57 +44,24 @@ def loop_words(loop: Loop, system: System) -> list[str]:
     """
     units = {each.name: each.unit for each in system.states}
     inputs = {each.name: each.unit for each in system.inputs}
-    lines = [("computer", _of_computer(loop.computing))]
-    lines += [(sensor.of, _of_sensor(sensor, units[sensor.of])) for sensor in loop.sensors]
+    lines = [("computer", _of(loop.computing))]
+    lines += [(sensor.of, _of(sensor, units[sensor.of])) for sensor in loop.sensors]
     lines += [(", ".join(each.of), _of_estimator(each)) for each in loop.estimators]
-    lines += [(each.of, _of_actuator(each, inputs[each.of])) for each in loop.actuators]
+    lines += [(each.of, _of(each, inputs[each.of])) for each in loop.actuators]
     said = [(name, ", ".join(words)) for name, words in lines]
     return [f"{name}: {words}" for name, words in said if words]
 
 
-def _seconds(value: float) -> str:
-    return f"{value * 1e3:.4g} ms"
-
-
-def _of_computer(each: Computing) -> Iterator[str]:
-    if each.delay:
-        yield f"{_seconds(each.delay)} from sample to output"
-    if each.jitter:
-        yield f"samples up to {_seconds(each.jitter)} late"
-    if each.missed:
-        yield f"{100 * each.missed:.3g} % of the outputs missed"
-
-
-def _of_sensor(each: Sensor, unit: str) -> Iterator[str]:
-    if each.resolution:
-        yield f"steps of {each.resolution:.4g} {unit}"
-    if each.noise:
-        yield f"noise of {each.noise:.4g} {unit}"
-    if each.bias:
-        yield f"bias of {each.bias:.4g} {unit}"
-    if each.drift:
-        yield f"drift of {each.drift:.4g} {unit}/s"
-    if each.delay:
-        yield f"{_seconds(each.delay)} old"
-    if each.period:
-        yield f"every {_seconds(each.period)}"
+def _of(part: Computing | Sensor | Actuator, unit: str = "") -> Iterator[str]:
+    lags = "two lags" if getattr(part, "order", 1) == 2 else "a lag"
+    for name, words in _WORDS[type(part)].items():
+        value = getattr(part, name)
+        if value and math.isfinite(value):
+            yield words.format(
+                value=value, unit=unit, ms=1e3 * value, percent=100 * value, lags=lags
+            )
 
 
 def _of_estimator(each: Estimator) -> Iterator[str]:
     tuned = f" with {TUNED_BY[each.law].replace('_', ' ')} {each.number:.4g}" if each.number else ""
     yield f"estimated by {each.law}{tuned}" + ("" if each.settled else ", from rest")
-
-
-def _of_actuator(each: Actuator, unit: str) -> Iterator[str]:
-    if math.isfinite(each.limit):
-        yield f"within {each.limit:.4g} {unit}"
-    if math.isfinite(each.rate_limit):
-        yield f"at most {each.rate_limit:.4g} {unit}/s"
-    if each.lag:
-        yield f"{'two lags' if each.order == 2 else 'a lag'} of {_seconds(each.lag)}"
-    if each.delay:
-        yield f"{_seconds(each.delay)} late"
-    if each.resolution:
-        yield f"steps of {each.resolution:.4g} {unit}"
-    if each.dead_zone:
-        yield f"dead up to {each.dead_zone:.4g} {unit}"

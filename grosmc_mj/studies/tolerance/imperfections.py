@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, unit_of
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.simulation.loop.loop import TIMES, Part, time_as_run
+from grosmc_mj.simulation.loop.loop import TIMES, time_as_run
 from grosmc_mj.studies.tolerance.search import MOST
 
 # Called that: all of them at once, in the bench's proportions.
@@ -153,20 +153,16 @@ def _amounts(
     bench: Loop, system: System, timestep: float, control_period: float
 ) -> Iterator[Amount]:
     """Every number of a bench that is an imperfection."""
-    groups: tuple[tuple[str, tuple[Part, ...]], ...] = (
-        ("computing", (bench.computing,)),
-        ("sensor", bench.sensors),
-        ("actuator", bench.actuators),
-    )
-    for kind, parts in groups:
-        for part in parts:
-            of: Any = getattr(part, "of", "")
-            for item in fields(part):
-                value: Any = getattr(part, item.name)
-                if item.name in LOOP_UNITS[kind] and value != 0 and math.isfinite(value):
-                    unit = unit_of(kind, of, item.name, system)
-                    most = _most(item.name, unit, timestep, control_period) / abs(value)
-                    yield Amount(kind, of, item.name, value, unit, most)
+    for kind, part in bench.parts:
+        if kind == "estimator":
+            continue
+        of: Any = getattr(part, "of", "")
+        for item in fields(part):
+            value: Any = getattr(part, item.name)
+            if item.name in LOOP_UNITS[kind] and value != 0 and math.isfinite(value):
+                unit = unit_of(kind, of, item.name, system)
+                most = _most(item.name, unit, timestep, control_period) / abs(value)
+                yield Amount(kind, of, item.name, value, unit, most)
 
 
 def _most(quantity: str, unit: str, timestep: float, control_period: float) -> float:
