@@ -25,7 +25,7 @@ from grosmc_mj.simulation.loop.numbers import (
     LoopMemory,
     LoopNumbers,
 )
-from grosmc_mj.simulation.loop.parts import Actuator, Estimator, Sensor
+from grosmc_mj.simulation.loop.parts import Actuator, Sensor
 
 _KINDS = {
     "difference": DIFFERENCE,
@@ -121,22 +121,17 @@ def _estimators(loop: Loop, system: System) -> Array:
         ArgumentError: If one is of what is no rate, or needs what is not measured.
     """
     names, pairs = [state.name for state in system.states], rate_positions(system)
-    rates = [names[i] for i in pairs]
-    for part in loop.estimators:
-        if part.law == "kalman":
-            continue
-        for name in part.of:
-            if name not in rates:
-                raise ArgumentError(
-                    f"estimator: {part.law} gives a rate: {name!r} is none of "
-                    f"{', '.join(rates) or 'them: no state is the rate of another'}"
-                )
-    measured = {sensor.of for sensor in loop.sensors}
-    for part in loop.estimators:
-        twice = [name for name in part.of if name in measured and part.law != "kalman"]
-        if twice:
+    rates, measured = [names[i] for i in pairs], {sensor.of for sensor in loop.sensors}
+    estimated = [(p, name) for p in loop.estimators if p.law != "kalman" for name in p.of]
+    for part, name in estimated:
+        if name not in rates:
             raise ArgumentError(
-                f"estimator: {twice[0]!r} has a sensor too, which would go unheard: leave one out"
+                f"estimator: {part.law} gives a rate: {name!r} is none of "
+                f"{', '.join(rates) or 'them: no state is the rate of another'}"
+            )
+        if name in measured:
+            raise ArgumentError(
+                f"estimator: {name!r} has a sensor too, which would go unheard: leave one out"
             )
     if sum(part.law == "kalman" for part in loop.estimators) > 1:
         raise ArgumentError("estimator: two filters by kalman: give one of them all states")
@@ -147,7 +142,12 @@ def _estimators(loop: Loop, system: System) -> Array:
                 f"estimator: {part.law} runs at the law's pace: the sensor of {slow[0]} has a "
                 "period of its own"
             )
-    return _estimator_rows(loop.estimators, pairs, names)
+    rows = [
+        (_KINDS[p.law], names.index(name), pairs[names.index(name)], p.number, float(p.settled))
+        for p, name in estimated
+    ]
+    # Compiled code has no arrays without rows: one that is of no state.
+    return np.array(rows or [(0.0, -1.0, -1.0, 0.0, 0.0)], float)
 
 
 def loop_numbers(controller: Controller, sampling: LoopSampling) -> LoopNumbers:
@@ -239,10 +239,17 @@ def _sensor_rows(loop: Loop, system: System, timestep: float) -> Array:
     known = {sensor.of: sensor for sensor in loop.sensors}
     sensors = [known.get(state.name, Sensor(state.name)) for state in system.states]
     rows = [
-        (s.resolution, s.noise, s.bias, s.drift, s.delay / timestep, s.period / timestep)
+        (
+            s.resolution,
+            s.noise,
+            s.bias,
+            s.drift,
+            round(s.delay / timestep),
+            round(s.period / timestep),
+        )
         for s in sensors
     ]
-    return _whole(np.array(rows, float), (4, 5))
+    return np.array(rows, float)
 
 
 def _actuator_rows(loop: Loop, system: System, timestep: float) -> Array:
@@ -251,7 +258,7 @@ def _actuator_rows(loop: Loop, system: System, timestep: float) -> Array:
     actuators = [known.get(each.name, Actuator(each.name)) for each in system.inputs]
     rows = [
         (
-            a.delay / timestep,
+            round(a.delay / timestep),
             a.resolution,
             a.limit,
             a.rate_limit * timestep,
@@ -262,31 +269,4 @@ def _actuator_rows(loop: Loop, system: System, timestep: float) -> Array:
         )
         for a in actuators
     ]
-    return _whole(np.array(rows, float), (0,))
-
-
-def _whole(rows: Array, columns: tuple[int, ...]) -> Array:
-    """Rows whose columns of timesteps are whole numbers."""
-    for column in columns:
-        rows[:, column] = np.round(rows[:, column])
-    return rows
-
-
-def _estimator_rows(
-    estimators: tuple[Estimator, ...], pairs: dict[int, int], names: list[str]
-) -> Array:
-    """``LoopNumbers.estimators``: of each rate its position, by ``pairs``."""
-    rows = [
-        (
-            _KINDS[each.law],
-            names.index(name),
-            pairs[names.index(name)],
-            each.number,
-            float(each.settled),
-        )
-        for each in estimators
-        if each.law != "kalman"
-        for name in each.of
-    ]
-    # Compiled code has no arrays without rows: one that is of no state.
-    return np.array(rows or [(0.0, -1.0, -1.0, 0.0, 0.0)], float)
+    return np.array(rows, float)

@@ -72,14 +72,15 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
 Spread = Annotated[Any, BeforeValidator(_spread)]
 
 
-_QuantitiesTable = create_model(
-    "_QuantitiesTable",
+_OwnersTable = create_model(
+    "_OwnersTable",
     __base__=Table,
     **{name: (Spread, None) for names in QUANTITIES.values() for name in names},  # pyright: ignore[reportArgumentType, reportCallIssue]
+    **dict.fromkeys(QUANTITIES, (str | None, None)),  # pyright: ignore[reportArgumentType]
 )
 
 
-class UncertainTable(_QuantitiesTable):
+class UncertainTable(_OwnersTable):
     """``[[uncertain]]``: a number of plant, disturbance, start, loop or machine not known.
 
     Its numbers are those of ``QUANTITIES``, for what it is of. Each is a range ``[least, most]``,
@@ -109,23 +110,8 @@ class UncertainTable(_QuantitiesTable):
             what the file has without this table, and no disturbance.
     """
 
-    body: str | None = None
-    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
-    joint: str | None = None
-    disturbance: str | None = None
-    start: str | None = None
-    parameter: str | None = None
     computing: Literal[True] | None = None
-    sensor: str | None = None
-    estimator: str | None = None
-    actuator: str | None = None
-    transmission: str | None = None
-    lugre: str | None = None
-    stop: str | None = None
-    motor: str | None = None
-    swinging_load: str | None = None
-    sliding_load: str | None = None
-    wall: str | None = None
+    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
     name: str = ""
     nominal: Any = None
 
