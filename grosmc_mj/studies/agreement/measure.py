@@ -57,7 +57,6 @@ def agreements(
         seed: Of the random states, inputs, wrenches and edits.
         states: Random states of each comparison.
         edits: Number of random edits (mass x0.25 to x4, length x0.5 to x4).
-
     """
     seeds = np.random.SeedSequence(seed).spawn(edits + 1)
     generator = np.random.default_rng(seeds[0])

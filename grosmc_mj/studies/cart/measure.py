@@ -115,7 +115,7 @@ def holding_case(name: str) -> Experiment:
 
 def steps() -> int:
     """How often ``study`` reports that it has advanced."""
-    return len(HORIZONS) * len(LAWS) + len(projections_of(_nominal_lqr())) + 1
+    return len(HORIZONS) * len(LAWS) + len(projections_of(_nominal_lqr()))
 
 
 def study(settings: Settings, advance: Callable[[str], object] = lambda _: None) -> Study:

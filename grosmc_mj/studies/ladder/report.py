@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -112,20 +111,15 @@ def _row(row: Standing) -> dict[str, Any]:
         "together": row.together,
         "condition": row.condition.name,
         "kept": row.kept,
-        "share_of_the_tightest_limit": _finite(row.used),
+        "share_of_the_tightest_limit": row.used,
         "tightest": row.worst or None,
-        "shares": {key: _finite(share) for key, share in row.shares.items()},
+        "shares": dict(row.shares),
         "amplitude": None if swing is None else swing.amplitude,
         "frequency": None if swing is None else swing.frequency,
         "chatter": row.chatter,
         "impossible": row.impossible or None,
-        "claims": {claim: _finite(share) for claim, share in row.claims.items()},
+        "claims": dict(row.claims),
     }
-
-
-def _finite(share: float) -> float | None:
-    """A share, or null for what has no end."""
-    return share if math.isfinite(share) else None
 
 
 def ladder_table(title: str, rows: Sequence[Standing], rungs: Sequence[Rung]) -> Table:

@@ -99,7 +99,7 @@ class RegionLoop:
         if error.outputs is not None:
             raise ArgumentError(
                 f"{self.controller.name} in {self.experiment.case.name} of {self.system.name} "
-                "regulates outputs that are no states: take another --case"
+                "regulates outputs that are no states: take another case"
             )
         times = np.full(len(states), time)
         return error.along(times, states, self.controller.parameters)

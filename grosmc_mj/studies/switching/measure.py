@@ -90,9 +90,6 @@ def scalar_samples(
     h: float,
     *,
     gain_ratio: float = 1.0,
-    k: float = 0.0,
-    rho: float = GAIN,
-    duration: float = _END,
     push: Callable[[float, float], float] = sine_push,
 ) -> Iterator[Sample]:
     """Sample s' = r phi + w with phi held, from s(0) = 0: no discretization but the law's own.
@@ -101,19 +98,16 @@ def scalar_samples(
         law: With its numbers.
         h: Sample time [s].
         gain_ratio: r, the true input gain over the nominal one.
-        k: Proportional gain [1/s].
-        rho: Switching gain, in the unit of s per second.
-        duration: [s].
         push: The integral of w between two instants.
 
     Yields:
         Each sample; none after |s| has grown beyond all bounds.
     """
     reach, memory, s = law.reach(1), law.new_memory(1, 1)(), 0.0
-    for i in range(round(duration / h)):
+    for i in range(round(_END / h)):
         t = i * h
         memory.elapsed, memory.t = t - memory.t, t
-        (phi,) = reach((s,), k, rho, memory, law)
+        (phi,) = reach((s,), 0.0, GAIN, memory, law)
         yield Sample(t, s, phi, memory)
         s += gain_ratio * h * phi + push(t, (i + 1) * h)
         if not abs(s) < _DIVERGED:
@@ -294,18 +288,14 @@ def _law_that_switches(experiment: Experiment) -> str:
     return "grosmc" if "grosmc" in found else found[0]
 
 
-def experiments(
-    cases: Sequence[Experiment],
-    periods: Sequence[float] = PERIODS,
-    surfaces: Sequence[Surface] = SURFACES,
-) -> list[SwitchingRun]:
+def experiments(cases: Sequence[Experiment]) -> list[SwitchingRun]:
     """All that is to be run."""
     return [
         SwitchingRun(case, law, surface, period)
         for case in cases
         for law in LAWS
-        for surface in surfaces
-        for period in periods
+        for surface in SURFACES
+        for period in PERIODS
     ]
 
 
