@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from grosmc_mj.studies.region.axes import Axis, choose_axes, starts_on
 from grosmc_mj.studies.region.loop import RegionLoop
 from grosmc_mj.studies.region.outcome import Outcome, judge, tolerance_of
 from grosmc_mj.studies.region.region_map import Outcomes, RegionMap
-from grosmc_mj.studies.region.screened import Mask, ScreenedArea, confirmed_area
+from grosmc_mj.studies.region.screened import Mask, confirmed_area
 
 SCREENS = ("auto", "none")
 
@@ -141,21 +141,25 @@ class Region:
         screened = not self.why_not[case.name]
         loop = replace(physics, on_equations=True) if screened else physics
         letters = self._outcomes(loop, self._starts, lambda: advance(f"{case.name}/{name}"))
-        shapes, areas = ((size, size), (1, len(self._line))), []
-        for index, place in enumerate((slice(0, size * size), slice(size * size, None))):
-            starts, first = self._starts[place], letters[place].reshape(shapes[index])
-            if screened:
-
-                def confirm(chosen: Mask, starts: Array = starts) -> Outcomes:
-                    return self._outcomes(physics, starts[chosen.reshape(-1)])
-
-                areas.append(confirmed_area(first, confirm, index))
-            else:
-                areas.append(ScreenedArea.by_physics(first))
-        grid, line = (each.letters for each in areas)
+        cells = size * size
+        grid, line = letters[:cells].reshape(size, size), letters[cells:]
+        confirmed, overturned = len(letters), 0
+        if screened:
+            areas = [
+                confirmed_area(first, partial(self._of_some, physics, starts), seed)
+                for seed, (first, starts) in enumerate(
+                    [(grid, self._starts[:cells]), (line[None], self._starts[cells:])]
+                )
+            ]
+            grid, (line,) = (each.letters for each in areas)
+            confirmed = sum(int(each.confirmed.sum()) for each in areas)
+            overturned = sum(int(each.overturned.sum()) for each in areas)
         seconds = time.perf_counter() - began
-        kept = tuple(areas) if screened else ()
-        return RegionMap(case, name, grid, line[0], self._line, seconds, kept)
+        return RegionMap(case, name, grid, line, self._line, seconds, confirmed, overturned)
+
+    def _of_some(self, loop: RegionLoop, starts: Array, chosen: Mask) -> Outcomes:
+        """The outcomes of those starts that are chosen."""
+        return self._outcomes(loop, starts[chosen.reshape(-1)])
 
     def _outcomes(
         self, loop: RegionLoop, starts: Array, advance: Callable[[], object] = lambda: None

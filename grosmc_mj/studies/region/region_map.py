@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.studies.region.outcome import Outcome
-from grosmc_mj.studies.region.screened import ScreenedArea
 
 Outcomes = NDArray[np.str_]
 
@@ -27,7 +26,8 @@ class RegionMap:
         line: Those of starts on the first axis alone, (4 * points,).
         line_starts: Their values on the first axis.
         seconds: Wall time.
-        areas: Grid and line with what MuJoCo confirmed of them; none where all is MuJoCo's.
+        confirmed: Starts that MuJoCo judged, of all.
+        overturned: Those of them of which the equations had said something else.
     """
 
     case: Case
@@ -36,19 +36,8 @@ class RegionMap:
     line: Outcomes
     line_starts: Array
     seconds: float
-    areas: tuple[ScreenedArea, ...] = ()
-
-    @property
-    def confirmed(self) -> int:
-        """Starts that MuJoCo judged, of all."""
-        if not self.areas:
-            return self.grid.size + self.line.size
-        return sum(int(each.confirmed.sum()) for each in self.areas)
-
-    @property
-    def overturned(self) -> int:
-        """Starts of which the equations had said something else."""
-        return sum(int(each.overturned.sum()) for each in self.areas)
+    confirmed: int = 0
+    overturned: int = 0
 
     def counts(self) -> dict[Outcome, int]:
         """Starts of the grid with each outcome."""

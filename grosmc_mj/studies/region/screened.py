@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
 Mask = NDArray[np.bool_]
 Letters = NDArray[np.str_]
@@ -30,11 +31,6 @@ class ScreenedArea:
     confirmed: Mask
     overturned: Mask
 
-    @classmethod
-    def by_physics(cls, letters: Letters) -> ScreenedArea:
-        """Outcomes that are all MuJoCo's."""
-        return cls(letters, np.ones(letters.shape, bool), np.zeros(letters.shape, bool))
-
 
 def confirmed_area(first: Letters, confirm: Callable[[Mask], Letters], seed: int) -> ScreenedArea:
     """Confirm every start beside another outcome, and some of the others.
@@ -51,36 +47,15 @@ def confirmed_area(first: Letters, confirm: Callable[[Mask], Letters], seed: int
     while np.any(new := wanted & ~confirmed):
         letters[new] = confirm(new)
         confirmed |= new
-        wanted = beside_another(letters) | _grown(letters != first)
+        overturned: Mask = binary_dilation(letters != first, np.ones((3, 3)))
+        wanted = beside_another(letters) | overturned
     return ScreenedArea(letters, confirmed, letters != first)
 
 
 def beside_another(letters: Letters) -> Mask:
     """Which places have another letter among the eight around them."""
-    different = np.zeros(letters.shape, bool)
-    for shifted in _around(letters):
-        different |= shifted != letters
-    return different
-
-
-def _grown(places: Mask) -> Mask:
-    """The places and the eight around each."""
-    grown = places.copy()
-    for shifted in _around(places):
-        grown |= shifted
-    return grown
-
-
-def _around(area: NDArray) -> list[NDArray]:
-    """The area moved by one place in each of eight directions; its edges are repeated."""
-    rows, columns = area.shape
-    padded = np.pad(area, 1, mode="edge")
-    return [
-        padded[1 + i : 1 + i + rows, 1 + j : 1 + j + columns]
-        for i in (-1, 0, 1)
-        for j in (-1, 0, 1)
-        if i or j
-    ]
+    codes = np.unique(letters, return_inverse=True)[1].reshape(letters.shape)
+    return maximum_filter(codes, 3, mode="nearest") != minimum_filter(codes, 3, mode="nearest")
 
 
 def _at_random(shape: tuple[int, ...], seed: int) -> Mask:
