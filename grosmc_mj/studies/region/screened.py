@@ -47,7 +47,7 @@ def confirmed_area(first: Letters, confirm: Callable[[Mask], Letters], seed: int
     while np.any(new := wanted & ~confirmed):
         letters[new] = confirm(new)
         confirmed |= new
-        overturned: Mask = binary_dilation(letters != first, np.ones((3, 3)))
+        overturned = np.asarray(binary_dilation(letters != first, np.ones((3, 3))), bool)
         wanted = beside_another(letters) | overturned
     return ScreenedArea(letters, confirmed, letters != first)
 
