@@ -6,7 +6,6 @@ The instants, the wrenches and the numbers are those that ``simulate`` would hav
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,12 +32,8 @@ INDEX_LAW = "grosmc"
 _TRIES = 1000
 
 
-class Random(Protocol):
-    """NumPy's old and new generators alike."""
-
-    def uniform(self, low: Array, high: Array) -> Array:
-        """Independent draws between the bounds."""
-        ...
+# NumPy's new and old generators alike.
+Random = np.random.Generator | np.random.RandomState
 
 
 class EpisodeSetup:
@@ -156,10 +151,7 @@ class EpisodeSetup:
         Raises:
             ArgumentError: If it is not m finite numbers.
         """
-        try:
-            u = np.asarray(action, float)
-        except (TypeError, ValueError):
-            u = np.full(0, np.nan)
+        u = reals(action)
         if u.shape != (self.inputs,) or not np.all(np.isfinite(u)):
             raise ArgumentError(
                 f"action {action!r} must be {self.inputs} finite number(s) in an array of shape "
@@ -335,11 +327,7 @@ def _limited(plant: Plant, declared: ArrayLike | None) -> tuple[Array, Array]:
 
 def _half_widths(plant: Plant, spread: ArrayLike) -> Array:
     """Half widths of every state, (n,)."""
-    n = len(plant.system.states)
-    try:
-        widths = np.asarray(spread, float)
-    except (TypeError, ValueError):
-        widths = np.full(0, np.nan)
+    n, widths = len(plant.system.states), reals(spread)
     if widths.shape not in {(), (n,)} or not np.all(np.isfinite(widths) & (widths >= 0)):
         raise ArgumentError(
             f"spread = {spread!r} must be one number, or {n} of them, not negative: "

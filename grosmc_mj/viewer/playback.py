@@ -1,15 +1,14 @@
-"""What a window drives, and how the time of a clock becomes its time: speed, pause, steps."""
+"""What a window drives, how the time of a clock becomes its time, and what the keys do to both."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable
+from typing import NamedTuple
 
-import mujoco
-
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.viewer.live import Live
+from grosmc_mj.viewer.replay import RecordedRun
 
 SLOWEST, FASTEST = 1 / 64, 64.0
 # A window that stood still for longer (moved, hidden, a slow machine) is not caught up with [s].
@@ -18,44 +17,8 @@ LONGEST = 0.1
 STEP = 1 / 60
 
 
-class Motion(Protocol):
-    """What the window drives: a recorded run or a live one."""
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """What is drawn."""
-        ...
-
-    @property
-    def state(self) -> Array:
-        """mjSTATE_FULLPHYSICS where it is now."""
-        ...
-
-    @property
-    def words(self) -> Mapping[str, str]:
-        """What the window says about it, by name."""
-        ...
-
-    @property
-    def note(self) -> str:
-        """One line about why it stands still; empty while it moves."""
-        ...
-
-    def advance(self, seconds: float) -> None:
-        """Go on by so much of its own time."""
-        ...
-
-    def restart(self) -> None:
-        """Back to the start."""
-        ...
-
-    def sideways(self, sign: int) -> None:
-        """What the keys to the left (-1) and to the right (1) do."""
-        ...
-
-    def stronger(self, factor: float) -> None:
-        """What the keys up and down do."""
-        ...
+# What the window drives.
+Motion = Live | RecordedRun
 
 
 class Playback:
@@ -98,3 +61,42 @@ class Playback:
         """Pause, and advance by one picture."""
         self.paused = True
         self._owed += STEP * self.speed
+
+
+class Key(NamedTuple):
+    """One key, or several that do the same.
+
+    Attributes:
+        names: For people.
+        meaning: For people.
+        codes: GLFW's.
+        act: What it does to playback and motion.
+    """
+
+    names: str
+    meaning: str
+    codes: tuple[int, ...]
+    act: Callable[[Playback, Motion], None]
+
+
+# The window is MuJoCo's own and has meanings for most keys, which go on working beside these; so
+# [ and ], which change the camera, and the letters, which change what is drawn, stay free.
+KEYS = (
+    Key("space", "pause, go on", (32,), lambda play, _: play.toggle()),
+    Key(".", "one picture on, paused", (46,), lambda play, _: play.step()),
+    # With and without the shift key of keyboards that have + above =, and on the number pad.
+    Key("+", "twice as fast", (61, 43, 334), lambda play, _: play.change_speed(2.0)),
+    Key("-", "half as fast", (45, 333), lambda play, _: play.change_speed(0.5)),
+    Key("backspace", "from the start", (259,), lambda _, motion: motion.restart()),
+    Key("left", "push to the left; in a replay 1 s back", (263,), lambda _, m: m.sideways(-1)),
+    Key("right", "push to the right; in a replay 1 s on", (262,), lambda _, m: m.sideways(1)),
+    Key("up", "push twice as hard", (265,), lambda _, motion: motion.stronger(2.0)),
+    Key("down", "push half as hard", (264,), lambda _, motion: motion.stronger(0.5)),
+)
+_BY_CODE = {code: key for key in KEYS for code in key.codes}
+
+
+def press(code: int, playback: Playback, motion: Motion) -> None:
+    """Do what a key means; others mean nothing here."""
+    if code in _BY_CODE:
+        _BY_CODE[code].act(playback, motion)

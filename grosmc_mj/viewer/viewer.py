@@ -20,8 +20,7 @@ from grosmc_mj.errors import SetupError
 from grosmc_mj.films.camera import aim
 from grosmc_mj.films.offscreen.backends import has_display
 from grosmc_mj.simulation.quiet import warnings_counted_only
-from grosmc_mj.viewer.keys import press
-from grosmc_mj.viewer.playback import Motion, Playback
+from grosmc_mj.viewer.playback import Motion, Playback, press
 
 # Time between two pictures [s].
 PICTURE = 1 / 60

@@ -38,9 +38,16 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.viewer import viewer
-from grosmc_mj.viewer.keys import KEYS, press
 from grosmc_mj.viewer.live import LENGTH, STRONGEST, WEAKEST, Live, LiveRun, Push
-from grosmc_mj.viewer.playback import FASTEST, LONGEST, SLOWEST, STEP, Playback
+from grosmc_mj.viewer.playback import (
+    FASTEST,
+    KEYS,
+    LONGEST,
+    SLOWEST,
+    STEP,
+    Playback,
+    press,
+)
 from grosmc_mj.viewer.replay import JUMP, RecordedRun
 from grosmc_mj.viewer.viewer import PICTURE, play, require_display
 

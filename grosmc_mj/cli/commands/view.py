@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional, arg
@@ -12,11 +11,7 @@ from tyro.conf import Positional, arg
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET, shown_experiment
-from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
-
-if TYPE_CHECKING:
-    from grosmc_mj.viewer.live import LiveRun
-    from grosmc_mj.viewer.playback import Motion
+from grosmc_mj.errors import ArgumentError, SetupError
 
 
 @dataclass(frozen=True)
@@ -53,17 +48,13 @@ class ViewCommand(Command):
 
     def execute(self) -> int:
         """Prepare the case, open the window."""
-        from grosmc_mj.viewer.playback import Playback
+        from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.viewer.live import Live, LiveRun
+        from grosmc_mj.viewer.playback import Motion, Playback
+        from grosmc_mj.viewer.replay import RecordedRun
+        from grosmc_mj.viewer.viewer import play, require_display
 
         Playback(self.speed)  # refuses a speed that cannot be before anything is compiled
-        experiment, film = self._shown()
-        return show(experiment, replay=self.replay, speed=self.speed, film=film)
-
-    def _shown(self) -> tuple[LiveRun, str]:
-        """What is shown, and the command that films it."""
-        from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.viewer.live import LiveRun
-
         settings = Settings(
             switching=self.switching,
             surface=self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
@@ -73,59 +64,24 @@ class ViewCommand(Command):
             raise ArgumentError(f"{self.target}: it does not run in MuJoCo: nothing to see")
         name = self.controller or asked.controllers[-1]
         law, plant, case = asked.law("physics", name), asked.plant("physics"), asked.case
-        period = asked.settings.control_period
-        run = LiveRun(plant, law, case.x0, case.duration, case.disturbances, period)
-        film = (
+        try:
+            require_display()
+        except SetupError as error:
+            raise SetupError(f"{error}; for a film of it run: {self._film(name)}") from error
+        motion: Motion
+        if self.replay:
+            result = asked.run("physics", name)
+            motion = RecordedRun(plant.model, result.trajectory, result.ended)
+        else:
+            period = asked.settings.control_period
+            motion = Live(LiveRun(plant, law, case.x0, case.duration, case.disturbances, period))
+        play(motion, speed=self.speed, say=screen.notice)
+        return screen.DONE
+
+    def _film(self, name: str) -> str:
+        """The command that films it."""
+        return (
             f"grosmc-mj film {self.target} --controllers {name}"
             + (f" --switching {self.switching}" if self.switching != "sign" else "")
             + (f" --surface {self.surface}" if self.surface != "printed" else "")
         )
-        return run, film
-
-
-def show(experiment: LiveRun, *, replay: bool, speed: float, film: str) -> int:
-    """Show an experiment in a window until that is closed.
-
-    Args:
-        experiment: What runs.
-        replay: Whether it is recorded first and then shown.
-        speed: Seconds of it in a second.
-        film: The command that makes a film of it, offered where there is no display.
-
-    Raises:
-        SetupError: If there is no display.
-    """
-    from grosmc_mj.viewer.viewer import play, require_display
-
-    try:
-        require_display()
-    except SetupError as error:
-        raise SetupError(f"{error}; for a film of it run: {film}") from error
-    motion = _recorded(experiment) if replay else _live(experiment)
-    play(motion, speed=speed, say=lambda line: print(line, file=sys.stderr))
-    return screen.DONE
-
-
-def _live(experiment: LiveRun) -> Motion:
-    from grosmc_mj.viewer.live import Live
-
-    return Live(experiment)
-
-
-def _recorded(experiment: LiveRun) -> Motion:
-    from grosmc_mj.simulation.simulate import simulate
-    from grosmc_mj.viewer.replay import RecordedRun
-
-    ended = ""
-    try:
-        run = simulate(
-            experiment.plant,
-            experiment.controller,
-            experiment.x0,
-            duration=experiment.duration,
-            control_period=experiment.control_period,
-            disturbances=experiment.disturbances,
-        )
-    except DivergenceError as error:
-        run, ended = error.trajectory, str(error)
-    return RecordedRun(experiment.plant.model, run, ended)
