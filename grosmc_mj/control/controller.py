@@ -56,6 +56,8 @@ class Design:
         with_reach: Makes its law for another switching law, if it has one.
         numbers_at: Its numbers that depend on the control period [s], by their names; None for
             none.
+        follows_optimum: Whether the error of the nominal loop is that of the optimum: the law is
+            the LQR, with or without a term that vanishes where nothing disturbs it.
     """
 
     error: OutputCoordinates | StateCoordinates
@@ -69,6 +71,7 @@ class Design:
     control_period: float | None = None
     with_reach: Callable[[Reach], Law] | None = None
     numbers_at: Callable[[float], Mapping[str, Any]] | None = None
+    follows_optimum: bool = True
 
     def __post_init__(self) -> None:
         kinds = (OutputCoordinates, StateCoordinates)
@@ -210,6 +213,7 @@ def custom_controller(
             source="a law of one's own",
             gains={key: float(v) for key, v in (numbers or {}).items() if np.ndim(v) == 0},
             linearizing=design.linearizing,
+            follows_optimum=False,
         ),
     )
 

@@ -76,7 +76,8 @@ def computed_torque_pd(task: Task, frequency: float, damping: float = 1.0) -> Co
     optimum = priced(chains.A, chains.B, task.Q, task.R, np.kron(np.eye(task.error.inputs), row))
     law = laws.linearizing_feedback(task.error)
     source = "eqs. (23), (44) with v = -Kp e - Kd e'"
-    return _controller("pd", law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
+    made = _controller("pd", law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
+    return replace(made, design=replace(made.designed, follows_optimum=False))
 
 
 def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None) -> Controller:

@@ -201,7 +201,13 @@ def policy_controller(
         law=law,
         parameters=like.parameters,
         memory=partial(_memory, design.error.inputs),
-        design=Design(design.error, design.lqr, source="a policy", linearizing=design.linearizing),
+        design=Design(
+            design.error,
+            design.lqr,
+            source="a policy",
+            linearizing=design.linearizing,
+            follows_optimum=False,
+        ),
     )
 
 

@@ -169,7 +169,7 @@ class Experiment:
                 require_known(kind, name, valid)
         if 0 < self.file.run.duration <= table.after:
             raise ArgumentError(f"after {table.after:g} s the run has ended")
-        return limits(table, designed, self.plant_names)
+        return limits(table, designed, self.plant_names, self.case.duration)
 
     def checked(self) -> Experiment:
         """The same, once its plants, laws and requirements are made.

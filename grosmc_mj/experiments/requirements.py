@@ -13,7 +13,14 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, Mistakes, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.experiments.metrics.definitions import DWELL, error_after, folded
+from grosmc_mj.experiments.metrics.definitions import (
+    DWELL,
+    Windows,
+    error_after,
+    folded,
+    rms_after,
+    settled_in,
+)
 from grosmc_mj.experiments.metrics.recorded import has_cart, noted
 from grosmc_mj.simulation.trajectory import Status
 
@@ -24,9 +31,9 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9
 # Required of laws with a surface only.
 _OF_SURFACE = ("sliding_below", "no_reaching_phase")
-# The metric that each kind limits; ``stays_within`` one that its instant names.
+# The metric that each kind limits; the others' have an instant or a band in their names.
 _METRICS = {
-    "settles_within": "settled",
+    "overshoot_below": "overshoot",
     "deviation_below": "deviation",
     "input_below": "max_input",
     "sliding_below": "max_sliding",
@@ -34,6 +41,8 @@ _METRICS = {
     "no_reaching_phase": "sliding_start",
     "cost_ratio_below": "cost_ratio",
 }
+# Of errors from an instant on.
+_AFTER = ("stays_within", "rms_below")
 # What reading the file has turned into numbers already.
 _READ = ("settles_within", "cart_travel_below")
 
@@ -47,6 +56,8 @@ class Limit(NamedTuple):
         value: The same in ``unit``.
         unit: Its unit.
         after: From when on it holds [s].
+        band: Width of the band that ``settles_within`` is about, in the unit of the output; None
+            for 2 % of the error at the start.
         of: Controllers that must keep it.
         on: Plants on which.
         key: What it is called where no two may have one name.
@@ -60,18 +71,23 @@ class Limit(NamedTuple):
     of: tuple[str, ...]
     on: tuple[str, ...]
     key: str = ""
+    band: float | None = None
 
     @property
     def metric(self) -> str:
         """Name of what is limited."""
-        return error_after(self.after) if self.kind == "stays_within" else _METRICS[self.kind]
+        if self.kind == "settles_within":
+            return settled_in(self.band)
+        if self.kind == "rms_below":
+            return rms_after(self.after)
+        return _METRICS.get(self.kind) or error_after(self.after)
 
     @property
     def words(self) -> str:
         """The requirement in words."""
         if self.kind == "no_reaching_phase":
             return "no reaching phase: s(0) = 0"
-        since = f" from {self.after:g} s on" if self.after else ""
+        since = f" from {self.after:g} s on" if self.after and self.kind in _AFTER else ""
         return f"{self.kind.replace('_', ' ')} {self.written}{since}"
 
 
@@ -103,9 +119,18 @@ class Judgement(NamedTuple):
 
 
 def limits(
-    table: RequirementTable, controllers: Sequence[Controller], plants: Sequence[str]
+    table: RequirementTable,
+    controllers: Sequence[Controller],
+    plants: Sequence[str],
+    duration: float,
 ) -> list[Limit]:
     """The requirements that a table of a case file makes, with their units checked.
+
+    Args:
+        table: Of the file.
+        controllers: Those that may be meant.
+        plants: Where they run.
+        duration: Of a run [s]: the final error is the largest one in its last tenth.
 
     Raises:
         ArgumentError: If it requires nothing, names what is not there, or a unit does not fit.
@@ -119,6 +144,9 @@ def limits(
     units = {
         "settles_within": "s",
         "stays_within": output,
+        "final_error_below": output,
+        "rms_below": output,
+        "overshoot_below": "1",
         "deviation_below": output,
         "input_below": u,
         "sliding_below": _sliding_unit(controllers, named),
@@ -142,10 +170,17 @@ def limits(
                 raise ArgumentError("the outputs have different units: there is no one error")
             if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
                 raise ArgumentError("the inputs have different units")
-            number = _number(kind, value, units[kind])
-            after = table.after if kind == "stays_within" else 0.0
+            if kind == "overshoot_below" and len(error.output_rows) > 1:
+                raise ArgumentError("several outputs have no one overshoot")
+            number, band = _number(kind, value, units[kind]), None
+            after = table.after if kind in _AFTER else 0.0
             written = f"{value:g} {units[kind]}" if kind in _READ else str(value)
-            found.append(Limit(kind, written, number, units[kind], after, of, on))
+            if kind == "final_error_below":
+                after = (1 - DWELL) * duration
+            if kind == "settles_within" and table.band is not None:
+                band = _number("band", table.band, output)
+                written += f" to {table.band}"
+            found.append(Limit(kind, written, number, units[kind], after, of, on, band=band))
     mistakes.refuse()
     return found
 
@@ -192,18 +227,19 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
         if whole is None or not least:
             return None, "J* is zero: the run starts where it shall end"
         return whole / least, ""
-    if limit.kind == "settles_within":
+    if limit.kind == "settles_within" and limit.band is None:
         if comparison.error[0] == 0:
             return None, "there is no error at the start"
         return metrics["settling_time"].value, metrics["settling_time"].note
     if limit.kind == "no_reaching_phase" and run.sliding is None:
         return None, "the law has no surface"
-    if limit.kind == "stays_within" and comparison.time[-1] < limit.after * (1 - 1e-12):
+    if limit.after and comparison.time[-1] < limit.after * (1 - 1e-12):
         return None, "the run is shorter"
-    if limit.metric in metrics:
+    if limit.metric in metrics and limit.kind != "overshoot_below":
         return metrics[limit.metric].value, metrics[limit.metric].note
-    found = folded(*noted(run, comparison, after=limit.after))
-    return float(found[limit.metric][0]), ""
+    found = folded(*noted(run, comparison, result.case.onset, windows([limit])))
+    measured = float(found[limit.metric][0])
+    return (measured, "") if math.isfinite(measured) else (None, "there is no error at the start")
 
 
 def transient(duration: float, onsets: Iterable[tuple[float, float]]) -> float:
@@ -260,9 +296,13 @@ def costs_wanted(limits: Iterable[Limit]) -> bool:
     return any(limit.metric == "cost_ratio" for limit in limits)
 
 
-def afters(limits: Sequence[Limit]) -> tuple[float, ...]:
-    """From when on largest errors are asked for [s]."""
-    return tuple(sorted({limit.after for limit in limits if limit.kind == "stays_within"}))
+def windows(limits: Sequence[Limit]) -> Windows:
+    """What must be measured for some limits besides the usual metrics."""
+    errors = (each for each in limits if each.after or each.kind in _AFTER)
+    return Windows(
+        tuple(sorted({each.after for each in errors})),
+        tuple(sorted({each.band for each in limits if each.band is not None})),
+    )
 
 
 def margins_of(

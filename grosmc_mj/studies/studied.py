@@ -28,8 +28,8 @@ _SWITCHED = (
 _PREDICTED = ("implicit", "implicit-estimate", "super-twisting")
 _OF_SURFACE = {"sliding_below": None, "no_reaching_phase": False}
 _ASKED = (
-    "settles_within", "stays_within", "deviation_below", "input_below", "cart_travel_below",
-    "cost_ratio_below",
+    "settles_within", "overshoot_below", "stays_within", "rms_below", "final_error_below",
+    "deviation_below", "input_below", "cart_travel_below", "cost_ratio_below",
 )  # fmt: skip
 
 
@@ -52,6 +52,11 @@ class StudiedLaw:
     settings: str = ""
     base: str = ""
     sampled: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def follows_optimum(self) -> bool:
+        """Whether its nominal loop is that of the optimum: then the distance from it says much."""
+        return self.controller.designed.follows_optimum
 
     def made(self, experiment: Experiment, plant: PlantName) -> Controller:
         """The same law for another plant or control period.
@@ -95,7 +100,7 @@ def limits_in(
     found: list[Limit] = []
     for table in tables:
         if asked := _asked_of(table, made):
-            found += limits(asked, [made], plants)
+            found += limits(asked, [made], plants, case.duration)
     onsets = [(each.window[0], each.window[0]) for each in case.disturbances]
     told, _not_told = judgeable(found, transient(case.duration, onsets))
     return required(told, {made.name})

@@ -18,7 +18,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.simulation.loop import Computing, Loop
 from grosmc_mj.simulation.machine import (
     LuGre,
     MachinePart,
@@ -43,7 +43,7 @@ from grosmc_mj.studies.ladder.answers import (
 from grosmc_mj.studies.ladder.measure import Standing, ladder, standing
 from grosmc_mj.studies.ladder.oscillation import Oscillation, chatter, oscillation
 from grosmc_mj.studies.ladder.page import ladders_text
-from grosmc_mj.studies.ladder.report import claims_table
+from grosmc_mj.studies.ladder.report import assumed_text, claims_table
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.studied import Condition, StudiedLaw
 
@@ -124,14 +124,14 @@ def kinds(rung: Rung) -> list[type[MachinePart]]:
 
 def test_the_rungs_of_a_servo_add_one_thing_each() -> None:
     climbing, alone = rungs_of(machine("servo"))
-    added = ["sensors", "delay", "actuator", "motor", "friction", "backlash", "flexibility"]
-    added.append("stops")
+    loop = ["sensors", "delay", "jitter", "missed samples", "actuator"]
+    added = [*loop, "motor", "friction", "backlash", "flexibility", "stops"]
     assert [rung.name for rung in climbing] == ["corrected", "physics", "sampled", *added]
     assert [rung.name for rung in alone] == added
     assert [rung.sampled for rung in climbing[:3]] == [False, False, True]
-    assert [rung.plant for rung in climbing] == ["corrected", *["physics"] * 10]
+    assert [rung.plant for rung in climbing] == ["corrected", *["physics"] * 12]
     assert not any(rung.looped or rung.parts for rung in climbing[:3])
-    grown = [kinds(rung) for rung in climbing[5:]]
+    grown = [kinds(rung) for rung in climbing[7:]]
     assert grown == [
         [],
         [Motor],
@@ -140,7 +140,7 @@ def test_the_rungs_of_a_servo_add_one_thing_each() -> None:
         [Motor, LuGre, Transmission],
         [Motor, LuGre, Transmission, Stop],
     ]
-    assert [kinds(rung) for rung in alone[3:]] == [
+    assert [kinds(rung) for rung in alone[5:]] == [
         [Motor], [LuGre], [Transmission], [Transmission], [Stop]
     ]  # fmt: skip
 
@@ -158,13 +158,30 @@ def test_the_top_is_the_whole_machine_in_its_whole_loop() -> None:
 def test_a_rung_of_the_loop_has_that_part_of_it_alone() -> None:
     whole = machine("servo").case.loop
     assert whole is not None
-    _, (sensors, delay, actuator, motor, *_) = rungs_of(machine("servo"))
+    climbing, (sensors, delay, jitter, missed, actuator, motor, *_) = rungs_of(machine("servo"))
+    computing = whole.computing
     none = Loop(seed=whole.seed)
     assert sensors.loop == Loop(sensors=whole.sensors, estimators=whole.estimators, seed=whole.seed)
-    assert delay.loop == Loop(whole.computing, seed=whole.seed)
+    for rung, name in ((delay, "delay"), (jitter, "jitter"), (missed, "missed")):
+        assert rung.loop == Loop(Computing(**{name: getattr(computing, name)}), seed=whole.seed)
+    # What is late comes on top of the delay.
+    assert next(r for r in climbing if r.name == "missed samples").loop.computing == computing
     assert actuator.loop == Loop(actuators=whole.actuators, seed=whole.seed)
-    assert none not in (sensors.loop, delay.loop, actuator.loop)
-    assert [rung.looped for rung in (sensors, delay, actuator, motor)] == [True, True, True, False]
+    looped = (sensors, delay, jitter, missed, actuator)
+    assert none not in [rung.loop for rung in looped]
+    assert [rung.looped for rung in (*looped, motor)] == [*[True] * 5, False]
+
+
+def test_rungs_say_which_of_their_numbers_nobody_has_published() -> None:
+    found = {rung.name: rung for rung in rungs_of(machine("servo"))[1]}
+    assert found["jitter"].assumed == ("computing: jitter",)
+    assert found["friction"].assumed == ("shaft: static, stiffness, damping, stribeck",)
+    assert found["backlash"].assumed == ("shaft: backlash",)
+    assert found["flexibility"].assumed == ("shaft: stiffness, damping",)
+    assert found["sensors"].assumed == found["motor"].assumed == ()
+    assert (found["jitter"].title, found["motor"].title) == ("jitter*", "motor")
+    assert "jitter (computing: jitter), missed samples" in assumed_text(list(found.values()))
+    assert assumed_text([found["motor"]]) == ""
 
 
 def test_teeth_come_before_what_gives_way_and_make_room_for_it() -> None:
@@ -219,8 +236,9 @@ stiffness = "100 N m/rad"
 
 def test_what_a_machine_has_not_is_no_rung(tmp_path: Path) -> None:
     bench, alone = rungs_of(find_experiment("servo", "bench"))
-    assert [rung.name for rung in alone] == ["sensors", "delay", "actuator"]
-    assert len(bench) == 6
+    late = ["delay", "jitter", "missed samples"]
+    assert [rung.name for rung in alone] == ["sensors", *late, "actuator"]
+    assert len(bench) == 8
     file = tmp_path / "mine.toml"
     file.write_text(LOADED, encoding="utf-8")
     climbing, alone = rungs_of(Experiment.load(file))
@@ -288,12 +306,17 @@ def test_the_verdict_counts_what_breaks_most() -> None:
         *(row(r.rung.name, r.used, OTHER) for r in WAY),
         *(row(r.rung.name, 0.5, StudiedLaw("stands", LAW.controller)) for r in WAY[1:]),
         row("physics", 0.5, StudiedLaw("slips", LAW.controller)),
-        row("friction", 3.0, StudiedLaw("slips", LAW.controller)),
+        row("stops", 3.0, StudiedLaw("slips", LAW.controller)),
+        row("delay", 3.0, StudiedLaw("recovers", LAW.controller)),
+        row("stops", 0.9, StudiedLaw("recovers", LAW.controller)),
     ]
+    whole = "laws keep everything on the whole machine"
     assert verdict(rows, "nominal") == (
-        "1 of 4 laws keep everything on the whole machine; delay breaks 2, friction breaks 1."
+        f"2 of 5 {whole}, 1 of them not on every rung below it; delay breaks 2, stops breaks 1."
     )
-    assert verdict(rows[12:17], "nominal") == ("1 of 1 laws keep everything on the whole machine.")
+    assert verdict(rows[12:17], "nominal") == f"1 of 1 {whole}."
+    # The last rung alone decides: what fails on the way and stands at the top is counted.
+    assert verdict(rows[-2:], "nominal") == f"1 of 1 {whole}, 1 of them not on every rung below it."
 
 
 def test_a_run_that_cannot_be_is_said_and_not_raised(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -364,8 +387,9 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
 
 DOCUMENT = {
     "configuration": {"target": "servo/machine", "title": "A step"},
-    "laws": [{"name": "lqr"}, {"name": "pid"}],
-    "climbing": [{"name": "physics"}],
+    "output_unit": "rad",
+    "laws": [{"name": "lqr", "follows_optimum": True}, {"name": "pid", "follows_optimum": False}],
+    "climbing": [{"name": "physics", "assumed": ["computing: jitter"]}],
     "alone": [],
     "standings": [
         {
@@ -376,6 +400,7 @@ DOCUMENT = {
             "share_of_the_tightest_limit": 0.5,
             "tightest": "deviation_below",
             "impossible": None,
+            "deviation": 0.0123 if law == "lqr" else None,
         }
         for law in ("lqr", "pid")
     ],
@@ -392,6 +417,15 @@ def test_the_page_says_where_claims_fall_and_what_they_say() -> None:
     assert "| law | `quick` |\n|---|---|\n| lqr | stands |" in said
     assert said.endswith("`quick`: It is quick.")
     assert "falls" not in ladders_text([{**DOCUMENT, "fallen": []}])
+
+
+def test_the_page_has_the_distance_from_the_optimum_of_the_laws_that_follow_it() -> None:
+    said = ladders_text([DOCUMENT])
+    (table,) = (part for part in said.split("\n\n") if part.startswith("| law | physics |"))
+    assert table.splitlines()[2:] == ["| lqr | 12.3 |"]
+    assert "Largest distance from the nominal optimum [mrad], of the laws that follow it:" in said
+    assert "| law | physics* |" in said
+    assert "\\* rests on numbers that are assumed: physics (computing: jitter)." in said
 
 
 # --- a real one ---

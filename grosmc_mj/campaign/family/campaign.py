@@ -22,9 +22,10 @@ from grosmc_mj.campaign.family.specification import Specification, specification
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
 from grosmc_mj.experiments.metrics.running import metered
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, afters, judgeable, required, transient
+from grosmc_mj.experiments.requirements import Limit, judgeable, required, transient, windows
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
@@ -106,7 +107,7 @@ class Campaign:
 
     def _refuse_unmeasurable(self, law: Controller) -> None:
         """Refuse a run that cannot begin, or errors that are asked for after its last sample."""
-        metered(law, self.control_period, [], 0.0)
+        metered(law, self.control_period, NO_WINDOWS, 0.0)
         problem, _ = prepare(
             self.plant,
             law,
@@ -118,10 +119,10 @@ class Campaign:
             record=False,
         )
         last = (problem.steps - 1) // problem.stride * problem.control_period
-        for after in afters(self.requirements):
+        for after in windows(self.requirements).after:
             if after * (1 - 1e-12) > last:
                 raise ArgumentError(
-                    f"stays_within after {after:g} s: the last sample of a run is at {last:g} s"
+                    f"an error after {after:g} s: the last sample of a run is at {last:g} s"
                 )
 
     @property

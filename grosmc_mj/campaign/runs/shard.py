@@ -16,7 +16,7 @@ from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.metrics.definitions import Recording
 from grosmc_mj.experiments.metrics.running import METRICS, metered, said_by
-from grosmc_mj.experiments.requirements import afters, costs_wanted, margins_of
+from grosmc_mj.experiments.requirements import costs_wanted, margins_of, windows
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.plant import Kind
 from grosmc_mj.simulation.loop import relooped, room_of
@@ -193,7 +193,7 @@ def outcomes(
         campaign.laws[controller].asked_every(campaign.control_period),
         duration,
         np.array([plant_sample.case.onset for plant_sample in plant_samples]),
-        afters(campaign.requirements),
+        windows(campaign.requirements),
     )
     words = [each.name.lower() for each in status]
     completed = np.array(words) == Status.COMPLETED.name.lower()
@@ -248,7 +248,7 @@ def laws_with_meters(
     room = room_of(law, varied) if varied else None
 
     def made(looped: Controller, onset: float) -> Controller:
-        wanted = afters(campaign.requirements), onset
+        wanted = windows(campaign.requirements), onset
         costs = costs_wanted(campaign.requirements)
         return metered(looped, campaign.control_period, *wanted, costs=costs)
 

@@ -113,6 +113,7 @@ def adaptive(
             source="Slotine and Li 1987",
             gains={"frequency": float(frequency), "adaptation": float(adaptation)},
             linearizing=linearizing,
+            follows_optimum=False,
         ),
     )
 

@@ -176,5 +176,7 @@ def dynamic_controller(
             gains=shown_gains,
             linearizing=linearizing,
             numbers_at=numbers,
+            # Of these laws the observer's alone is the LQR where there is no load.
+            follows_optimum=not holds,
         ),
     )

@@ -140,7 +140,7 @@ def _outputs(results: Sequence[RunResult]) -> Iterator[Panel]:
     """A panel for each output, with its reference."""
     first = results[0]
     system, error = first.trajectory.system, first.controller.designed.error
-    rows, kinds = first.comparison.outputs, ("stays_within", "settles_within")
+    rows, kinds = first.comparison.outputs, ("stays_within", "final_error_below", "settles_within")
     named = error.outputs is None and len(rows) == len(system.controlled)
     for j, row in enumerate(rows):
         name = system.states[system.controlled[j]].name if named else "output y"

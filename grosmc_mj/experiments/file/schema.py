@@ -210,10 +210,16 @@ class RequirementTable(Table):
     Attributes:
         of: Controllers that must keep it; all by default.
         on: Plants on which; physics by default, or all where there is none.
-        settles_within: The error stays within 2 % of its start from then on [s], up to the onset
-            of a later disturbance.
+        settles_within: The error stays in the band from then on [s], up to the onset of a later
+            disturbance.
+        band: Width of that band; 2 % of the error at the start by default. Where a sensor's steps
+            are coarse, three of them.
+        overshoot_below: Largest error beyond zero up to then, as a share of the error at the
+            start: 0.05 are 5 %.
         stays_within: Largest error from ``after`` on.
+        rms_below: Root mean square of the error from ``after`` on.
         after: [s].
+        final_error_below: Largest error in the last tenth of the run.
         deviation_below: Largest distance from the law's own nominal optimum.
         input_below: Largest input.
         sliding_below: Largest |s|; of the laws that have a surface by default.
@@ -227,8 +233,12 @@ class RequirementTable(Table):
     of: list[str] | None = Field(None, min_length=1)
     on: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
     settles_within: Seconds | None = None
+    band: Any = None
+    overshoot_below: float | None = None
     stays_within: Any = None
+    rms_below: Any = None
     after: Seconds = 0.0
+    final_error_below: Any = None
     deviation_below: Any = None
     input_below: Any = None
     sliding_below: Any = None
@@ -238,8 +248,10 @@ class RequirementTable(Table):
 
     @model_validator(mode="after")
     def _after_something(self) -> RequirementTable:
-        if "after" in self.model_fields_set and self.stays_within is None:
-            raise ValueError("after is for stays_within, which is not there")
+        if "after" in self.model_fields_set and self.stays_within is self.rms_below is None:
+            raise ValueError("after is for stays_within and rms_below, which are not there")
+        if self.band is not None and self.settles_within is None:
+            raise ValueError("band is for settles_within, which is not there")
         if self.after < 0:
             raise ValueError(f"after {self.after:g} s must not be negative")
         return self

@@ -7,10 +7,10 @@ of a recorded run every instant is noted, by the same function.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,15 +25,36 @@ SETTLING_BAND = 0.02
 DWELL = 0.1
 
 
+class Windows(NamedTuple):
+    """What is measured of an error besides its usual metrics.
+
+    Attributes:
+        after: From when on largest and RMS errors are wanted [s].
+        bands: Widths of further bands to settle in, in the unit of the output.
+    """
+
+    after: tuple[float, ...] = ()
+    bands: tuple[float, ...] = ()
+
+    def numbers(self) -> tuple[Array, Array]:
+        """The same as ``after`` and ``widths`` of ``MeterNumbers``."""
+        return np.array(self.after or (0.0,), float), np.array((0.0, *self.bands))
+
+
+NO_WINDOWS = Windows()
+
+
 @dataclass
 class Meters:
     """What has been noted of a run up to some instant.
 
     Attributes:
         error: Largest error of the outputs from each of the wanted times on, (k,).
+        squares: Sum of the squares of those errors, (k,).
+        count: Of how many instants, (k,).
         start: Error at t = 0.
-        band: Errors up to this count as none.
-        outside: Last time at which the error was beyond it, in the transient [s]; -1 for never.
+        band: Errors up to this count as none, for each band, (b,).
+        outside: Last time of the transient at which the error was beyond it [s], (b,); or -1.
         beyond: Largest error of the other sign than the first, in the transient.
         deviation: Largest distance of the outputs from the optimum.
         sliding: Largest entry of |s|.
@@ -44,9 +65,11 @@ class Meters:
     """
 
     error: Array = field(default_factory=lambda: np.zeros(1))
+    squares: Array = field(default_factory=lambda: np.zeros(1))
+    count: Array = field(default_factory=lambda: np.zeros(1))
     start: float = 0.0
-    band: float = 0.0
-    outside: float = -1.0
+    band: Array = field(default_factory=lambda: np.zeros(1))
+    outside: Array = field(default_factory=lambda: -np.ones(1))
     beyond: float = 0.0
     deviation: float = 0.0
     sliding: float = 0.0
@@ -54,6 +77,14 @@ class Meters:
     input: float = 0.0
     position: float = 0.0
     travel: float = 0.0
+
+    @classmethod
+    def of(cls, known: MeterNumbers, **more: Any) -> Any:
+        """Those of a new run, with room for what these numbers ask."""
+        k, b = len(known.after), len(known.widths)
+        return cls(
+            np.zeros(k), np.zeros(k), np.zeros(k), band=np.zeros(b), outside=-np.ones(b), **more
+        )
 
 
 @dataclass(frozen=True)
@@ -63,14 +94,14 @@ class MeterNumbers:
     Attributes:
         after: From when on largest errors are wanted [s], (k,).
         onset: End of the transient [s].
-        part: Part of the error at the start that counts as no error.
-        width: What else counts as none.
+        part: Part of the error at the start that counts as no error in the first band.
+        widths: What else counts as none, for each band, (b,).
     """
 
     after: Array = field(default_factory=lambda: np.zeros(1))
     onset: float = math.inf
     part: float = SETTLING_BAND
-    width: float = 0.0
+    widths: Array = field(default_factory=lambda: np.zeros(1))
 
 
 def transient_end(onset: float) -> float:
@@ -109,14 +140,19 @@ def note(
     """
     if t == 0.0:
         meters.start, meters.sliding_start, meters.position = error, s, position
-        meters.band = known.part * abs(error) + known.width
+        for i in range(len(known.widths)):
+            meters.band[i] = known.widths[i]
+        meters.band[0] += known.part * abs(error)
     if t <= known.onset * (1 + 1e-12):
-        if abs(error) > meters.band:
-            meters.outside = t
+        for i in range(len(known.widths)):
+            if abs(error) > meters.band[i]:
+                meters.outside[i] = t
         meters.beyond = larger(-error if meters.start > 0.0 else error, meters.beyond)
     for i in range(len(known.after)):
         if t >= known.after[i] * (1 - 1e-12):
             meters.error[i] = larger(abs(error), meters.error[i])
+            meters.squares[i] += error * error
+            meters.count[i] += 1.0
     meters.deviation = larger(abs(deviation), meters.deviation)
     meters.input = larger(u, meters.input)
     meters.sliding = larger(s, meters.sliding)
@@ -159,29 +195,29 @@ class Recording:
         duration: [s].
         onset: When the first disturbance of each run begins [s], (n,).
         following: From instants to those that were noted next [s].
-        after: From when on largest errors were wanted [s].
+        windows: What else was measured.
     """
 
     duration: float
     onset: Array
     following: Callable[[Array], Array]
-    after: Sequence[float] = ()
+    windows: Windows = NO_WINDOWS
 
     @classmethod
     def sampled(
-        cls, period: float, duration: float, onset: Array, after: Sequence[float] = ()
+        cls, period: float, duration: float, onset: Array, windows: Windows = NO_WINDOWS
     ) -> Recording:
         """Of runs whose law noted its samples, a period apart [s]."""
-        return cls(duration, onset, lambda instants: instants + period, after)
+        return cls(duration, onset, lambda instants: instants + period, windows)
 
     @classmethod
-    def recorded(cls, time: Array, onset: float, after: Sequence[float] = ()) -> Recording:
+    def recorded(cls, time: Array, onset: float, windows: Windows = NO_WINDOWS) -> Recording:
         """Of one run whose instants were recorded [s], (N,); after the last comes none."""
 
         def following(instants: Array) -> Array:
             return np.append(time, np.inf)[np.searchsorted(time, instants, side="right")]
 
-        return cls(float(time[-1]), np.array([onset]), following, after)
+        return cls(float(time[-1]), np.array([onset]), following, windows)
 
     @property
     def transient(self) -> Array:
@@ -195,6 +231,16 @@ def error_after(after: float) -> str:
     return f"error after {after!r} s"
 
 
+def rms_after(after: float) -> str:
+    """Name of the root mean square of the error from then on [s]."""
+    return f"rms error after {after!r} s"
+
+
+def settled_in(band: float | None) -> str:
+    """Name of the time to settle in a band, in the unit of the output; None for the usual one."""
+    return "settled" if band is None else f"settled in {band!r}"
+
+
 def folded(meters: Any, recording: Recording) -> dict[str, Array]:
     """What the meters of n runs say, by metric, (n,) each.
 
@@ -202,24 +248,33 @@ def folded(meters: Any, recording: Recording) -> dict[str, Array]:
     is its settling time if it stays for the last tenth of the transient at least, else infinity:
     an error that swings in and out is always inside for a moment before some end.
     """
-    settled = np.where(meters["outside"] < 0, 0.0, recording.following(meters["outside"]))
-    settled = np.where(meters["band"] == 0, 0.0, settled)
-    late = settled > (1 - DWELL) * recording.transient
+    band, outside = meters["band"], meters["outside"]
+    settled = np.where(outside < 0, 0.0, recording.following(outside))
+    settled = np.where(band == 0, 0.0, settled)
+    late = settled[:, 0] > (1 - DWELL) * recording.transient
+    windows, start = recording.windows, np.abs(meters["start"])
+    # A run that ended before the window begins has no instant in it.
+    mean = meters["squares"] / np.maximum(meters["count"], 1.0)
     return {
         "deviation": meters["deviation"],
-        "settled": settled,
-        "settling_time": np.where(late, np.inf, settled),
+        "settled": settled[:, 0],
+        "settling_time": np.where(late, np.inf, settled[:, 0]),
+        "overshoot": np.divide(
+            meters["beyond"], start, out=np.full(len(start), np.inf), where=start > 0
+        ),
         "max_sliding": meters["sliding"],
         "sliding_start": meters["sliding_start"],
         "max_input": meters["input"],
         "cart_travel": meters["travel"],
-        **{error_after(t): meters["error"][:, i] for i, t in enumerate(recording.after)},
+        **{settled_in(width): settled[:, i + 1] for i, width in enumerate(windows.bands)},
+        **{error_after(t): meters["error"][:, i] for i, t in enumerate(windows.after)},
+        **{rms_after(t): np.sqrt(mean[:, i]) for i, t in enumerate(windows.after)},
     }
 
 
 def note_all(time: Array, rows: Array, known: MeterNumbers) -> Any:
     """Meters, (1,), that have noted error, deviation, |u|, |s| and position in rows, (N, 5)."""
-    kept = [np.frombuffer(pack(each), record_dtype(each)) for each in (Meters(), known)]
+    kept = [np.frombuffer(pack(each), record_dtype(each)) for each in (Meters.of(known), known)]
     _noting()(time, rows, *kept)
     return kept[0]
 

@@ -16,8 +16,10 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.metrics.definitions import (
+    NO_WINDOWS,
     MeterNumbers,
     Recording,
+    Windows,
     folded,
     note_all,
     transient_end,
@@ -144,7 +146,10 @@ def measure(
 
 
 def noted(
-    run: Trajectory, comparison: Comparison, onset: float = math.inf, after: float = 0.0
+    run: Trajectory,
+    comparison: Comparison,
+    onset: float = math.inf,
+    windows: Windows = NO_WINDOWS,
 ) -> tuple[Any, Recording]:
     """The meters of a recorded run, (1,), noted at every instant, and what they are of.
 
@@ -152,7 +157,7 @@ def noted(
         run: One run on any plant.
         comparison: The run beside its optimum.
         onset: When the first disturbance begins [s].
-        after: From when on the largest error is wanted [s].
+        windows: What else is measured.
     """
     rows = np.zeros((len(run.time), 5))
     rows[:, 0], rows[:, 1] = comparison.error, comparison.deviation
@@ -162,8 +167,9 @@ def noted(
             rows[: len(held), column] = _largest_entries(held)
     if has_cart(run.system):
         rows[:, 4] = run.state[:, 0]
-    known = MeterNumbers(np.array([after]), transient_end(onset))
-    return note_all(run.time, rows, known), Recording.recorded(run.time, onset, (after,))
+    after, widths = windows.numbers()
+    known = MeterNumbers(after, transient_end(onset), widths=widths)
+    return note_all(run.time, rows, known), Recording.recorded(run.time, onset, windows)
 
 
 def has_cart(system: System) -> bool:
@@ -179,7 +185,7 @@ def settling_time(time: Array, error: Array, width: float | None = None) -> Metr
         error: (N,).
         width: Of the band; 2 % of |error(0)| unless told.
     """
-    known = MeterNumbers() if width is None else MeterNumbers(part=0.0, width=width)
+    known = MeterNumbers() if width is None else MeterNumbers(part=0.0, widths=np.array([width]))
     found = folded(*_error_alone(time, error, known))
     return _settling(float(found["settling_time"][0]))
 

@@ -7,7 +7,7 @@ and say at the end what ``experiments.metrics`` would measure on the recorded sa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Any
@@ -25,6 +25,7 @@ from grosmc_mj.experiments.metrics.definitions import (
     MeterNumbers,
     Meters,
     Recording,
+    Windows,
     folded,
     larger,
     note,
@@ -79,7 +80,7 @@ class LawMeterNumbers(MeterNumbers):
 def metered(
     controller: Controller,
     control_period: float,
-    after: Sequence[float],
+    windows: Windows,
     onset: float,
     *,
     costs: bool = False,
@@ -90,7 +91,7 @@ def metered(
         controller: A law with error coordinates and an optimum; if it is in a loop, the meters
             stand outside and note the true state and the given input.
         control_period: Of the run [s].
-        after: From when on largest errors are wanted [s].
+        windows: What is measured besides the usual metrics.
         onset: When the first disturbance begins; settling is measured up to it, unless it acts
             from the start [s].
         costs: Whether the index is wanted.
@@ -100,8 +101,10 @@ def metered(
     """
     design = controller.designed
     error, optimum = design.error, design.lqr
+    after, widths = windows.numbers()
     numbers = LawMeterNumbers(
-        after=np.array(after or [0.0], float),
+        after=after,
+        widths=widths,
         onset=transient_end(onset),
         transition=_transition(
             optimum.closed_loop.tobytes(), error.size, controller.asked_every(control_period)
@@ -123,7 +126,7 @@ def metered(
         controller,
         law=law,
         parameters=extended(controller.parameters, meters=numbers),
-        memory=partial(_memory, controller, len(numbers.after)),
+        memory=partial(_memory, controller, numbers),
     )
 
 
@@ -133,9 +136,9 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
     return scipy.linalg.expm(np.frombuffer(closed_loop).reshape(size, size) * control_period)
 
 
-def _memory(controller: Controller, errors: int) -> Memory:
+def _memory(controller: Controller, numbers: LawMeterNumbers) -> Memory:
     """The law's own memory with meters."""
-    meters = LawMeters(np.zeros(errors), optimal=np.zeros(controller.designed.error.size))
+    meters = LawMeters.of(numbers, optimal=np.zeros(controller.designed.error.size))
     return extended(controller.memory(), meters=meters)
 
 

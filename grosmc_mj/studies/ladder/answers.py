@@ -64,6 +64,13 @@ def cell_text(used: float, worst: str, impossible: str) -> str:
     return f"{number(used)}x" if used > 1 else number(used)
 
 
+def deviation_text(deviation: float | None, worst: str, scale: float) -> str:
+    """A distance from the optimum, in the unit of its scale."""
+    if deviation is None:
+        return "ended" if worst == ENDED else "-"
+    return number(deviation * scale)
+
+
 def reason(row: Standing) -> str:
     """What breaks on a rung, in words."""
     if row.impossible:
@@ -78,11 +85,12 @@ def verdict(rows: Sequence[Standing], condition: str) -> str:
     """Up to where laws climb, and what breaks most of them."""
     laws = list(dict.fromkeys(row.law.name for row in rows))
     ways = {law: of_law(rows, law, condition) for law in laws}
-    standing = [law for law, way in ways.items() if way and first_failed(way) is None]
-    breaks = Counter(
-        row.rung.name for way in ways.values() if (row := first_failed(way)) is not None
-    )
+    standing = [law for law, way in ways.items() if way and way[-1].kept]
+    failed = {law: row.rung.name for law, way in ways.items() if (row := first_failed(way))}
+    breaks = Counter(rung for law, rung in failed.items() if law not in standing)
     said = f"{len(standing)} of {len(laws)} laws keep everything on the whole machine"
+    if below := sum(law in failed for law in standing):
+        said += f", {below} of them not on every rung below it"
     if not breaks:
         return f"{said}."
     most = ", ".join(f"{name} breaks {count}" for name, count in breaks.most_common(3))

@@ -21,7 +21,8 @@ _SCALE = TwoSlopeNorm(0.0, -1.0, _MOST)
 _CELL, _ROW, _NAMES = 0.98, 0.36, 2.6
 _NOTE = (
     "How much of the tightest limit is used. Blue: all is kept; the redder, the further beyond. "
-    "ended: the run ended early; never: it does not settle; -: there is no such law."
+    "ended: the run ended early; never: it does not settle; -: there is no such law. "
+    "*: rests on numbers that are assumed."
 )
 
 
@@ -68,7 +69,7 @@ def _panel(
         (laws.index(row.law.name), names.index(row.rung.name)): (_value(row), share_text(row))
         for row in rows
     }
-    heat_map(axis, cells, laws, names, _SCALE, width=widest)
+    heat_map(axis, cells, laws, [rung.title for rung in rungs], _SCALE, width=widest)
     axis.set_xlim(-0.5, len(rungs) - 0.5)
 
 

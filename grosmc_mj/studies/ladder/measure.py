@@ -69,6 +69,9 @@ class Standing(NamedTuple):
         shares: The share used of each limit.
         oscillation: Of the error in the end; None of a run that ended early.
         chatter: Of what the law asks for in the end, in the input's unit; None likewise.
+        variation: Total variation of the input a second; None likewise. It is not judged.
+        deviation: Largest distance from the nominal optimum, in the unit of the output, of a law
+            that follows it; None of others, and of a run that ended early.
         impossible: Why there is no such run; empty if there is.
         claims: The share used of the limits of each claim that is said of this law under this
             condition, by its id; above 1 it has fallen.
@@ -83,6 +86,8 @@ class Standing(NamedTuple):
     shares: Mapping[str, float]
     oscillation: Oscillation | None = None
     chatter: float | None = None
+    variation: float | None = None
+    deviation: float | None = None
     impossible: str = ""
     claims: Mapping[str, float] = MappingProxyType({})
 
@@ -146,6 +151,8 @@ def standing(
     return Standing(
         law, rung, together, condition, shares.get(worst, 0.0), worst, shares,
         oscillation(run.time, result.comparison.error), chatter(run.time[:-1], run.command),
+        result.metrics["total_variation"].value,
+        result.metrics["deviation"].value if law.follows_optimum else None,
         claims=claims,
     )  # fmt: skip
 

@@ -8,8 +8,9 @@ from typing import Any
 
 from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.tables import number, numbers, words
-from grosmc_mj.studies.ladder.answers import STANDS, cell_text
+from grosmc_mj.studies.ladder.answers import STANDS, cell_text, deviation_text
 from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
+from grosmc_mj.studies.ladder.report import shown_unit
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
@@ -25,6 +26,7 @@ def _ladder(document: Mapping[str, Any]) -> str:
         ("Each alone on the sampled plant:", "alone", False),
     ):
         rungs = [rung["name"] for rung in document[key]]
+        titles = [f"{rung['name']}*" if rung["assumed"] else rung["name"] for rung in document[key]]
         found = {
             (row["law"], row["rung"]): row
             for row in document["standings"]
@@ -32,9 +34,44 @@ def _ladder(document: Mapping[str, Any]) -> str:
         }
         laws = [each["name"] for each in document["laws"]]
         rows = [[law, *(_cell(found[law, rung]) for rung in rungs)] for law in laws]
-        lines = markdown_table([*words("law"), *numbers(*rungs)], rows)
+        lines = markdown_table([*words("law"), *numbers(*titles)], rows)
         parts.append("\n".join([title, "", *lines]))
-    return "\n\n".join([*parts, *_claims(document)])
+    return "\n\n".join([*parts, *_deviations(document), *_assumed(document), *_claims(document)])
+
+
+def _deviations(document: Mapping[str, Any]) -> list[str]:
+    """How far the laws that follow the nominal optimum are from it, climbing."""
+    rungs = [rung["name"] for rung in document["climbing"]]
+    unit, scale = shown_unit(document["output_unit"])
+    found = {
+        (row["law"], row["rung"]): row
+        for row in document["standings"]
+        if row["together"] and row["condition"] == "nominal"
+    }
+    rows = [
+        [
+            law["name"],
+            *(
+                deviation_text(row["deviation"], row["tightest"] or "", scale)
+                for row in (found[law["name"], rung] for rung in rungs)
+            ),
+        ]
+        for law in document["laws"]
+        if law["follows_optimum"]
+    ]
+    lines = markdown_table([*words("law"), *numbers(*rungs)], rows)
+    title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it:"
+    return ["\n".join([title, "", *lines])]
+
+
+def _assumed(document: Mapping[str, Any]) -> list[str]:
+    """Which rungs rest on numbers that nobody has published."""
+    told = [
+        f"{rung['name']} ({'; '.join(rung['assumed'])})"
+        for rung in document["climbing"]
+        if rung["assumed"]
+    ]
+    return [f"\\* rests on numbers that are assumed: {', '.join(told)}."] if told else []
 
 
 def _claims(document: Mapping[str, Any]) -> list[str]:

@@ -12,6 +12,7 @@ from grosmc_mj.report.document import origin
 from grosmc_mj.report.tables import names, number, numbers, table, text, words
 from grosmc_mj.studies.ladder.answers import (
     STANDS,
+    deviation_text,
     fall_text,
     fallen,
     first_failed,
@@ -22,6 +23,7 @@ from grosmc_mj.studies.ladder.answers import (
 )
 from grosmc_mj.studies.ladder.measure import Ladder, Standing
 from grosmc_mj.studies.ladder.rungs import Rung
+from grosmc_mj.studies.studied import StudiedLaw
 
 LEGEND = (
     "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
@@ -49,10 +51,16 @@ def ladder_document(studied: Ladder, rows: Sequence[Standing], *, complete: bool
             "file": studied.machine.document(),
         },
         "complete": complete,
+        "output_unit": _output_unit(studied.laws),
         "input_unit": studied.experiment.nominal.system.input.unit,
         "conditions": [{"name": c.name, "title": c.title} for c in studied.conditions],
         "laws": [
-            {"name": law.name, "predicts": law.predict, "sampled": law.settings}
+            {
+                "name": law.name,
+                "predicts": law.predict,
+                "sampled": law.settings,
+                "follows_optimum": law.follows_optimum,
+            }
             for law in studied.laws
         ],
         "climbing": [_rung(each) for each in studied.climbing],
@@ -99,6 +107,7 @@ def _rung(rung: Rung) -> dict[str, Any]:
         "sampled": rung.sampled,
         "loop": asdict(rung.loop) if rung.looped else None,
         "parts": [{"kind": part.kind, **asdict(part)} for part in rung.parts],
+        "assumed": list(rung.assumed),
     }
 
 
@@ -117,6 +126,8 @@ def _row(row: Standing) -> dict[str, Any]:
         "amplitude": None if swing is None else swing.amplitude,
         "frequency": None if swing is None else swing.frequency,
         "chatter": row.chatter,
+        "variation": row.variation,
+        "deviation": row.deviation,
         "impossible": row.impossible or None,
         "claims": dict(row.claims),
     }
@@ -133,7 +144,46 @@ def ladder_table(title: str, rows: Sequence[Standing], rungs: Sequence[Rung]) ->
     laws = list(dict.fromkeys(row.law.name for row in rows))
     found = {(row.law.name, row.rung.name): row for row in rows}
     cells = [(law, *(_cell(found.get((law, rung.name))) for rung in rungs)) for law in laws]
-    return table(title, [*names("law"), *numbers(*(rung.name for rung in rungs))], cells)
+    return table(title, [*names("law"), *numbers(*(rung.title for rung in rungs))], cells)
+
+
+def assumed_text(rungs: Sequence[Rung]) -> str:
+    """Which numbers of the machine nobody has published; empty if there is none."""
+    told = [f"{rung.name} ({'; '.join(rung.assumed)})" for rung in rungs if rung.assumed]
+    return f"* rests on numbers that are assumed: {', '.join(told)}." if told else ""
+
+
+def deviation_table(rows: Sequence[Standing], rungs: Sequence[Rung]) -> Table:
+    """How far each law that follows the nominal optimum is from it, a column for each rung.
+
+    Args:
+        rows: Of one condition, all together.
+        rungs: The columns.
+    """
+    own = [row for row in rows if row.law.follows_optimum]
+    laws = list(dict.fromkeys(row.law.name for row in own))
+    unit, scale = shown_unit(_output_unit([row.law for row in own]))
+    found = {(row.law.name, row.rung.name): row for row in own}
+
+    def cell(row: Standing | None) -> str:
+        return "" if row is None else deviation_text(row.deviation, row.worst, scale)
+
+    cells = [(law, *(cell(found.get((law, rung.name))) for rung in rungs)) for law in laws]
+    title = f"Distance from the nominal optimum [{unit}]"
+    return table(title, [*names("law"), *numbers(*(rung.title for rung in rungs))], cells)
+
+
+def shown_unit(unit: str) -> tuple[str, float]:
+    """In which unit distances are shown, and the factor to it."""
+    return (f"m{unit}", 1e3) if unit in ("rad", "m") else (unit, 1.0)
+
+
+def _output_unit(laws: Sequence[StudiedLaw]) -> str:
+    """Of what is regulated; empty without a law."""
+    if not laws:
+        return ""
+    error = laws[0].controller.designed.error
+    return error.units[error.output_rows[0]]
 
 
 def _cell(row: Standing | None) -> str:
@@ -156,17 +206,23 @@ def breaks_table(title: str, rows: Sequence[Standing], condition: str) -> Table:
                 law,
                 row.rung.name if row else STANDS,
                 reason(row) if row else "",
+                share_text(ways[law][-1]),
                 "" if swing is None else number(swing.amplitude),
                 "" if swing is None or swing.frequency is None else number(swing.frequency),
-                "" if last.chatter is None else number(last.chatter),
+                "" if last.variation is None else number(last.variation),
             )
         )
     unit, input_unit = _units(rows)
     columns = [
         *names("law"),
-        *words("breaks at"),
+        *words("fails first at"),
         *text("why"),
-        *numbers(f"swings by [{unit}]", "at [Hz]", f"chatter [{input_unit}]"),
+        *numbers(
+            "on the whole\nmachine",
+            f"swings by\n[{unit}]",
+            "at\n[Hz]",
+            f"variation\n[{input_unit}/s]",
+        ),
     ]
     return table(title, columns, cells)
 
@@ -193,5 +249,4 @@ def _place(way: Sequence[Standing]) -> int:
 
 def _units(rows: Sequence[Standing]) -> tuple[str, str]:
     """Of errors and of inputs."""
-    error = rows[0].law.controller.designed.error
-    return error.units[0], rows[0].condition.experiment.nominal.system.input.unit
+    return _output_unit([rows[0].law]), rows[0].condition.experiment.nominal.system.input.unit

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.simulation.loop import Computing, Loop
 from grosmc_mj.simulation.machine import (
     LuGre,
     MachinePart,
@@ -19,6 +19,21 @@ from grosmc_mj.simulation.machine import (
     Transmission,
     Wall,
 )
+
+_COMPUTING = {"delay": "delay", "jitter": "jitter", "missed": "missed samples"}
+# What a rung's numbers are: tables of a case file, and which of their keys; None for all of them.
+_TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
+    "sensors": (("sensor", "estimator"), None),
+    **{name: (("computing",), (key,)) for key, name in _COMPUTING.items()},
+    "actuator": (("actuator",), None),
+    "motor": (("motor",), None),
+    "friction": (("lugre",), None),
+    "backlash": (("transmission",), ("backlash", "friction")),
+    "flexibility": (("transmission",), ("stiffness", "damping", "inertia")),
+    "loads": (("swinging_load", "sliding_load"), None),
+    "stops": (("stop", "wall"), None),
+}
+_OWNERS = ("of", "joint", "input", "body")
 
 
 @dataclass(frozen=True)
@@ -31,6 +46,7 @@ class Rung:
         sampled: Whether the law has its own control period; else it is asked at every timestep.
         loop: What of the loop as built there is.
         parts: What of the machine as built there is.
+        assumed: Which numbers of what this rung adds nobody has published, in words.
     """
 
     name: str
@@ -38,6 +54,12 @@ class Rung:
     sampled: bool = True
     loop: Loop = field(default_factory=Loop)
     parts: tuple[MachinePart, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """The name, with a mark where it rests on numbers that nobody has published."""
+        return f"{self.name}*" if self.assumed else self.name
 
     @property
     def looped(self) -> bool:
@@ -60,15 +82,29 @@ def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
     alone: list[Rung] = []
     last = climbing[-1]
     for name, loop, parts in _additions(machine):
+        assumed = tuple(_assumed(machine, name))
         last = replace(
             last,
             name=name,
             loop=last.loop if loop is None else _merged(last.loop, loop),
             parts=_with(last.parts, parts),
+            assumed=assumed,
         )
         climbing.append(last)
-        alone.append(Rung(name, top, loop=loop or Loop(), parts=parts))
+        alone.append(Rung(name, top, loop=loop or Loop(), parts=parts, assumed=assumed))
     return climbing, alone
+
+
+def _assumed(machine: Experiment, rung: str) -> Iterator[str]:
+    """The numbers that a rung adds and nobody has published, by what they are of."""
+    kinds, numbers = _TABLES[rung]
+    for kind in kinds:
+        tables = getattr(machine.file, kind)
+        for table in tables if isinstance(tables, list) else [tables]:
+            own = [name for name in table.assumed if numbers is None or name in numbers]
+            if own:
+                of = next((getattr(table, key) for key in _OWNERS if hasattr(table, key)), kind)
+                yield f"{' and '.join([of] if isinstance(of, str) else of)}: {', '.join(own)}"
 
 
 def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[MachinePart, ...]]]:
@@ -78,8 +114,9 @@ def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[Ma
         if loop.sensors or loop.estimators:
             seen = Loop(sensors=loop.sensors, estimators=loop.estimators, seed=seed)
             yield "sensors", seen, ()
-        if loop.computing != Loop().computing:
-            yield "delay", Loop(loop.computing, seed=seed), ()
+        for name in ("delay", "jitter", "missed"):
+            if amount := getattr(loop.computing, name):
+                yield _COMPUTING[name], Loop(Computing(**{name: amount}), seed=seed), ()
         if loop.actuators:
             yield "actuator", Loop(actuators=loop.actuators, seed=seed), ()
     parts = machine.case.parts
@@ -100,8 +137,9 @@ def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[Ma
 
 def _merged(below: Loop, added: Loop) -> Loop:
     """Two loops that have different kinds of parts, as one."""
+    late = {name: value for name, value in vars(added.computing).items() if value}
     return Loop(
-        below.computing if below.computing != Loop().computing else added.computing,
+        replace(below.computing, **late),
         below.sensors or added.sensors,
         below.estimators or added.estimators,
         below.actuators or added.actuators,

@@ -21,10 +21,11 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.tables.laws import ControllerTable
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements import judge
 
 # The number of each law that the rule chooses.
 NUMBERS: Mapping[str, str] = {
@@ -154,3 +155,93 @@ def two_digits(low: float, high: float) -> list[float]:
     decades = range(math.floor(math.log10(low)) - 1, math.floor(math.log10(high)))
     every = [float(f"{digits}e{decade}") for decade in decades for digits in range(10, 100)]
     return [number for number in every if low <= number <= high]
+
+
+# The numbers by which each law may be made quicker, beside those that stay.
+QUICK: Mapping[str, tuple[str, ...]] = {
+    "lqi": ("R", "integral_weight"),
+    "pid": ("frequency",),
+    "adrc": ("R",),
+    "adaptive": ("frequency", "adaptation"),
+}
+
+
+class Quickness(NamedTuple):
+    """By what the quickest numbers of a law are found: the smaller, the better.
+
+    Attributes:
+        input: Share of the actuator's range that the input takes; 1 up to all of it.
+        others: Largest share that is used of another limit of the task; 1 up to all of it.
+        settling: Time to settle as the task means it [s].
+    """
+
+    input: float
+    others: float
+    settling: float
+
+
+def nominal_machine(system: str) -> Experiment:
+    """The machine of a system as its laws know it: rigid, without friction, in an ideal loop."""
+    machine = Experiment.load(f"{system}/machine")
+    own = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
+    return machine.varied(loop=None, edits=own)
+
+
+def quickness(experiment: Experiment, law: str, numbers: Mapping[str, Any]) -> Quickness:
+    """How quickly a law with these numbers does the task of a nominal machine."""
+    table = ControllerTable.model_validate({"law": law, "name": law, **numbers})
+    file = experiment.file.model_copy(update={"controller": [table]})
+    experiment = replace(experiment, file=file)
+    try:
+        run = experiment.run("corrected", law)
+    except GrosmcError:
+        return Quickness(math.inf, math.inf, math.inf)
+    shares = {limit.kind: judge(limit, run).share for limit in experiment.limits}
+    limit = next(each for each in experiment.limits if each.kind == "settles_within")
+    others = [share for kind, share in shares.items() if kind != "input_below"]
+    settling = judge(limit, run).measured
+    return Quickness(
+        max(shares["input_below"], 1.0),
+        max(*others, 1.0),
+        math.inf if settling is None else settling,
+    )
+
+
+def quickest(
+    experiment: Experiment, law: str, numbers: Mapping[str, Any], start: Mapping[str, float]
+) -> dict[str, float]:
+    """The numbers with which a law is as quick as the actuator allows.
+
+    Of one digit each, from a start on, as long as the next one or the next decade of some number
+    is better: with an input within the actuator's range, all else of the task kept, and sooner
+    settled.
+
+    Args:
+        experiment: A nominal machine, see ``nominal_machine``.
+        law: Name of a law of the package.
+        numbers: Those that stay.
+        start: The first ones of ``QUICK``.
+    """
+    best = dict(start)
+    least = quickness(experiment, law, {**numbers, **best})
+    while True:
+        for trial in neighbours(best):
+            found = quickness(experiment, law, {**numbers, **trial})
+            if found < least:
+                best, least = trial, found
+                break
+        else:
+            return best
+
+
+def neighbours(numbers: Mapping[str, float]) -> list[dict[str, float]]:
+    """The same numbers with one of them a digit or a decade smaller or larger."""
+    found = []
+    for name, number in numbers.items():
+        decade = math.floor(math.log10(number * (1 + 1e-9)))
+        digit = round(number / 10.0**decade)
+        below = f"{digit - 1}e{decade}" if digit > 1 else f"9e{decade - 1}"
+        above = f"{digit + 1}e{decade}" if digit < 9 else f"1e{decade + 1}"
+        steps = (below, above, f"{digit}e{decade - 1}", f"{digit}e{decade + 1}")
+        found += [{**numbers, name: float(step)} for step in steps]
+    return found

@@ -14,7 +14,7 @@ from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.metrics.definitions import Recording
 from grosmc_mj.experiments.metrics.running import metered, said_by
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, afters, costs_wanted, margins_of
+from grosmc_mj.experiments.requirements import Limit, costs_wanted, margins_of, windows
 from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.loop.layout import Room
 from grosmc_mj.simulation.simulate import simulate
@@ -153,7 +153,7 @@ class Trials:
         return metered(
             looped,
             settings.control_period,
-            afters(asked),
+            windows(asked),
             experiment.case.onset,
             costs=costs_wanted(asked),
         )
@@ -186,7 +186,7 @@ class Trials:
                 law.asked_every(settings.control_period),
                 first.duration,
                 np.full(len(ends), condition.experiment.case.onset),
-                afters(asked),
+                windows(asked),
             )
             found = said_by(
                 law, meters, recording, starts[own], ends, completed[own],

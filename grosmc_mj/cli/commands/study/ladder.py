@@ -26,10 +26,11 @@ class LadderCommand(Command):
     """Find where each law breaks on the way from its equations to the machine as built.
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
-    delay; actuator; motor; friction; backlash; flexibility; loads; stops. One is added on top of
-    the others, and then each alone. On every rung all that the target requires is judged, and what
-    the chapter claims of the law, as far as the target's file has it as a [[claim]]; how the error
-    swings and the input chatters in the end is measured.
+    delay; jitter; missed samples; actuator; motor; friction; backlash; flexibility; loads; stops.
+    One is added on top of the others, and then each alone. On every rung all that the target
+    requires is judged, the same for every law, and what the chapter claims of the law, as far as
+    the target's file has it as a [[claim]]. Shown and not judged: how far a law that follows the
+    nominal optimum is from it, how the error swings in the end, how much the input varies.
 
     Writes ladder_NAME.json, .png and .svg to --out; after Ctrl-C what there is of them.
 
@@ -122,8 +123,10 @@ def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full
     from grosmc_mj.studies.ladder.answers import verdict
     from grosmc_mj.studies.ladder.report import (
         LEGEND,
+        assumed_text,
         breaks_table,
         claims_table,
+        deviation_table,
         ladder_table,
     )
 
@@ -141,5 +144,8 @@ def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full
             ("Each alone on the sampled plant", False, studied.alone),
         ):
             wide.print(ladder_table(title, [r for r in own if r.together is together], rungs))
+        wide.print(deviation_table([r for r in own if r.together], studied.climbing))
+    if assumed := assumed_text(studied.climbing):
+        console.print(assumed, style="dim", markup=False)
     if full:
         console.print(LEGEND, style="dim", markup=False)

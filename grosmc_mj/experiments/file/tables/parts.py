@@ -1,13 +1,14 @@
 """What a case file may say of the loop and the machine as built: a table for each kind of part.
 
-The keys of a table are the fields of the value of that name, with their units.
+The keys of a table are the fields of the value of that name, with their units. ``assumed`` lists
+those of its numbers that nobody has published: whatever shows results says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 from pydantic import create_model
 
@@ -106,6 +107,7 @@ def _table(kind: str, made: Any) -> type[Table]:
             # The part itself says which laws and how many states there may be.
             written = {"law": str, "of": str | list[str] if made is Estimator else str}
             keys[name] = (written.get(name, hints[name]), default)
+    keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
     if made is Computing:
         # Of noise, jitter and missed samples.
         keys["seed"] = (int, 0)
@@ -221,5 +223,6 @@ def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, floa
 
 def _written(kind: str, table: Table) -> dict[str, Any]:
     """What else it gives, as it is written."""
-    given = {name: getattr(table, name) for name in table.model_fields_set - _UNITS[kind].keys()}
+    written = table.model_fields_set - _UNITS[kind].keys() - {"assumed"}
+    given = {name: getattr(table, name) for name in written}
     return {key: tuple(v) if isinstance(v, list) else v for key, v in given.items()}
