@@ -159,7 +159,7 @@ def test_laws_are_those_of_the_file_and_every_switching_law_once() -> None:
 
 
 def test_requirements_are_asked_of_every_law() -> None:
-    studied = setting("arm", ["lqr", "implicit"])
+    studied = setting("arm/case1", ["lqr", "implicit"])
     lqr, implicit = (studied.limits(law, studied.conditions[0]) for law in studied.laws)
     assert [each.kind for each in lqr] == ["deviation_below"]
     assert [each.kind for each in implicit] == ["deviation_below", "no_reaching_phase"]

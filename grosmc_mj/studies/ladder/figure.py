@@ -44,8 +44,8 @@ def write_ladder_figure(studied: Ladder, rows: Sequence[Standing], path: Path) -
         where = f" ({condition.name}: {condition.title})" if several else ""
         climbing = f"Each rung on top of the others{where}"
         panels.append((climbing, condition, True, studied.climbing))
-        alone = f"Each alone on the sampled plant{where}"
-        panels.append((alone, condition, False, studied.alone))
+        if condition is studied.conditions[0]:
+            panels.append(("Each alone on the sampled plant", condition, False, studied.alone))
     widest = max(len(rungs) for *_, rungs in panels)
     size = (_NAMES + _CELL * widest + 1.2, (_ROW * len(laws) + 0.95) * len(panels) + 1.3)
     with figure_written(path, size) as figure:

@@ -27,7 +27,7 @@ class LadderCommand(Command):
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
     delay; jitter; missed samples; actuator; motor; friction; backlash; flexibility; loads; stops.
-    One is added on top of the others, and then each alone. On every rung all that the target
+    One is added on top of the others, and then each alone to the nominal plant. On every rung all that the target
     requires is judged, the same for every law, and what the chapter claims of the law, as far as
     the target's file has it as a [[claim]]. Shown and not judged: how far a law that follows the
     nominal optimum is from it, how the error swings in the end, how much the input varies.
@@ -65,12 +65,10 @@ class LadderCommand(Command):
             studied, statements={name: claim.statement for name, claim in cited.items()}
         )
         filmed = chosen_laws(studied.laws, [self.film])[0] if self.film else None
-        ways = [
-            (rung, together, condition)
-            for condition in studied.conditions
-            for together, rungs in ((True, studied.climbing), (False, studied.alone))
-            for rung in rungs
-        ]
+        first, *loaded = studied.conditions
+        ways = [(rung, True, first) for rung in studied.climbing]
+        ways += [(rung, False, first) for rung in studied.alone]
+        ways += [(rung, True, condition) for condition in loaded for rung in studied.climbing]
         rows: list[Standing] = []
         with (
             screen.kept_on_interrupt(lambda: self._write(studied, rows, complete=False)),
@@ -143,7 +141,8 @@ def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full
             ("Each rung on top of the others", True, studied.climbing),
             ("Each alone on the sampled plant", False, studied.alone),
         ):
-            wide.print(ladder_table(title, [r for r in own if r.together is together], rungs))
+            if some := [row for row in own if row.together is together]:
+                wide.print(ladder_table(title, some, rungs))
         wide.print(deviation_table([r for r in own if r.together], studied.climbing))
     if assumed := assumed_text(studied.climbing):
         console.print(assumed, style="dim", markup=False)
