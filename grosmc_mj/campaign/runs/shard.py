@@ -150,7 +150,7 @@ def run_on(
     law = campaign.laws[controller]
     run = simulate(
         plants,
-        laws_with_meters(campaign, law, plant_samples),
+        laws_with_meters(campaign, law, plant_samples, plants),
         np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
         duration=campaign.duration,
         control_period=campaign.control_period,
@@ -237,25 +237,38 @@ def plants_of(campaign: Campaign, plant_samples: Sequence[PlantSample]) -> list[
 
 
 def laws_with_meters(
-    campaign: Campaign, law: Controller, plant_samples: Sequence[PlantSample]
+    campaign: Campaign,
+    law: Controller,
+    plant_samples: Sequence[PlantSample],
+    plants: Sequence[Plant],
 ) -> list[Controller]:
     """A law in the loop of each run, with the meters that the requirements need around it.
 
-    Runs without a loop whose disturbances begin together have the same one.
+    Runs without a loop whose disturbances begin together have the same one, if their plants limit
+    the input alike.
     """
     loops = [plant_sample.case.loop for plant_sample in plant_samples]
     varied = [loop for loop in loops if loop is not None]
     room = room_of(law, varied) if varied else None
 
-    def made(looped: Controller, onset: float) -> Controller:
-        wanted = afters(campaign.requirements), onset
-        costs = costs_wanted(campaign.requirements)
-        return metered(looped, campaign.control_period, *wanted, costs=costs)
+    shape = (2, len(campaign.plant.system.inputs))
 
-    alike = cache(partial(made, law))
+    def made(looped: Controller, onset: float, limits: bytes) -> Controller:
+        return metered(
+            looped,
+            campaign.control_period,
+            afters(campaign.requirements),
+            onset,
+            costs=costs_wanted(campaign.requirements),
+            limits=np.frombuffer(limits).reshape(shape),
+        )
+
+    alike, limits_of = cache(partial(made, law)), cache(lambda plant: plant.input_limits.tobytes())
     return [
-        alike(plant_sample.case.onset)
+        alike(plant_sample.case.onset, limits_of(plant))
         if loop is None
-        else made(relooped(law, loop, plant_sample.run, room), plant_sample.case.onset)
-        for loop, plant_sample in zip(loops, plant_samples, strict=True)
+        else made(
+            relooped(law, loop, plant_sample.run, room), plant_sample.case.onset, limits_of(plant)
+        )
+        for loop, plant_sample, plant in zip(loops, plant_samples, plants, strict=True)
     ]

@@ -38,7 +38,7 @@ class Meters:
         deviation: Largest distance of the outputs from the optimum.
         sliding: Largest entry of |s|.
         sliding_start: The same at t = 0.
-        input: Largest entry of |u|.
+        input: Largest entry of |u| that the plant is given.
         position: Of a cart at t = 0 [m].
         travel: How far it went [m].
     """
@@ -101,7 +101,7 @@ def note(
         t: Its time [s].
         error: Of a single output with its sign, or the norm of several.
         deviation: The same from the optimum.
-        u: Largest entry of |u|.
+        u: Largest entry of |u| that the plant is given.
         s: Largest entry of |s|.
         position: Of a cart [m].
         meters: ``Meters`` of the run.
