@@ -13,7 +13,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, Mistakes, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.experiments.metrics.definitions import DWELL, error_after, folded
+from grosmc_mj.experiments.metrics.definitions import DWELL, SETTLING_BAND, error_after, folded
 from grosmc_mj.experiments.metrics.recorded import has_cart, noted
 from grosmc_mj.simulation.trajectory import Status
 
@@ -150,6 +150,25 @@ def limits(
     return found
 
 
+def require_initial_error(law: Controller, x0: Sequence[float]) -> None:
+    """Refuse ``settles_within`` for runs that start at their reference.
+
+    Args:
+        law: One of the laws that must settle.
+        x0: Start, (n,).
+
+    Raises:
+        ArgumentError: If the error at the start, of which the band is a share, is zero to rounding.
+    """
+    error = law.designed.error
+    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
+    if np.linalg.norm(z[list(error.output_rows)]) <= _ROUNDING:
+        raise ArgumentError(
+            f"settles_within: its band is {100 * SETTLING_BAND:g} % of the error at the start, and "
+            "runs start without error: ask for stays_within with after instead, or start elsewhere"
+        )
+
+
 def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
     """Unit of s of the laws that are meant."""
     units = [law.designed.sliding_unit for law in controllers if law.name in named or not named]
@@ -193,8 +212,6 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
             return None, "J* is zero: the run starts where it shall end"
         return whole / least, ""
     if limit.kind == "settles_within":
-        if comparison.error[0] == 0:
-            return None, "there is no error at the start"
         return metrics["settling_time"].value, metrics["settling_time"].note
     if limit.kind == "no_reaching_phase" and run.sliding is None:
         return None, "the law has no surface"

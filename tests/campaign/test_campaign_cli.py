@@ -203,6 +203,21 @@ def test_a_wrong_file_gets_one_line(
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("command", ["run", "campaign"])
+def test_a_band_that_is_a_share_of_no_error_is_refused(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The servo's reference is 1 rad."""
+    file = tmp_path / "at_rest.toml"
+    text = servo(laws=LQR, limits='[[requirement]]\nsettles_within = "10 ms"\n')
+    file.write_text(text.replace("start = {}", 'start = { "rotor angle" = "1 rad" }'))
+    assert run(command, file, "--out", tmp_path / "out", "--no-figures") == cli.WRONG
+    said = capsys.readouterr().err
+    assert "requirement 1: settles_within: its band is 2 % of the error at the start" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("target", "says"),
     [

@@ -210,8 +210,8 @@ class RequirementTable(Table):
     Attributes:
         of: Controllers that must keep it; all by default.
         on: Plants on which; physics by default, or all where there is none.
-        settles_within: The error stays within 2 % of its start from then on [s], up to the onset
-            of a later disturbance.
+        settles_within: The error stays within 2 % of the error at the start from then on [s], up
+            to the onset of a later disturbance. Refused where runs start without error.
         stays_within: Largest error from ``after`` on.
         after: [s].
         deviation_below: Largest distance from the law's own nominal optimum.

@@ -200,10 +200,10 @@ def folded(meters: Any, recording: Recording) -> dict[str, Array]:
 
     ``settled`` is the first instant from which on a run stays in its band, in its transient. It
     is its settling time if it stays for the last tenth of the transient at least, else infinity:
-    an error that swings in and out is always inside for a moment before some end.
+    an error that swings in and out is always inside for a moment before some end. A run that
+    starts without error has a band of zero: it has settled if it never leaves its reference.
     """
     settled = np.where(meters["outside"] < 0, 0.0, recording.following(meters["outside"]))
-    settled = np.where(meters["band"] == 0, 0.0, settled)
     late = settled > (1 - DWELL) * recording.transient
     return {
         "deviation": meters["deviation"],
