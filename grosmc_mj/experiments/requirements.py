@@ -247,7 +247,8 @@ def judgeable(limits: Sequence[Limit], before: float) -> tuple[list[Limit], list
             notes.append(
                 f"not judged: {limit.words}: there are {before:g} s before a run ends or a "
                 f"disturbance begins; they tell up to {told:g} s, since an error counts as settled "
-                "after a tenth of them in the band"
+                f"after a tenth of them in the band: require that at most, or make them "
+                f"{math.ceil(100 * limit.value / (1 - DWELL)) / 100:g} s at least"
             )
         else:
             found.append(limit)
