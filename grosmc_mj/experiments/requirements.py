@@ -150,6 +150,13 @@ def limits(
     return found
 
 
+def initial_error(law: Controller, x0: Sequence[float]) -> float:
+    """Size of the outputs' error at a start (n,), in their unit."""
+    error = law.designed.error
+    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
+    return float(np.linalg.norm(z[list(error.output_rows)]))
+
+
 def require_initial_error(law: Controller, x0: Sequence[float]) -> None:
     """Refuse ``settles_within`` for runs that start at their reference.
 
@@ -160,9 +167,7 @@ def require_initial_error(law: Controller, x0: Sequence[float]) -> None:
     Raises:
         ArgumentError: If the error at the start, of which the band is a share, is zero to rounding.
     """
-    error = law.designed.error
-    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
-    if np.linalg.norm(z[list(error.output_rows)]) <= _ROUNDING:
+    if initial_error(law, x0) <= _ROUNDING:
         raise ArgumentError(
             f"settles_within: its band is {100 * SETTLING_BAND:g} % of the error at the start, and "
             "runs start without error: ask for stays_within with after instead, or start elsewhere"

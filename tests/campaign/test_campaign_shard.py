@@ -179,7 +179,8 @@ def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
     named = ["deviation", "input", "sliding", "travel", "sliding_start"]
     meters = {name: np.array([value]) for name, value in zip(named, kinds.values(), strict=False)}
     # Outside of the band until 0.5 s of 0.6 s: nothing to be sure of, but something to compare.
-    meters |= {"band": np.ones(1), "outside": np.array([0.5]), "error": np.array([[0.7]])}
+    meters |= {"band": np.ones(1), "outside": np.array([0.5]), "left": np.array([0.8])}
+    meters["error"] = np.array([[0.7]])
     recording = Recording.sampled(0.25, 0.6, np.array([np.inf]), afters(limits))
     found = {**folded(meters, recording), "cost_ratio": np.array([0.6])}
     margins = margins_of(required(limits, ["lqr"]), found, np.array([True]))

@@ -14,9 +14,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.metrics.definitions import Recording
+from grosmc_mj.experiments.metrics.definitions import DWELL, Recording, transient_of
 from grosmc_mj.experiments.metrics.running import METRICS, metered, said_by
-from grosmc_mj.experiments.requirements import afters, costs_wanted, margins_of
+from grosmc_mj.experiments.requirements import afters, costs_wanted, initial_error, margins_of
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.plant import Kind
 from grosmc_mj.simulation.loop import relooped, room_of
@@ -40,6 +40,8 @@ class Outcomes:
         ended: Up to when it is valid [s], (n,).
         relative: The least margin in parts of its limit, (n,): at most 1, which is all of a limit;
             -inf for runs that ended early.
+        order: By which a search tells a worse run from a better one, (n,): ``relative``, which
+            has no lower bound where a run never settles; see ``_order``.
         judged_by: What each run was made on, ``EQUATIONS`` or ``PHYSICS``, (n,).
         screened: ``relative`` by the equations of those that were screened, (n,); NaN of others.
         overturned: How many verdicts MuJoCo overturned of a run that was screened, (n,).
@@ -54,6 +56,7 @@ class Outcomes:
     status: Sequence[str]
     ended: Array
     relative: Array
+    order: Array
     judged_by: Sequence[str]
     screened: Array
     overturned: NDArray[np.int64]
@@ -90,8 +93,8 @@ class Outcomes:
                 return change(own, other)
             return change(np.array(own, object), np.array(other, object)).tolist()
 
-        names = ("values", "metrics", "margins", "status", "ended", "relative", "judged_by")
-        names = (*names, "screened", "overturned")
+        names = ("values", "metrics", "margins", "status", "ended", "relative", "order")
+        names = (*names, "judged_by", "screened", "overturned")
         return replace(
             self, **{name: changed(getattr(self, name), getattr(others, name)) for name in names}
         )
@@ -220,10 +223,34 @@ def outcomes(
         status=words,
         ended=ended,
         relative=np.where(completed, np.min(shares, axis=0), -np.inf),
+        order=np.where(completed, _order(campaign, controller, shares, found, recording), -np.inf),
         judged_by=[PHYSICS if kind == "physics" else EQUATIONS] * len(values),
         screened=nothing,
         overturned=np.zeros(len(values), np.int64),
     )
+
+
+def _order(
+    campaign: Campaign,
+    controller: str,
+    shares: Sequence[Array],
+    found: Mapping[str, Array],
+    recording: Recording,
+) -> Array:
+    """The least margin in parts of its limit, without the bound that a run's length gives it.
+
+    The margin of a settling time is that of the transient's end T where a run never settles. Then
+    it is less the error left in the last tenth of T over the nominal error at the start,
+    (limit - T) / limit - max|e| / |e(0)|, so that the larger error is the worse one.
+    """
+    own = [each for each in campaign.requirements if controller in each.of]
+    settling = [each.value for each in own if each.metric == "settled"]
+    if not settling:
+        return np.min(shares, axis=0)
+    start = initial_error(campaign.laws[controller], campaign.experiment.case.x0)
+    never = 1 - recording.transient / min(settling) - found["left"] / start
+    shares = [*shares, np.where(np.isinf(found["settling_time"]), never, np.inf)]
+    return np.min(shares, axis=0)
 
 
 def plants_of(campaign: Campaign, plant_samples: Sequence[PlantSample]) -> list[Plant]:
@@ -254,6 +281,7 @@ def laws_with_meters(
     shape = (2, len(campaign.plant.system.inputs))
 
     def made(looped: Controller, onset: float, limits: bytes) -> Controller:
+        late = (1 - DWELL) * float(transient_of(onset, campaign.duration))
         return metered(
             looped,
             campaign.control_period,
@@ -261,6 +289,7 @@ def laws_with_meters(
             onset,
             costs=costs_wanted(campaign.requirements),
             limits=np.frombuffer(limits).reshape(shape),
+            late=late,
         )
 
     alike, limits_of = cache(partial(made, law)), cache(lambda plant: plant.input_limits.tobytes())

@@ -34,6 +34,7 @@ class Meters:
         start: Error at t = 0.
         band: Errors up to this count as none.
         outside: Last time at which the error was beyond it, in the transient [s]; -1 for never.
+        left: Largest error in the late part of the transient.
         beyond: Largest error of the other sign than the first, in the transient.
         deviation: Largest distance of the outputs from the optimum.
         sliding: Largest entry of |s|.
@@ -47,6 +48,7 @@ class Meters:
     start: float = 0.0
     band: float = 0.0
     outside: float = -1.0
+    left: float = 0.0
     beyond: float = 0.0
     deviation: float = 0.0
     sliding: float = 0.0
@@ -65,12 +67,14 @@ class MeterNumbers:
         onset: End of the transient [s].
         part: Part of the error at the start that counts as no error.
         width: What else counts as none.
+        late: When the late part of the transient begins [s].
     """
 
     after: Array = field(default_factory=lambda: np.zeros(1))
     onset: float = math.inf
     part: float = SETTLING_BAND
     width: float = 0.0
+    late: float = math.inf
 
 
 def transient_end(onset: float) -> float:
@@ -113,6 +117,8 @@ def note(
     if t <= known.onset * (1 + 1e-12):
         if abs(error) > meters.band:
             meters.outside = t
+        if t >= known.late * (1 - 1e-12):
+            meters.left = larger(abs(error), meters.left)
         meters.beyond = larger(-error if meters.start > 0.0 else error, meters.beyond)
     for i in range(len(known.after)):
         if t >= known.after[i] * (1 - 1e-12):
@@ -186,8 +192,12 @@ class Recording:
     @property
     def transient(self) -> Array:
         """How long the transient lasts, in which a run settles [s], (n,)."""
-        onset = self.onset
-        return np.where((onset > 0) & (onset < self.duration), onset, self.duration)
+        return transient_of(self.onset, self.duration)
+
+
+def transient_of(onset: Any, duration: float) -> Any:
+    """How long a run of this duration is a transient whose first disturbance begins then [s]."""
+    return np.where((onset > 0) & (onset < duration), onset, duration)
 
 
 def error_after(after: float) -> str:
@@ -209,6 +219,7 @@ def folded(meters: Any, recording: Recording) -> dict[str, Array]:
         "deviation": meters["deviation"],
         "settled": settled,
         "settling_time": np.where(late, np.inf, settled),
+        "left": meters["left"],
         "max_sliding": meters["sliding"],
         "sliding_start": meters["sliding_start"],
         "max_input": meters["input"],

@@ -86,6 +86,7 @@ def metered(
     *,
     costs: bool = False,
     limits: Array | None = None,
+    late: float = math.inf,
 ) -> Controller:
     """The same controller with meters: its memory has ``meters`` besides.
 
@@ -99,6 +100,7 @@ def metered(
         costs: Whether the index is wanted.
         limits: ``Plant.input_limits``, (2, m), which the input is noted within, as the plant is
             given it; None for none.
+        late: From when on the error that is left is noted, up to the end of the transient [s].
 
     Raises:
         ArgumentError: If the controller follows no optimum.
@@ -108,6 +110,7 @@ def metered(
     numbers = LawMeterNumbers(
         after=np.array(after or [0.0], float),
         onset=transient_end(onset),
+        late=late,
         transition=_transition(
             optimum.closed_loop.tobytes(), error.size, controller.asked_every(control_period)
         ),
