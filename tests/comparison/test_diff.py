@@ -158,6 +158,17 @@ def test_what_is_gone_is_worse(
     assert run("diff", *sides) == cli.DONE, "more than there was is not worse"
 
 
+def test_a_campaign_that_is_gone_is_worse(tmp_path: Path) -> None:
+    old, new = (written(tmp_path / name, run_document()) for name in ("old", "new"))
+    campaign = old / "campaigns" / "servo"
+    campaign.mkdir(parents=True)
+    (campaign / "manifest.json").write_text("{}")
+    (change,) = compare(old, new).changes
+    assert (change.name, change.effect) == ("campaigns/servo", Effect.WORSE)
+    (change,) = compare(new, old).changes
+    assert change.effect is Effect.NEW
+
+
 def test_what_chance_did_to_single_runs_is_not_judged_and_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
