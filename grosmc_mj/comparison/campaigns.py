@@ -17,7 +17,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.findings.basis import Basis
 from grosmc_mj.campaign.findings.replicates import Draws
 from grosmc_mj.campaign.runs.manifest import MANIFEST, read_manifest, replicates_in
-from grosmc_mj.comparison.changes import Change, Effect
+from grosmc_mj.comparison.changes import GONE, Change, Effect
 from grosmc_mj.errors import ArgumentError, one_line
 
 # An alarm is raised falsely in one comparison of twenty at most, however many tests it has.
@@ -128,7 +128,32 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
             effect = Effect.NOISE
         if effect is not Effect.NOISE or test.change.before != test.change.after:
             found.append(test.change._replace(effect=effect, note=note))
+    before, after = _judged(old), _judged(new)
+    found += [gone_or_new(f"{new.name} {each}", gone=True) for each in before if each not in after]
+    found += [gone_or_new(f"{new.name} {each}", gone=False) for each in after if each not in before]
     return found, len(tests)
+
+
+def gone_or_new(name: str, *, gone: bool) -> Change:
+    """A campaign, a law or a requirement that one side has alone: worse if it is gone."""
+    if gone:
+        return Change("campaign", name, "there", None, Effect.WORSE, note=GONE)
+    return Change("campaign", name, None, "there", Effect.NEW)
+
+
+def _judged(campaign: CampaignRows) -> list[str]:
+    """Laws, and requirements of each, that there are margins of."""
+    return [
+        f"{law}: {_called(column)}"
+        for law, columns in campaign.rows.items()
+        for column, values in columns.items()
+        if column != "id" and not np.isnan(values).all()
+    ]
+
+
+def _called(column: str) -> str:
+    """A requirement by the column of its margins."""
+    return "least margin" if column == "relative" else column.removeprefix(_MARGIN)
 
 
 def _tests(old: CampaignRows, new: CampaignRows, law: str) -> Iterator[_Test]:
@@ -136,8 +161,7 @@ def _tests(old: CampaignRows, new: CampaignRows, law: str) -> Iterator[_Test]:
     before, after, paired = _on_same_plants(old, new, law)
     shared = [name for name in before if name in after and name != "id"]
     for column in shared:
-        called = "least margin" if column == "relative" else column.removeprefix(_MARGIN)
-        name = f"{new.name} {law}: {called}"
+        name = f"{new.name} {law}: {_called(column)}"
         a, b = before[column], after[column]
         if not (len(a) and len(b)) or np.isnan(a).any() or np.isnan(b).any():
             continue
@@ -151,7 +175,7 @@ def _tests(old: CampaignRows, new: CampaignRows, law: str) -> Iterator[_Test]:
                 Effect.NOISE,
             )  # fmt: skip
             draws = (old.draws(law), new.draws(law))
-            yield _tested(change, first, second, draws, paired=paired)
+            yield _tested(change, first, second, draws, paired=paired, rates=what == "pass rate")
 
 
 def _number(value: Any) -> float | None:
@@ -170,7 +194,7 @@ def _on_same_plants(
 
 
 def _tested(
-    change: Change, a: Array, b: Array, draws: tuple[Draws, Draws], *, paired: bool
+    change: Change, a: Array, b: Array, draws: tuple[Draws, Draws], *, paired: bool, rates: bool
 ) -> _Test:
     """The p-value of a difference of two columns, and the standard error of its mean."""
     # A run that ended early is as far below as the worst that did not.
@@ -180,7 +204,7 @@ def _tested(
     if paired:
         moved = b - a
         moved[np.abs(moved) <= _ROUNDING * scale] = 0.0
-        p, error = _of_pairs(moved, draws[1])
+        p, error = (_of_verdicts if rates else _of_pairs)(moved, draws[1])
         return _Test(change, p, float(moved.mean()), error)
     p, error = _of_groups(a, b, draws)
     return _Test(change, p, float(b.mean() - a.mean()), error)
@@ -199,6 +223,18 @@ def _of_pairs(moved: Array, draws: Draws) -> tuple[float | None, float]:
     return float(found.pvalue), float(moved.std(ddof=1)) / math.sqrt(len(moved)) if len(
         moved
     ) > 1 else math.nan
+
+
+def _of_verdicts(moved: Array, draws: Draws) -> tuple[float | None, float]:
+    """McNemar's test, exact: a plant kept on one side alone is of either with probability 1/2.
+
+    It needs no independent plants, since both sides have the same.
+    """
+    if draws.why_not:
+        return None, math.nan
+    lost, won = int((moved < 0).sum()), int((moved > 0).sum())
+    p = float(stats.binomtest(lost, lost + won).pvalue) if lost + won else 1.0
+    return p, float(moved.std()) / math.sqrt(len(moved))
 
 
 def _of_groups(a: Array, b: Array, draws: tuple[Draws, Draws]) -> tuple[float | None, float]:

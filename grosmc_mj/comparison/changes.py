@@ -8,13 +8,17 @@ from enum import Enum
 from typing import NamedTuple
 
 from grosmc_mj.chapter.expected_results import tolerance_of
-from grosmc_mj.comparison.figures import OTHER, Figure, direction
+from grosmc_mj.comparison.figures import Figure, direction
+
+# What is noted of a figure that the new results do not have.
+GONE = "gone"
 
 
 class Effect(Enum):
     """What a change is.
 
-    ``UNJUDGED`` is of a single run whose chance had another seed: it has no spread to judge by.
+    A figure that is gone is ``WORSE``. ``UNJUDGED`` is of a single run whose chance had another
+    seed: it has no spread to judge by.
     """
 
     WORSE = "worse"
@@ -22,7 +26,6 @@ class Effect(Enum):
     CHANGED = "changed"
     UNJUDGED = "not judged"
     NOISE = "noise"
-    GONE = "gone"
     NEW = "new"
 
 
@@ -85,11 +88,12 @@ def changes(
         for key in before.keys() & after.keys()
         if (change := _change(before[key], after[key], conditions[key[0]])) is not None
     ]
-    for there, other, effect in ((before, after, Effect.GONE), (after, before, Effect.NEW)):
-        for key, figure in there.items():
-            if key not in other:
-                values = (figure.value, None) if effect is Effect.GONE else (None, figure.value)
-                found.append(Change(*key, *values, effect, figure.unit))
+    for key, figure in before.items():
+        if key not in after:
+            found.append(Change(*key, figure.value, None, Effect.WORSE, figure.unit, GONE))
+    for key, figure in after.items():
+        if key not in before:
+            found.append(Change(*key, None, figure.value, Effect.NEW, figure.unit))
     order = list(Effect)
     found.sort(key=lambda each: (order.index(each.effect), -each.relative, each.kind, each.name))
     return found, len(before.keys() & after.keys())
@@ -105,8 +109,8 @@ def _change(old: Figure, new: Figure, under: Conditions) -> Change | None:
     if isinstance(old.value, str) and isinstance(new.value, str):
         return change._replace(effect=_effect(direction(old.value, new.value)))
     if old.value is None or new.value is None or isinstance(old.value, str | None):
-        lost = new.value is None and new.better != OTHER
-        return change._replace(effect=Effect.WORSE if lost else Effect.CHANGED)
+        gone = new.value is None
+        return change._replace(effect=Effect.WORSE if gone else Effect.CHANGED)
     assert not isinstance(new.value, str)
     relative, absolute = tolerance_of(
         new.metric, switched=(old.switched or new.switched) and not under.same

@@ -6,7 +6,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from grosmc_mj.comparison.campaigns import campaign_changes, campaign_folders, campaign_rows
+from grosmc_mj.comparison.campaigns import (
+    campaign_changes,
+    campaign_folders,
+    campaign_rows,
+    gone_or_new,
+)
 from grosmc_mj.comparison.changes import Change, Effect, changes
 from grosmc_mj.comparison.figures import figures_of
 from grosmc_mj.comparison.sources import conditions, source_differences
@@ -41,7 +46,7 @@ class ResultComparison(NamedTuple):
 
     @property
     def worse(self) -> list[Change]:
-        """What got worse beyond noise, and what was kept and is gone."""
+        """What got worse beyond noise, and what is gone."""
         return [change for change in self.changes if change.effect is Effect.WORSE]
 
 
@@ -68,6 +73,8 @@ def compare(old: Path, new: Path) -> ResultComparison:
         more, tests = campaign_changes(campaign_rows(mine[key]), campaign_rows(theirs[key]))
         found += more
         compared += tests
+    for key in sorted(mine.keys() ^ theirs.keys()):
+        found.append(gone_or_new(key, gone=key in mine))
     if not compared:
         for place, found_there in ((old, before), (new, after)):
             if not found_there.documents and found_there.notices:

@@ -31,6 +31,7 @@ from grosmc_mj.experiments.requirements import (
     judge_all,
     judgeable,
     limits,
+    require_initial_error,
     transient,
 )
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
@@ -169,6 +170,8 @@ class Experiment:
                 require_known(kind, name, valid)
         if 0 < self.file.run.duration <= table.after:
             raise ArgumentError(f"after {table.after:g} s the run has ended")
+        if table.settles_within is not None and table.band is None:
+            require_initial_error(designed[0], self.case.x0)
         return limits(table, designed, self.plant_names, self.case.duration)
 
     def checked(self) -> Experiment:

@@ -15,6 +15,7 @@ from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics.definitions import (
     DWELL,
+    SETTLING_BAND,
     Windows,
     error_after,
     folded,
@@ -185,6 +186,30 @@ def limits(
     return found
 
 
+def initial_error(law: Controller, x0: Sequence[float]) -> float:
+    """Size of the outputs' error at a start (n,), in their unit."""
+    error = law.designed.error
+    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
+    return float(np.linalg.norm(z[list(error.output_rows)]))
+
+
+def require_initial_error(law: Controller, x0: Sequence[float]) -> None:
+    """Refuse ``settles_within`` for runs that start at their reference.
+
+    Args:
+        law: One of the laws that must settle.
+        x0: Start, (n,).
+
+    Raises:
+        ArgumentError: If the error at the start, of which the band is a share, is zero to rounding.
+    """
+    if initial_error(law, x0) <= _ROUNDING:
+        raise ArgumentError(
+            f"settles_within: its band is {100 * SETTLING_BAND:g} % of the error at the start, and "
+            "runs start without error: ask for stays_within with after instead, or start elsewhere"
+        )
+
+
 def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
     """Unit of s of the laws that are meant."""
     units = [law.designed.sliding_unit for law in controllers if law.name in named or not named]
@@ -228,8 +253,6 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
             return None, "J* is zero: the run starts where it shall end"
         return whole / least, ""
     if limit.kind == "settles_within" and limit.band is None:
-        if comparison.error[0] == 0:
-            return None, "there is no error at the start"
         return metrics["settling_time"].value, metrics["settling_time"].note
     if limit.kind == "no_reaching_phase" and run.sliding is None:
         return None, "the law has no surface"
@@ -266,7 +289,8 @@ def judgeable(limits: Sequence[Limit], before: float) -> tuple[list[Limit], list
             notes.append(
                 f"not judged: {limit.words}: there are {before:g} s before a run ends or a "
                 f"disturbance begins; they tell up to {told:g} s, since an error counts as settled "
-                "after a tenth of them in the band"
+                f"after a tenth of them in the band: require that at most, or make them "
+                f"{math.ceil(100 * limit.value / (1 - DWELL)) / 100:g} s at least"
             )
         else:
             found.append(limit)

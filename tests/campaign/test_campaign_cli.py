@@ -87,20 +87,20 @@ def test_at_least_decides_the_exit_code(
     file: Path, tmp_path: Path, share: str, code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = ("campaign", file, "--runs", "256", "--out", tmp_path, "--no-figures")
-    assert run(*asked, "--at-least", share) == code
-    assert "of the declared design" in capsys.readouterr().out
+    assert run(*asked, "--sampler", "random", "--at-least", share) == code
+    said = " ".join(capsys.readouterr().out.split())
+    assert "of the declared design keep everything" in said
+    assert f"{100 * float(share):g} % are asked for" in said
 
 
-def test_where_replicates_agree_no_share_is_shown(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("runs", "code"), [(298, cli.DIFFERS), (299, cli.DONE)])
+def test_299_runs_without_failure_show_99_percent(
+    file: Path, tmp_path: Path, runs: int, code: int
 ) -> None:
     easy = tmp_path / "easy.toml"
     easy.write_text(file.read_text().replace("3 mrad", "100 mrad"))
-    asked = ("campaign", easy, "--runs", "32", "--no-figures", "--at-least", "0.5")
-    assert run(*asked, "--out", tmp_path / "sobol") == cli.DIFFERS
-    said = " ".join(capsys.readouterr().out.split())
-    assert "lqr: no interval: all replicates agree; --sampler random gives one; 50 % are" in said
-    assert run(*asked, "--out", tmp_path / "random", "--sampler", "random") == cli.DONE
+    asked = ("--sampler", "random", "--at-least", "0.99", "--no-figures", "--out", tmp_path / "out")
+    assert run("campaign", easy, "--runs", str(runs), *asked) == code
 
 
 def test_it_says_who_judged_and_why_equations_did_not(
@@ -147,7 +147,8 @@ def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
         (("--axes", "load amplitude", "load amplitude"), "twice: name two different numbers"),
         (("--axes", "load amplitude"), "--axes names 1: name two uncertain numbers"),
         (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
-        (("--at-least", "0.5", "--sampler", "lhs"), "--sampler lhs gives none: take sobol or"),
+        (("--at-least", "0.5"), "--sampler sobol does not draw: take --sampler random"),
+        (("--at-least", "0.5", "--sampler", "lhs"), "--sampler lhs does not draw: take --sampler"),
         (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
         (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),
         (("--worst", "--evaluations", str(10**30)), "must be 128 or more, up to 10000000"),
@@ -201,6 +202,21 @@ def test_a_wrong_file_gets_one_line(
     assert error.startswith(f"grosmc-mj: {path}: ")
     assert says in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["run", "campaign"])
+def test_a_band_that_is_a_share_of_no_error_is_refused(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The servo's reference is 1 rad."""
+    file = tmp_path / "at_rest.toml"
+    text = servo(laws=LQR, limits='[[requirement]]\nsettles_within = "10 ms"\n')
+    file.write_text(text.replace("start = {}", 'start = { "rotor angle" = "1 rad" }'))
+    assert run(command, file, "--out", tmp_path / "out", "--no-figures") == cli.WRONG
+    said = capsys.readouterr().err
+    assert "requirement 1: settles_within: its band is 2 % of the error at the start" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
@@ -324,7 +340,14 @@ def test_results_are_written_before_they_are_shown(
     monkeypatch.setattr(shown, interrupted)
     with pytest.raises(KeyboardInterrupt):
         asked(
-            file, tmp_path, worst=True, evaluations=128, radius=True, at_least=0.99, verbose=True
+            file,
+            tmp_path,
+            worst=True,
+            evaluations=128,
+            radius=True,
+            at_least=0.99,
+            sampler="random",
+            verbose=True,
         ).execute()
     assert {path.name for path in tmp_path.glob("*.json")} - {"manifest.json"} == written
     assert not list(tmp_path.glob("*.png"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,15 @@ import pytest
 from campaign_cases import INERTIA, LAWS, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.experiments.metrics.definitions import Recording, folded
+from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, Windows, folded
 from grosmc_mj.experiments.metrics.recorded import Comparison, compare_with_optimum, measure, noted
 from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
+from grosmc_mj.experiments.requirements import judge_all
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -58,7 +62,7 @@ def run(
     push = Disturbance(bodies[-1], (0.3, 0, 0.2, 0, 0.1, 0), Pulse(onset, onset + 0.03))
     found = simulate(
         asked.plant,
-        metered(controller, PERIOD, AFTER, onset, costs=True),
+        metered(controller, PERIOD, Windows(tuple(AFTER)), onset, costs=True),
         asked.experiment.case.x0,
         duration=duration,
         control_period=PERIOD,
@@ -155,7 +159,7 @@ def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: 
     for law in asked.laws.values():
         found = simulate(
             asked.plant,
-            metered(law, asked.control_period, [0.5], case.onset, costs=True),
+            metered(law, asked.control_period, Windows((0.5,)), case.onset, costs=True),
             case.x0,
             duration=asked.duration,
             control_period=asked.control_period,
@@ -165,7 +169,7 @@ def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: 
         running = found.memory["meters"][-1:]
         samples = replace(found, time=found.time[:-1], state=found.state[:-1])
         comparison = compare_with_optimum(samples, law)
-        rows, _ = noted(samples, comparison, case.onset, 0.5)
+        rows, _ = noted(samples, comparison, case.onset, Windows((0.5,)))
         for field in rows.dtype.names:
             if field == "deviation" or len(comparison.outputs) > 1:
                 # One step of the optimum after another, and a norm in another order.
@@ -192,7 +196,7 @@ def test_laws_with_dynamics_are_metered_in_both_engines(law: str) -> None:
 
 def stepped(asked: Campaign, onset: float, *states: list[float]) -> Any:
     """The meters after samples at these states, a period apart."""
-    law = metered(asked.laws["lqr"], PERIOD, AFTER, onset)
+    law = metered(asked.laws["lqr"], PERIOD, Windows(tuple(AFTER)), onset)
     memory: Any = law.memory()
     for k, state in enumerate(states):
         law.law(k * PERIOD, np.array(state), memory, law.parameters)
@@ -242,7 +246,10 @@ def test_a_run_that_starts_at_its_reference_has_settled() -> None:
 
 def test_one_law_measures_many_batches_without_compiling_again() -> None:
     law = campaign(servo()).laws["grosmc"]
-    one, other = metered(law, 0.001, [], 0.02), metered(law, 0.001, [0.5], math.inf)
+    one, other = (
+        metered(law, 0.001, NO_WINDOWS, 0.02),
+        metered(law, 0.001, Windows((0.5,)), math.inf),
+    )
     assert one.law is other.law
     assert {"deviation", "settling_time", "max_input"} <= METRICS.keys()
 
@@ -250,4 +257,52 @@ def test_one_law_measures_many_batches_without_compiling_again() -> None:
 def test_a_law_without_an_optimum_cannot_be_metered() -> None:
     law = replace(campaign(servo()).laws["lqr"], design=None)
     with pytest.raises(ArgumentError, match="lqr has no error coordinates and no optimum"):
-        metered(law, 0.001, [], 0.0)
+        metered(law, 0.001, NO_WINDOWS, 0.0)
+
+
+LEVER = """
+<mujoco model="lever">
+  <option timestep="0.001" integrator="RK4"/>
+  <worldbody>
+    <body name="bar" pos="0 0 1">
+      <joint name="hinge" axis="0 -1 0" damping="0.2"/>
+      <geom type="capsule" fromto="0 0 0  0.4 0 0" size="0.03" mass="1"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="hinge" joint="hinge" ctrllimited="true" ctrlrange="-1.5 1.5"/></actuator>
+</mujoco>
+"""
+ASKS_FOR_MORE = """
+[plant]
+model = "lever.xml"
+[run]
+start = { hinge = "-60 deg" }
+duration = "0.5 s"
+[task]
+Q = [400, 10]
+R = 1
+[[controller]]
+law = "lqr"
+[[requirement]]
+input_below = "1.6 N m"
+[[uncertain]]
+body = "bar"
+mass_scale = [1, 1.5]
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_campaign_judges_the_input_that_the_plant_is_given(engine: Any, tmp_path: Path) -> None:
+    (tmp_path / "lever.xml").write_text(LEVER)
+    (tmp_path / "case.toml").write_text(
+        ASKS_FOR_MORE.replace("[run]", f'[run]\nengine = "{engine}"')
+    )
+    experiment = Experiment.load(tmp_path / "case.toml")
+    recorded = experiment.run("physics", "lqr")
+    assert np.abs(recorded.trajectory.command).max() > 1.6, "the actuator must cut something"
+    assert recorded.metrics["max_input"].value == 1.5
+    asked = Campaign.load(str(tmp_path / "case.toml"), runs=2)
+    nominal = evaluate(asked, "lqr", asked.family.nominal[None])
+    assert nominal.metrics["max_input"][0] == 1.5
+    assert nominal.margins["input_below"][0] == pytest.approx(0.1)
+    assert nominal.kept[0] == judge_all(experiment.limits, [recorded])[0].kept

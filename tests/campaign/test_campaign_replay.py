@@ -18,6 +18,7 @@ from grosmc_mj.campaign.report.document import replay_document, worst_document
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import found_values, replay
 from grosmc_mj.errors import GrosmcError
+from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.report.document import json_text
 
 ENGINES: list[Any] = ["native", "python"]
@@ -41,6 +42,11 @@ def test_a_run_is_repeated_bit_for_bit(folder: Folder, law: str, engine: Any) ->
         assert document["as_stored"] is True
         assert document["status"] == "completed"
         json_text(document)
+        # What is shown is what was compared.
+        shown = {name: each.value for name, each in found.judged.metrics.items()}
+        for name in METRICS.keys() & shown.keys():
+            if shown[name] is not None:
+                assert shown[name] == document["metrics"][name], name
 
 
 def test_the_last_controller_is_the_default(folder: Folder) -> None:

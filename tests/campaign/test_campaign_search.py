@@ -146,6 +146,40 @@ def test_a_search_begins_with_the_runs_it_is_given() -> None:
     assert worst(asked, "lqr", [6, 5], 128).samples == own.min()
 
 
+# The load that stays leaves an error in proportion: above 2 % of the step the rotor never settles.
+STAYS = """
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "1 N m", "0 N m"]
+profile = "constant"
+label = "load"
+"""
+
+
+def test_of_plants_that_never_settle_the_one_with_the_largest_error_left_is_the_worst() -> None:
+    asked = campaign(
+        case(
+            "servo", AMPLITUDE, duration=4.0, laws=LQR, disturbances=STAYS,
+            limits='[[requirement]]\nsettles_within = "2 s"\n',
+        ),
+        runs=64, shard=64,
+    )  # fmt: skip
+    values = asked.values(range(64))
+    found = evaluate(asked, "lqr", values)
+    never = np.flatnonzero(found.relative == -1)
+    assert len(never) > 32, "as a time the margin of most is the same"
+    # The search begins with those that have the least error left.
+    rising = never[np.abs(values[never, 0]).argsort()].tolist()
+    assert np.abs(worst(asked, "lqr", rising[:16], 128).values[0]) > 0.999
+    # Of more than these it takes those with the most.
+    begun = worst(asked, "lqr", rising, 128)
+    assert begun.samples == found.relative[rising[-1]]
+    assert begun.evaluations <= 128
+    reached = radius(asked, "lqr")
+    for look in reached.looks:
+        assert abs(look.values[0]) == pytest.approx(look.scale, rel=1e-12), "its end is a corner"
+
+
 def test_what_is_not_nominal_is_named(known: Worst) -> None:
     assert known.shrunk is not None
     pairs = zip(["rotor mass scale", "load amplitude"], known.shrunk, [1.0, 0.0], strict=True)

@@ -11,10 +11,10 @@ from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, serv
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
-from grosmc_mj.experiments.metrics.definitions import Recording, folded
+from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, folded
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.experiments.metrics.running import METRICS, metered
-from grosmc_mj.experiments.requirements import Limit, afters, margins_of, required
+from grosmc_mj.experiments.requirements import Limit, margins_of, required, windows
 from grosmc_mj.simulation.simulate import simulate
 
 
@@ -27,7 +27,7 @@ def test_rows_are_those_of_single_runs(law: str) -> None:
         plant_sample = asked.plant_sample(row)
         run = simulate(
             plant_sample.plant(asked.plant),
-            metered(asked.laws[law], 0.001, [], plant_sample.case.onset),
+            metered(asked.laws[law], 0.001, NO_WINDOWS, plant_sample.case.onset),
             plant_sample.case.x0,
             duration=0.05,
             control_period=0.001,
@@ -179,8 +179,14 @@ def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
     named = ["deviation", "input", "sliding", "travel", "sliding_start"]
     meters = {name: np.array([value]) for name, value in zip(named, kinds.values(), strict=False)}
     # Outside of the band until 0.5 s of 0.6 s: nothing to be sure of, but something to compare.
-    meters |= {"band": np.ones(1), "outside": np.array([0.5]), "error": np.array([[0.7]])}
-    recording = Recording.sampled(0.25, 0.6, np.array([np.inf]), afters(limits))
+    meters |= {"outside": np.array([[0.5]]), "left": np.array([0.8])}
+    meters |= {
+        "error": np.array([[0.7]]),
+        "squares": np.array([[3.0]]),
+        "count": np.full((1, 1), 4),
+    }
+    meters |= {"start": np.ones(1), "beyond": np.zeros(1)}
+    recording = Recording.sampled(0.25, 0.6, np.array([np.inf]), windows(limits))
     found = {**folded(meters, recording), "cost_ratio": np.array([0.6])}
     margins = margins_of(required(limits, ["lqr"]), found, np.array([True]))
     assert {key: margin.item() for key, margin in margins.items()} == {

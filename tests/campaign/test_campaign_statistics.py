@@ -15,7 +15,12 @@ from scipy import stats
 
 from grosmc_mj.campaign.findings.pairing import paired
 from grosmc_mj.campaign.findings.sensitivity import sensitivities
-from grosmc_mj.campaign.findings.statistics import margin_summary, pass_rate, runs_needed
+from grosmc_mj.campaign.findings.statistics import (
+    margin_summary,
+    pass_rate,
+    rate_shown,
+    runs_needed,
+)
 from grosmc_mj.errors import ArgumentError
 
 INF = math.inf
@@ -73,6 +78,21 @@ def test_runs_needed_is_the_smallest_number(rate, confidence):
 )
 def test_runs_needed_in_known_cases(rate, confidence, runs):
     assert runs_needed(rate, confidence) == runs
+    assert rate_shown(runs, runs, confidence) >= rate * (1 - 1e-12)
+    assert runs == 1 or rate_shown(runs - 1, runs - 1, confidence) < rate
+
+
+@pytest.mark.parametrize(("kept", "runs"), [(1, 2), (299, 299), (368, 369), (950, 1000)])
+@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.999])
+def test_the_share_that_is_shown_makes_so_many_kept_as_unlikely_as_is_allowed(
+    kept, runs, confidence
+):
+    share = rate_shown(kept, runs, confidence)
+    tail = sum(
+        math.comb(runs, k) * share**k * (1 - share) ** (runs - k) for k in range(kept, runs + 1)
+    )
+    assert tail == pytest.approx(1 - confidence, rel=1e-9)
+    assert rate_shown(0, runs, confidence) == 0.0
 
 
 # Margins.

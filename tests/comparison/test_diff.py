@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -123,6 +125,48 @@ def test_the_command_exits_1_if_something_got_worse(
     document = json.loads((out / "diff.json").read_text())
     assert document["counts"]["worse"] == 1
     assert run("diff", str(new), str(old), "--out", str(out)) == cli.DONE
+
+
+def without(*path: Any) -> dict[str, Any]:
+    """What ``run`` writes, without the last of these keys."""
+    document: Any = run_document()
+    place = document
+    for key in path[:-1]:
+        place = place[key]
+    del place[path[-1]]
+    return document
+
+
+@pytest.mark.parametrize(
+    ("new", "worse"),
+    [
+        (without("requirements", 0), {"settles_within", "settles_within, margin"}),
+        (without("runs", 0, "metrics", "deviation"), {"deviation"}),
+        (without("runs", 0), {"status", "deviation"}),
+        (run_document(deviation=None), {"deviation"}),
+        (run_document(margin=None), {"settles_within, margin"}),
+    ],
+)
+def test_what_is_gone_is_worse(
+    new: dict[str, Any], worse: set[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert effects(tmp_path, run_document(), new) == dict.fromkeys(worse, Effect.WORSE)
+    sides = [str(tmp_path / "old"), str(tmp_path / "new"), "--out", str(tmp_path)]
+    assert run("diff", *sides) == cli.DIFFERS
+    assert f"{len(worse)} got worse beyond noise" in capsys.readouterr().out
+    sides[:2] = sides[1::-1]
+    assert run("diff", *sides) == cli.DONE, "more than there was is not worse"
+
+
+def test_a_campaign_that_is_gone_is_worse(tmp_path: Path) -> None:
+    old, new = (written(tmp_path / name, run_document()) for name in ("old", "new"))
+    campaign = old / "campaigns" / "servo"
+    campaign.mkdir(parents=True)
+    (campaign / "manifest.json").write_text("{}")
+    (change,) = compare(old, new).changes
+    assert (change.name, change.effect) == ("campaigns/servo", Effect.WORSE)
+    (change,) = compare(new, old).changes
+    assert change.effect is Effect.NEW
 
 
 def test_what_chance_did_to_single_runs_is_not_judged_and_said(
@@ -280,6 +324,44 @@ def test_a_fault_of_two_percent_in_a_margin_is_found(sampler: str) -> None:
     worse = [each for each in found if each.effect is Effect.WORSE]
     assert worse
     assert all("p = " in each.note and "least detectable" in each.note for each in worse)
+
+
+@pytest.mark.parametrize(
+    ("lost", "won", "p"), [(20, 0, 1.9e-6), (15, 2, 2.35e-3), (3, 3, 1.0), (0, 20, 1.9e-6)]
+)
+@pytest.mark.parametrize("sampler", ["random", "sobol"])
+def test_pass_rates_of_the_same_plants_are_compared_by_those_that_changed(
+    sampler: str, lost: int, won: int, p: float
+) -> None:
+    """McNemar (1947): of plants that changed, as many were lost as won, but for chance."""
+    runs, changed = 2000, lost + won
+    tail = sum(math.comb(changed, k) for k in range(max(lost, won), changed + 1)) / 2**changed
+    assert min(1.0, 2 * tail) == pytest.approx(p, rel=0.02)
+    plants = np.linspace(-1, 1, runs)[:, None]
+    before, after = np.full(runs, 0.1), np.full(runs, 0.1)
+    after[:lost], before[lost:changed] = -0.1, -0.1
+    found, _ = campaign_changes(rows(before, plants, sampler), rows(after, plants, sampler))
+    rates = [each for each in found if each.name.endswith("pass rate")]
+    # Holm's procedure takes the least of the p-values times 4, as there are 4 tests.
+    expected = Effect.NOISE if 4 * p >= LEVEL else Effect.WORSE if lost > won else Effect.BETTER
+    assert {each.effect for each in rates} <= {expected}
+    assert all(
+        f"p = {p:.1g} of 4 tests" in each.note for each in rates if expected is not Effect.NOISE
+    )
+    assert bool(rates) == (lost != won)
+
+
+def test_a_requirement_or_law_that_a_campaign_no_longer_has_is_worse() -> None:
+    plants = np.linspace(-1, 1, RUNS)[:, None]
+    one = rows(plants[:, 0], plants)
+    fewer = replace(one, rows={"grosmc": {k: one.rows["grosmc"][k] for k in ("id", "relative")}})
+    other = replace(one, rows={"lqr": one.rows["grosmc"]}, plants={"lqr": one.plants["grosmc"]})
+    for new, gone in ((fewer, 1), (other, 2)):
+        found, _ = campaign_changes(one, new)
+        assert [each.effect for each in found].count(Effect.WORSE) == gone
+        assert all(each.after is None for each in found if each.effect is Effect.WORSE)
+    found, _ = campaign_changes(fewer, one)
+    assert [each.effect for each in found] == [Effect.NEW]
 
 
 def test_campaigns_that_are_equal_to_the_bit_tell_nothing() -> None:

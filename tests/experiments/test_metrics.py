@@ -101,6 +101,14 @@ def test_an_error_that_leaves_the_band_again_settles_after_its_return() -> None:
     assert settling_time(TIME, error).value == pytest.approx(7, abs=2 * H)
 
 
+@pytest.mark.parametrize(("left", "settled"), [(0.0, 0.0), (0.87, None), (1e-6, None)])
+def test_a_run_without_initial_error_settles_only_if_it_stays(
+    left: float, settled: float | None
+) -> None:
+    error = np.where(TIME < 1, 0.0, left)
+    assert settling_time(TIME, error).value == settled
+
+
 def test_settling_and_overshoot_do_not_depend_on_the_sign_of_the_error() -> None:
     error = np.exp(-TIME) * np.cos(3 * TIME)
     assert settling_time(TIME, error) == settling_time(TIME, -error)

@@ -173,6 +173,20 @@ def test_failed_requirement_has_exit_code_1(folder: Path, capsys: pytest.Capture
     assert json.loads((folder / "renders" / "own.json").read_text())["kept"] is False
 
 
+def test_a_file_of_which_nothing_can_be_judged_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    unjudgeable = CASE + '\n[[requirement]]\nsettles_within = "0.19 s"\n'
+    assert run("run", own(folder, unjudgeable), "--no-figures") == cli.WRONG
+    said = capsys.readouterr().err
+    assert "no requirement can be judged: settles within 0.19 s: there are 0.2 s before" in said
+    assert "require that at most, or make them 0.22 s at least" in said
+    assert said.count("\n") == 1
+    assert not (folder / "renders").exists()
+    enough = unjudgeable.replace('duration = "0.2 s"', 'duration = "0.22 s"')
+    assert run("run", own(folder, enough), "--no-figures") == cli.DIFFERS
+
+
 @pytest.mark.parametrize(
     "case",
     [

@@ -35,7 +35,8 @@ from grosmc_mj.errors import SetupError
 MOST = 2**20
 # What the least margin of all requirements is called.
 ALL = "all requirements"
-_WORST = 16
+# How many of the worst runs are told, and of how many others a search asks if they are worse.
+WORST, _OTHERS = 16, 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,8 @@ class Findings:
         differences: By requirement, first and second law.
         sensitivities: By law that something is required of: what drives its least margin, in parts
             of the limit.
-        worst: By law: numbers of its worst runs, the worst first.
+        worst: By law: numbers of its worst runs, the worst first, and after these of others that
+            never settle, whose margins are about the same.
         units: Of margins, by requirement.
         judges: By law: by what its runs were judged; empty where none was to be screened.
     """
@@ -92,13 +94,14 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     asked = [margin_column(each.key) for each in campaign.requirements]
     if specification.screen != "none":
         asked += ["overturned", "band"]
-    columns = folder.columns(campaign, ["id", "relative", *campaign.family.names, *asked], first)
+    names = ["id", "relative", "settling_time", "deviation", *campaign.family.names]
+    columns = folder.columns(campaign, [*names, *asked], first)
     draws = sampled.draws(next(iter(columns.values()))["id"])
     causes: dict[str, list[Sensitivity]] = {}
     worst: dict[str, list[int]] = {}
     for law, own in columns.items():
-        order = own["relative"].argsort(kind="stable")
-        worst[law] = own["id"][order[:_WORST]].tolist()
+        settles = any(law in each.of and each.metric == "settled" for each in campaign.requirements)
+        worst[law] = own["id"][_worst(own, settles=settles)].tolist()
         if law not in campaign.judged:
             continue
         values = {name: own[name] for name in campaign.family.names}
@@ -127,6 +130,16 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
         units={ALL: "of the limit", **{each.words: each.unit for each in campaign.requirements}},
         judges=judges_of(counts, columns),
     )
+
+
+def _worst(own: Mapping[str, Array], *, settles: bool) -> list[int]:
+    """Rows of the worst runs and, if they must settle, of those that never do and deviate most."""
+    order = own["relative"].argsort(kind="stable").tolist()
+    worst = order[:WORST]
+    if settles:
+        never = [i for i in order[WORST:] if np.isinf(own["settling_time"][i])]
+        worst += sorted(never, key=lambda i: -own["deviation"][i])[:_OTHERS]
+    return worst
 
 
 def _rates(

@@ -26,7 +26,7 @@ class Look:
 
     Attributes:
         scale: Of the uncertainty; 1 is as declared.
-        least: Least margin of all plants, in parts of its limit.
+        least: Least margin of the worst plant, in parts of its limit.
         failures: How many plants fail.
         values: The uncertain numbers of the worst of them, (d,).
         surface: Largest |s| - |s(0)| of all plants over what the promise allows; inf if one did
@@ -153,7 +153,7 @@ def _bisect(wrong: Callable[[float], bool], largest: float) -> None:
 
 def _look(scale: float, found: Outcomes, band: float | None) -> Look:
     """What plants at one scale did."""
-    least = int(found.relative.argmin())
+    least = int(found.order.argmin())
     look = Look(
         scale, float(found.relative[least]), int((found.relative < 0).sum()), found.values[least]
     )

@@ -102,6 +102,21 @@ def pass_rate(kept: int, runs: int, confidence: float = 0.95) -> PassRate:
     return PassRate(good, made, good / made, float(found.low), float(found.high), confidence)
 
 
+def rate_shown(kept: int, runs: int, confidence: float = 0.95) -> float:
+    """The largest pass rate that "at least this" holds for with the confidence.
+
+    It is the one-sided lower bound of Clopper and Pearson, for independent runs:
+    P(X >= kept | p = bound) = 1 - confidence for X ~ Bin(runs, p); 0 if none was kept.
+
+    Args:
+      kept: Runs that kept the requirement.
+      runs: All runs, 1 or more.
+      confidence: Between 0 and 1.
+    """
+    found = stats.binomtest(kept, runs, alternative="greater")
+    return float(found.proportion_ci(confidence, method="exact").low)
+
+
 def replicated_pass_rate(
     kept: Sequence[int], runs: Sequence[int], confidence: float = 0.95
 ) -> PassRate:

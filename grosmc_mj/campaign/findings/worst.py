@@ -35,7 +35,8 @@ class Worst:
     Attributes:
         controller: Its name.
         values: The uncertain numbers of the worst plant, (d,).
-        relative: Its least margin in parts of the limit; negative if something is not kept.
+        relative: Its least margin in parts of the limit; negative if something is not kept. Of
+            plants that never settle the worst has the largest error left, see ``Outcomes.order``.
         samples: The same of the worst sample that the search began with.
         random: The same of the worst of as many random plants.
         evaluations: Runs of the search, and of the random one.
@@ -73,7 +74,7 @@ def worst(
     Args:
         campaign: The campaign.
         controller: Name of the controller.
-        ids: Its worst runs, the worst first.
+        ids: Its worst runs, the worst first; of more than 16, those that the search finds worst.
         evaluations: Runs that the search may take; the random one takes as many.
         advance: Called with the number of runs done.
 
@@ -84,16 +85,18 @@ def worst(
         raise ArgumentError(f"--evaluations {evaluations} must be {LEAST} or more")
     specification, d = campaign.specification, len(campaign.family.quantities)
     samples = np.concatenate(
-        [
-            unit_points(specification.sampler, d, specification.seed, i, 1)
-            for i in ids[:_FROM_SAMPLES]
-        ]
+        [unit_points(specification.sampler, d, specification.seed, i, 1) for i in ids[:_POPULATION]]
     )
     search = _Search(campaign, controller, advance)
+    rounds = evaluations // _POPULATION
+    generations = rounds
+    if len(samples) > _FROM_SAMPLES:
+        # Their stored margins may not tell which is worst.
+        samples = samples[search(samples).argsort(kind="stable")[:_FROM_SAMPLES]]
+        generations -= 1
     corners = campaign.family.corners(_CORNERS)
     left = _POPULATION - len(samples) - len(corners)
     rest = unit_points("lhs", d, specification.seed + 1, 0, left)
-    generations = evaluations // _POPULATION
     first: Any = np.concatenate([samples, corners, rest])
     differential_evolution(
         lambda x: search(x.T.reshape(-1, d)),
@@ -107,12 +110,13 @@ def worst(
         rng=np.random.default_rng(specification.seed),
     )
     at_random = _Search(campaign, controller, advance)
-    for first in range(0, generations * _POPULATION, _POPULATION):
+    for first in range(0, rounds * _POPULATION, _POPULATION):
         at_random(unit_points("random", d, specification.seed + 1, first, _POPULATION))
     values = min(search, at_random, key=lambda each: each.badness).values
 
     def relative(tried: Array) -> float:
-        return float(evaluate(campaign, controller, tried).relative.min())
+        found = evaluate(campaign, controller, tried)
+        return float(found.relative[int(found.order.argmin())])
 
     found = relative(values[None])
     small = shrunk(campaign, controller, values) if found < 0 else None
@@ -151,7 +155,7 @@ class _Search:
 
 def _badness(found: Outcomes) -> Array:
     """How bad each plant is, for a search: what ends early is worse, the earlier the worse."""
-    return np.where(np.isneginf(found.relative), -_CUT / (1 + found.ended), found.relative)
+    return np.where(np.isneginf(found.order), -_CUT / (1 + found.ended), found.order)
 
 
 def _changed(campaign: Campaign, values: Array | None) -> tuple[str, ...]:
@@ -170,20 +174,20 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
     """
     nominal, found = campaign.family.nominal, values.copy()
 
-    def relative(candidates: Array) -> Array:
-        return screened_search(campaign, controller, candidates).relative
+    def order(candidates: Array) -> Array:
+        return screened_search(campaign, controller, candidates).order
 
     while len(left := np.flatnonzero(found != nominal)):
         candidates = np.tile(found, (len(left), 1))
         candidates[range(len(left)), left] = nominal[left]
-        tried = relative(candidates)
+        tried = order(candidates)
         if not tried.min() < 0:
             break
         found = candidates[int(tried.argmin())]
     low, high = 0.0, 1.0
     for _ in range(_REFINED):
         shares = np.linspace(low, high, _LINE + 1)
-        failing = relative(nominal + shares[1:, None] * (found - nominal)) < 0
+        failing = order(nominal + shares[1:, None] * (found - nominal)) < 0
         if not failing.any():
             break
         first = int(failing.argmax())

@@ -8,7 +8,7 @@ from typing import Any
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.basis import NO_PROOF
-from grosmc_mj.campaign.findings.findings import Findings
+from grosmc_mj.campaign.findings.findings import WORST, Findings
 from grosmc_mj.campaign.findings.radius import Radius
 from grosmc_mj.campaign.findings.worst import Worst
 from grosmc_mj.campaign.runs.replay import ReplayedRun
@@ -52,7 +52,7 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
             law: [each._asdict() for each in several]
             for law, several in found.sensitivities.items()
         },
-        "worst_runs": dict(found.worst),
+        "worst_runs": {law: each[:WORST] for law, each in found.worst.items()},
         "units": {each.name: each.unit for each in campaign.family.quantities},
     }
 

@@ -25,7 +25,7 @@ from grosmc_mj.campaign.runs.manifest import (
 from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes, laws_with_meters, outcomes, plants_of
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
+from grosmc_mj.experiments.metrics.recorded import Metric, compare_with_optimum, measure, settling
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import Plant
@@ -41,14 +41,18 @@ class ReplayedRun:
     """A run that was repeated.
 
     Attributes:
-        result: The run, recorded, in MuJoCo where there is a model.
-        outcome: What the meters say of it, on the equations if these judged it in the campaign.
+        result: The run, recorded, in MuJoCo where there is a model, to be drawn.
+        judged: The run that is compared: on the equations if these judged it in the campaign. Its
+            metrics are those that the campaign stores, of the law's samples; what a campaign does
+            not store, such as costs, is of the recording.
+        outcome: What the meters say of that.
         values: The uncertain numbers, by name.
         differences: Of the stored row, a line each; empty if it is the same bit by bit.
         stored: Whether there was a row to compare with.
     """
 
     result: RunResult
+    judged: RunResult
     outcome: Outcomes
     values: Mapping[str, float]
     differences: tuple[str, ...]
@@ -80,12 +84,14 @@ def replay(
     plant_sample = campaign.plant_sample(values, number or 0)
     (plant,) = plants_of(campaign, [plant_sample])
     result, outcome = _run(campaign, name, values, plant_sample, plant, which, engine)
+    judged = result
     stored = None if number is None else _stored(campaign, folder, number, name)
     if stored is not None and stored.get("judged_by") == EQUATIONS:
         equations = plant.analytic()
-        _, outcome = _run(campaign, name, values, plant_sample, equations, which, engine)
+        judged, outcome = _run(campaign, name, values, plant_sample, equations, which, engine)
     return ReplayedRun(
         result=result,
+        judged=judged,
         outcome=outcome,
         values=dict(zip(campaign.family.names, values.tolist(), strict=True)),
         differences=() if stored is None else _differences(campaign, stored, outcome),
@@ -156,9 +162,9 @@ def _run(
     which: str,
     engine: Engine,
 ) -> tuple[RunResult, Outcomes]:
-    """The run, recorded, on a plant."""
+    """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
     law = campaign.laws[controller]
-    (measured,) = laws_with_meters(campaign, law, [plant_sample])
+    (measured,) = laws_with_meters(campaign, law, [plant_sample], [plant])
     settings, ended = campaign.experiment.settings, ""
     try:
         run = simulate(
@@ -177,10 +183,20 @@ def _run(
     metrics = measure(run, law, comparison, plant_sample.case.onset)
     case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
     experiment = replace(campaign.experiment, case=case)
-    result = RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant)
     ends = (run.memory[-1:], run.state[-1:], [run.status], [run.valid_until])
     rows = outcomes(campaign, controller, values[None], [plant_sample], *ends, plant.kind)
+    if not ended:
+        stored = {name: float(rows.metrics[name][0]) for name in METRICS if name in metrics}
+        metrics = {**metrics, **{name: _metric(metrics[name], stored[name]) for name in stored}}
+    result = RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant)
     return result, rows
+
+
+def _metric(recorded: Metric, stored: float) -> Metric:
+    """A recorded metric with the value that a campaign stores; infinite stands for never."""
+    if recorded.note == "no surface":
+        return recorded
+    return settling(stored) if math.isinf(stored) else Metric(stored, recorded.unit)
 
 
 def _sampled(campaign: Campaign, folder: Folder, number: int, controller: str) -> Array:

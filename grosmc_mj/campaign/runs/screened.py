@@ -125,7 +125,7 @@ def screened_all(
 def _always(seed: int, ours: Outcomes, ids: Sequence[int], worst: int) -> NDArray[np.bool_]:
     """Runs that are confirmed whatever the band is, (n,)."""
     chosen = np.array(ours.status) != "completed"
-    chosen[ours.relative.argsort(kind="stable")[:worst]] = True
+    chosen[ours.order.argsort(kind="stable")[:worst]] = True
     rest = np.flatnonzero(~chosen)
     random = np.random.default_rng([seed, _DRAW, ids[0]])
     chosen[random.permutation(rest)[: math.ceil(RANDOM * len(rest))]] = True

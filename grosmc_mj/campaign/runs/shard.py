@@ -14,9 +14,14 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.metrics.definitions import Recording
+from grosmc_mj.experiments.metrics.definitions import DWELL, Recording, transient_of
 from grosmc_mj.experiments.metrics.running import METRICS, metered, said_by
-from grosmc_mj.experiments.requirements import costs_wanted, margins_of, windows
+from grosmc_mj.experiments.requirements import (
+    costs_wanted,
+    initial_error,
+    margins_of,
+    windows,
+)
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.plant import Kind
 from grosmc_mj.simulation.loop import relooped, room_of
@@ -40,6 +45,8 @@ class Outcomes:
         ended: Up to when it is valid [s], (n,).
         relative: The least margin in parts of its limit, (n,): at most 1, which is all of a limit;
             -inf for runs that ended early.
+        order: By which a search tells a worse run from a better one, (n,): ``relative``, which
+            has no lower bound where a run never settles; see ``_order``.
         judged_by: What each run was made on, ``EQUATIONS`` or ``PHYSICS``, (n,).
         screened: ``relative`` by the equations of those that were screened, (n,); NaN of others.
         overturned: How many verdicts MuJoCo overturned of a run that was screened, (n,).
@@ -54,6 +61,7 @@ class Outcomes:
     status: Sequence[str]
     ended: Array
     relative: Array
+    order: Array
     judged_by: Sequence[str]
     screened: Array
     overturned: NDArray[np.int64]
@@ -90,8 +98,8 @@ class Outcomes:
                 return change(own, other)
             return change(np.array(own, object), np.array(other, object)).tolist()
 
-        names = ("values", "metrics", "margins", "status", "ended", "relative", "judged_by")
-        names = (*names, "screened", "overturned")
+        names = ("values", "metrics", "margins", "status", "ended", "relative", "order")
+        names = (*names, "judged_by", "screened", "overturned")
         return replace(
             self, **{name: changed(getattr(self, name), getattr(others, name)) for name in names}
         )
@@ -150,7 +158,7 @@ def run_on(
     law = campaign.laws[controller]
     run = simulate(
         plants,
-        laws_with_meters(campaign, law, plant_samples),
+        laws_with_meters(campaign, law, plant_samples, plants),
         np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
         duration=campaign.duration,
         control_period=campaign.control_period,
@@ -220,10 +228,34 @@ def outcomes(
         status=words,
         ended=ended,
         relative=np.where(completed, np.min(shares, axis=0), -np.inf),
+        order=np.where(completed, _order(campaign, controller, shares, found, recording), -np.inf),
         judged_by=[PHYSICS if kind == "physics" else EQUATIONS] * len(values),
         screened=nothing,
         overturned=np.zeros(len(values), np.int64),
     )
+
+
+def _order(
+    campaign: Campaign,
+    controller: str,
+    shares: Sequence[Array],
+    found: Mapping[str, Array],
+    recording: Recording,
+) -> Array:
+    """The least margin in parts of its limit, without the bound that a run's length gives it.
+
+    The margin of a settling time is that of the transient's end T where a run never settles. Then
+    it is less the error left in the last tenth of T over the nominal error at the start,
+    (limit - T) / limit - max|e| / |e(0)|, so that the larger error is the worse one.
+    """
+    own = [each for each in campaign.requirements if controller in each.of]
+    start = initial_error(campaign.laws[controller], campaign.experiment.case.x0)
+    for limit in (each for each in own if each.kind == "settles_within"):
+        never = found[limit.metric] > (1 - DWELL) * recording.transient
+        left = found["left"] / max(start, limit.band or 0.0)
+        worse = 1 - recording.transient / limit.value - left
+        shares = [*shares, np.where(never, worse, np.inf)]
+    return np.min(shares, axis=0)
 
 
 def plants_of(campaign: Campaign, plant_samples: Sequence[PlantSample]) -> list[Plant]:
@@ -237,25 +269,40 @@ def plants_of(campaign: Campaign, plant_samples: Sequence[PlantSample]) -> list[
 
 
 def laws_with_meters(
-    campaign: Campaign, law: Controller, plant_samples: Sequence[PlantSample]
+    campaign: Campaign,
+    law: Controller,
+    plant_samples: Sequence[PlantSample],
+    plants: Sequence[Plant],
 ) -> list[Controller]:
     """A law in the loop of each run, with the meters that the requirements need around it.
 
-    Runs without a loop whose disturbances begin together have the same one.
+    Runs without a loop whose disturbances begin together have the same one, if their plants limit
+    the input alike.
     """
     loops = [plant_sample.case.loop for plant_sample in plant_samples]
     varied = [loop for loop in loops if loop is not None]
     room = room_of(law, varied) if varied else None
 
-    def made(looped: Controller, onset: float) -> Controller:
-        wanted = windows(campaign.requirements), onset
-        costs = costs_wanted(campaign.requirements)
-        return metered(looped, campaign.control_period, *wanted, costs=costs)
+    shape = (2, len(campaign.plant.system.inputs))
 
-    alike = cache(partial(made, law))
+    def made(looped: Controller, onset: float, limits: bytes) -> Controller:
+        late = (1 - DWELL) * float(transient_of(onset, campaign.duration))
+        return metered(
+            looped,
+            campaign.control_period,
+            windows(campaign.requirements),
+            onset,
+            costs=costs_wanted(campaign.requirements),
+            limits=np.frombuffer(limits).reshape(shape),
+            late=late,
+        )
+
+    alike, limits_of = cache(partial(made, law)), cache(lambda plant: plant.input_limits.tobytes())
     return [
-        alike(plant_sample.case.onset)
+        alike(plant_sample.case.onset, limits_of(plant))
         if loop is None
-        else made(relooped(law, loop, plant_sample.run, room), plant_sample.case.onset)
-        for loop, plant_sample in zip(loops, plant_samples, strict=True)
+        else made(
+            relooped(law, loop, plant_sample.run, room), plant_sample.case.onset, limits_of(plant)
+        )
+        for loop, plant_sample, plant in zip(loops, plant_samples, plants, strict=True)
     ]

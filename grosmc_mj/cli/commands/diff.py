@@ -30,8 +30,8 @@ class DiffCommand(Command):
     are compared by tests, plant by plant where the plants are the same. diff.json goes to --out,
     and grosmc-mj report shows it.
 
-    Exit code: 0 if nothing got worse beyond noise, 1 if something did, 2 if the results cannot be
-    compared.
+    Exit code: 0 if nothing got worse beyond noise, 1 if something did or is gone, 2 if the results
+    cannot be compared.
 
     Attributes:
         old: Results before.

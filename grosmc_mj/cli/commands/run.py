@@ -43,7 +43,7 @@ class RunCommand(Command):
     DIR/curves/NAME.json, for grosmc-mj report.
 
     Exit code: 0 if every requirement that a run tells about is kept, 1 if one is not, 2 if file or
-    set-up is wrong.
+    set-up is wrong, or runs tell about no requirement of a file that has some.
 
     Attributes:
         target: A system, a case of the package or a case file.
@@ -68,6 +68,7 @@ class RunCommand(Command):
         experiments = find_experiments(self.target)
         for experiment in experiments:
             _check_uncertain(experiment)
+            _refuse_unjudgeable(experiment)
             cited_claims(experiment)
         self.out.mkdir(parents=True, exist_ok=True)
         done: list[_JudgedExperiment] = []
@@ -202,6 +203,13 @@ def _check_uncertain(experiment: Experiment) -> None:
         raise ArgumentError(f"{experiment.path}: {error}") from error
 
 
+def _refuse_unjudgeable(experiment: Experiment) -> None:
+    """Refuse requirements of which runs tell about none: nothing would be kept or failed."""
+    if experiment.not_judged and not experiment.limits:
+        notes = [each.removeprefix("not judged: ") for each in experiment.not_judged]
+        raise ArgumentError(f"{experiment.path}: no requirement can be judged: {'; '.join(notes)}")
+
+
 def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     """Whether one experiment keeps its requirements, and its main numbers."""
     from grosmc_mj.experiments import tables
@@ -210,8 +218,6 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     words = _kept(len(wrong), len(all_of_them), len(done.experiment.not_judged))
     if not done.experiment.limits:
         words = "The file requires nothing: give it a [[requirement]]."
-        if done.experiment.not_judged:
-            words = "Nothing that the file requires can be judged."
     screen.say_verdict(console, words, good=done.kept)
     screen.say_lines(console, list(done.experiment.not_judged), FAILED, all=full)
     screen.say_lines(console, tables.endings(done.results), all=full)

@@ -212,8 +212,8 @@ class RequirementTable(Table):
         on: Plants on which; physics by default, or all where there is none.
         settles_within: The error stays in the band from then on [s], up to the onset of a later
             disturbance.
-        band: Width of that band; 2 % of the error at the start by default. Where a sensor's steps
-            are coarse, three of them.
+        band: Width of that band; by default 2 % of the error at the start, which must not be zero.
+            Where a sensor's steps are coarse, three of them.
         overshoot_below: Largest error beyond zero up to then, as a share of the error at the
             start: 0.05 are 5 %.
         stays_within: Largest error from ``after`` on.

@@ -55,11 +55,12 @@ class Meters:
         start: Error at t = 0.
         band: Errors up to this count as none, for each band, (b,).
         outside: Last time of the transient at which the error was beyond it [s], (b,); or -1.
+        left: Largest error in the late part of the transient.
         beyond: Largest error of the other sign than the first, in the transient.
         deviation: Largest distance of the outputs from the optimum.
         sliding: Largest entry of |s|.
         sliding_start: The same at t = 0.
-        input: Largest entry of |u|.
+        input: Largest entry of |u| that the plant is given.
         position: Of a cart at t = 0 [m].
         travel: How far it went [m].
     """
@@ -70,6 +71,7 @@ class Meters:
     start: float = 0.0
     band: Array = field(default_factory=lambda: np.zeros(1))
     outside: Array = field(default_factory=lambda: -np.ones(1))
+    left: float = 0.0
     beyond: float = 0.0
     deviation: float = 0.0
     sliding: float = 0.0
@@ -96,12 +98,14 @@ class MeterNumbers:
         onset: End of the transient [s].
         part: Part of the error at the start that counts as no error in the first band.
         widths: What else counts as none, for each band, (b,).
+        late: When the late part of the transient begins [s].
     """
 
     after: Array = field(default_factory=lambda: np.zeros(1))
     onset: float = math.inf
     part: float = SETTLING_BAND
     widths: Array = field(default_factory=lambda: np.zeros(1))
+    late: float = math.inf
 
 
 def transient_end(onset: float) -> float:
@@ -132,7 +136,7 @@ def note(
         t: Its time [s].
         error: Of a single output with its sign, or the norm of several.
         deviation: The same from the optimum.
-        u: Largest entry of |u|.
+        u: Largest entry of |u| that the plant is given.
         s: Largest entry of |s|.
         position: Of a cart [m].
         meters: ``Meters`` of the run.
@@ -147,6 +151,8 @@ def note(
         for i in range(len(known.widths)):
             if abs(error) > meters.band[i]:
                 meters.outside[i] = t
+        if t >= known.late * (1 - 1e-12):
+            meters.left = larger(abs(error), meters.left)
         meters.beyond = larger(-error if meters.start > 0.0 else error, meters.beyond)
     for i in range(len(known.after)):
         if t >= known.after[i] * (1 - 1e-12):
@@ -222,8 +228,12 @@ class Recording:
     @property
     def transient(self) -> Array:
         """How long the transient lasts, in which a run settles [s], (n,)."""
-        onset = self.onset
-        return np.where((onset > 0) & (onset < self.duration), onset, self.duration)
+        return transient_of(self.onset, self.duration)
+
+
+def transient_of(onset: Any, duration: float) -> Any:
+    """How long a run of this duration is a transient whose first disturbance begins then [s]."""
+    return np.where((onset > 0) & (onset < duration), onset, duration)
 
 
 def error_after(after: float) -> str:
@@ -246,11 +256,11 @@ def folded(meters: Any, recording: Recording) -> dict[str, Array]:
 
     ``settled`` is the first instant from which on a run stays in its band, in its transient. It
     is its settling time if it stays for the last tenth of the transient at least, else infinity:
-    an error that swings in and out is always inside for a moment before some end.
+    an error that swings in and out is always inside for a moment before some end. A run that
+    starts without error has a band of zero: it has settled if it never leaves its reference.
     """
-    band, outside = meters["band"], meters["outside"]
+    outside = meters["outside"]
     settled = np.where(outside < 0, 0.0, recording.following(outside))
-    settled = np.where(band == 0, 0.0, settled)
     late = settled[:, 0] > (1 - DWELL) * recording.transient
     windows, start = recording.windows, np.abs(meters["start"])
     # A run that ended before the window begins has no instant in it.
@@ -259,6 +269,7 @@ def folded(meters: Any, recording: Recording) -> dict[str, Array]:
         "deviation": meters["deviation"],
         "settled": settled[:, 0],
         "settling_time": np.where(late, np.inf, settled[:, 0]),
+        "left": meters["left"],
         "overshoot": np.divide(
             meters["beyond"], start, out=np.full(len(start), np.inf), where=start > 0
         ),

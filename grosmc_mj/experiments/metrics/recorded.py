@@ -130,7 +130,7 @@ def measure(
     value = {name: float(found[0]) for name, found in folded(meters, recording).items()}
     metrics = {
         "deviation": Metric(value["deviation"], output),
-        "settling_time": _settling(value["settling_time"]),
+        "settling_time": settling(value["settling_time"]),
         "overshoot": _overshoot(meters)
         if len(comparison.outputs) == 1
         else Metric(None, "%", "several outputs"),
@@ -187,7 +187,7 @@ def settling_time(time: Array, error: Array, width: float | None = None) -> Metr
     """
     known = MeterNumbers() if width is None else MeterNumbers(part=0.0, widths=np.array([width]))
     found = folded(*_error_alone(time, error, known))
-    return _settling(float(found["settling_time"][0]))
+    return settling(float(found["settling_time"][0]))
 
 
 def overshoot(error: Array) -> Metric:
@@ -201,7 +201,8 @@ def _error_alone(time: Array, error: Array, known: MeterNumbers) -> tuple[Any, R
     return note_all(time, rows, known), Recording.recorded(time, math.inf)
 
 
-def _settling(settled: float) -> Metric:
+def settling(settled: float) -> Metric:
+    """A settling time [s]; infinite stands for never."""
     return Metric(settled, "s") if settled < math.inf else Metric(None, "s", "not reached")
 
 

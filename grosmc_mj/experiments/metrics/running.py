@@ -51,7 +51,7 @@ METRICS: Mapping[str, str] = {
 
 @dataclass
 class LawMeters(Meters):
-    """Meters of a run that goes on; what the actuator makes of the input is not known to a law.
+    """Meters of a run that goes on.
 
     Attributes:
         optimal: The optimal error state at this sample, (size,).
@@ -70,11 +70,13 @@ class LawMeterNumbers(MeterNumbers):
         transition: The optimal error state from one sample to the next, (size, size).
         Q: State weight of the index, (size, size).
         R: Input weight, (m, m).
+        limits: Least and largest of each input that the plant is given, (2, m).
     """
 
     transition: Array = field(default_factory=lambda: np.zeros((0, 0)))
     Q: Array = field(default_factory=lambda: np.zeros((0, 0)))
     R: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    limits: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
 
 def metered(
@@ -84,6 +86,8 @@ def metered(
     onset: float,
     *,
     costs: bool = False,
+    limits: Array | None = None,
+    late: float = math.inf,
 ) -> Controller:
     """The same controller with meters: its memory has ``meters`` besides.
 
@@ -95,6 +99,9 @@ def metered(
         onset: When the first disturbance begins; settling is measured up to it, unless it acts
             from the start [s].
         costs: Whether the index is wanted.
+        limits: ``Plant.input_limits``, (2, m), which the input is noted within, as the plant is
+            given it; None for none.
+        late: From when on the error that is left is noted, up to the end of the transient [s].
 
     Raises:
         ArgumentError: If the controller follows no optimum.
@@ -106,11 +113,15 @@ def metered(
         after=after,
         widths=widths,
         onset=transient_end(onset),
+        late=late,
         transition=_transition(
             optimum.closed_loop.tobytes(), error.size, controller.asked_every(control_period)
         ),
         Q=optimum.Q,
         R=optimum.R,
+        limits=np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
+        if limits is None
+        else limits,
     )
     law = _metered_law(
         controller.law,
@@ -169,7 +180,8 @@ def _metered_law(
         if cart:
             position = x[0]
         error, deviation = difference(z, nothing), difference(z, meters.optimal)
-        note(t, error, deviation, _largest_entry(entries(u)), s, position, meters, known)
+        given = _largest_given(entries(u), known.limits)
+        note(t, error, deviation, given, s, position, meters, known)
         if costs:
             v = vector(memory.v)
             note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
@@ -197,6 +209,15 @@ def _largest_entry(values: Any) -> float:
     found = 0.0
     for value in values:
         found = larger(abs(value), found)
+    return found
+
+
+@jitable
+def _largest_given(values: Any, limits: Any) -> float:
+    """The largest magnitude of several inputs within the plant's limits."""
+    found = 0.0
+    for i in range(len(values)):
+        found = larger(abs(min(max(values[i], limits[0, i]), limits[1, i])), found)
     return found
 
 

@@ -40,12 +40,14 @@ class Break(NamedTuple):
         law: The law.
         rung: Where; empty if it stands everywhere.
         number: By how much, in words.
+        complete: Whether nothing was interrupted that may break it still.
     """
 
     target: str
     law: str
     rung: str
     number: str
+    complete: bool = True
 
 
 def answers(documents: Sequence[Document]) -> list[Answer]:
@@ -139,6 +141,7 @@ def _answer(document: Document) -> Answer | None:
             rows = [each for each in breaks([document]) if each.rung]
             laws = dict.fromkeys(each.law for each in content.standings)
             words = f"{len(rows)} of {len(laws)} laws break on the way to the machine as built"
+            words += so_far(content.complete)
             return Answer(f"Ladder of {target}", _verdict(content.complete, not rows), words)
         case StoredTolerances():
             return _tolerances(target, content)
@@ -155,7 +158,8 @@ def _verdict(complete: bool, kept: bool) -> str:
     return BROKEN if not kept else KEPT if complete else OPEN
 
 
-def _so_far(complete: bool) -> str:
+def so_far(complete: bool) -> str:
+    """What is said of results that are not all there."""
     return "" if complete else " (interrupted: not complete)"
 
 
@@ -165,10 +169,10 @@ def _validation(content: StoredValidation) -> Answer:
     differing = len(content.differences)
     if content.as_recorded is None:
         words = "not compared with the recorded results"
-        return Answer(asked, OPEN, words + _so_far(content.complete))
+        return Answer(asked, OPEN, words + so_far(content.complete))
     words = "all is as recorded" if content.as_recorded else f"{differing} results differ"
     verdict = _verdict(content.complete, content.as_recorded)
-    return Answer(asked, verdict, words + _so_far(content.complete), _counts(content.claims))
+    return Answer(asked, verdict, words + so_far(content.complete), _counts(content.claims))
 
 
 def _claims(asked: str, claims: Sequence[StoredClaim]) -> Answer:
@@ -205,7 +209,7 @@ def _run(target: str, content: StoredRunResults) -> Answer:
     kept = not failed and bool(content.requirements or not ended)
     tightest = min(content.requirements, key=_share_left, default=None)
     said = "" if tightest is None else f"tightest: {_told(tightest)}"
-    words += _so_far(content.complete)
+    words += so_far(content.complete)
     return Answer(f"Run of {target}", _verdict(content.complete, kept), words, said)
 
 
@@ -232,7 +236,7 @@ def _tolerances(target: str, content: StoredTolerances) -> Answer:
     weak = {each.law for each in content.tolerances if not each.kept_ideally}
     words = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
     verdict = MEASURED if content.complete else OPEN
-    return Answer(f"Tolerance of {target}", verdict, words + _so_far(content.complete))
+    return Answer(f"Tolerance of {target}", verdict, words + so_far(content.complete))
 
 
 def _campaign(target: str, content: StoredCampaignResults) -> Answer:
@@ -280,7 +284,8 @@ def _of_ladder(target: str, content: StoredLadder) -> Iterator[Break]:
         found = [breaking(content.standings, law, each) for each in conditions]
         first = min((x for x in found if x), key=lambda x: rungs.index(x.rung), default=None)
         if first is None:
-            yield Break(target, law, "", "stands on every rung")
+            tried = "every rung" if content.complete else "every rung so far"
+            yield Break(target, law, "", f"stands on {tried}", content.complete)
         else:
             limit = (first.tightest or "its limit").replace("_", " ")
             by = standing_text(first)

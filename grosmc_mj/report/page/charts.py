@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from grosmc_mj.report.page.answers import standing_text, target_of, tolerance_text
+from grosmc_mj.report.page.answers import so_far, standing_text, target_of, tolerance_text
 from grosmc_mj.report.page.documents import (
     StoredClaim,
     StoredCurves,
@@ -100,14 +100,16 @@ def _ladder(target: str, content: StoredLadder) -> Iterator[Sheet]:
             }
             named = f"{target}, {condition}: {title}"
             note = "Of the tightest limit, how much is used; above 1 it is not kept."
+            note += so_far(content.complete)
             yield _map(named, note, cells, _MOST)
+    stands = "stands" if content.complete else "stands so far"
     named = {each.claim for each in content.fallen}
     statements = {each.claim: each.statement for each in content.claims if each.claim in named}
     yield Sheet(
         f"{target}: on which rung claims of the chapter fall",
         " ".join(f"{claim}: {said}." for claim, said in statements.items()),
         ["law", "condition", "claim", "falls at"],
-        [[each.law, each.condition, each.claim, each.rung or "stands"] for each in content.fallen],
+        [[each.law, each.condition, each.claim, each.rung or stands] for each in content.fallen],
     )
 
 

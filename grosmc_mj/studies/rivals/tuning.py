@@ -157,8 +157,8 @@ def two_digits(low: float, high: float) -> list[float]:
     return [number for number in every if low <= number <= high]
 
 
-# As quick as the actuator allows, on a machine: the number that makes a law quicker, and the one that
-# makes it stronger against loads, if there is one.
+# As quick as the actuator allows, on a machine: the number that makes a law quicker, and the one
+# that makes it stronger against loads, if there is one.
 QUICK: Mapping[str, tuple[str, str | None]] = {
     "lqi": ("R", "integral_weight"),
     "pid": ("frequency", None),

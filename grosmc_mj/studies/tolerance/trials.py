@@ -156,6 +156,7 @@ class Trials:
             windows(asked),
             experiment.case.onset,
             costs=costs_wanted(asked),
+            limits=experiment.plant(self.plant).input_limits,
         )
 
     def _run(self, runs: Sequence[_PlannedRun]) -> None:

@@ -216,6 +216,33 @@ def test_a_study_has_its_answer_and_its_numbers(
         assert f">{each}</td>" in studies
 
 
+def test_an_interrupted_ladder_is_marked(tmp_path: Path) -> None:
+    ladder = {**DOCUMENTS["ladder"], "complete": False}
+    # Only what stands is there yet.
+    ladder["standings"] = [each for each in ladder["standings"] if each["kept"]]
+    (tmp_path / "ladder.json").write_text(json.dumps(ladder))
+    documents = read_results([tmp_path]).documents
+    (answer,) = answers(documents)
+    assert answer.verdict == "open"
+    assert answer.words.endswith("(interrupted: not complete)")
+    assert breaks(documents) == [
+        Break("servo/machine", "lqr", "", "stands on every rung so far", complete=False)
+    ]
+    _, text = page_of(tmp_path)
+    assert "? nowhere so far" in text
+    assert "✓ nowhere" not in text
+    assert ">stands so far<" in text
+
+
+def test_values_of_claims_are_by_plant(tmp_path: Path) -> None:
+    _, text = page_of(write_documents(tmp_path, "validation"))
+    head = re.search(
+        r'aria-label="Values of [^"]*"><table>\s*<thead><tr><th scope="col">(.*?)<', text
+    )
+    assert head is not None
+    assert head[1] == "plant"
+
+
 def test_a_ladder_says_on_which_rung_a_claim_falls(tmp_path: Path) -> None:
     page, text = page_of(write_documents(tmp_path, "ladder"))
     assert page.notices == []

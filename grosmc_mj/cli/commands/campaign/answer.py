@@ -27,26 +27,28 @@ def say_verdict(
         asked: The campaign.
         found: What the runs say.
         at_least: Share that each must be shown to keep; None if none is asked for.
-        confidence: Of the intervals.
+        confidence: Of the intervals, and of the bound that is compared with that share.
 
     Returns:
         The exit code.
     """
     from grosmc_mj.campaign.findings.findings import ALL
+    from grosmc_mj.campaign.findings.statistics import rate_shown
 
     rates = {law: rate for (asked, law), rate in found.rates.items() if asked == ALL}
     missed = False
     for law, rate in sorted(rates.items(), key=lambda each: each[1].rate):
-        if at_least is not None and (rate.low is None or rate.low < at_least):
-            missed = True
-            shown = rate.note
-            if rate.low is not None:
-                shown = (
-                    f"at least {100 * rate.low:.4g} % of the declared design keep everything "
-                    f"(confidence {confidence:g})"
-                )
-            words = f"{law}: {shown}; {100 * at_least:g} % are asked for."
-            screen.say_verdict(console, words, good=False)
+        if at_least is not None:
+            shown = rate_shown(rate.kept, rate.runs, confidence)
+            # Of a tie, rounding has no say.
+            enough = shown >= at_least * (1 - 1e-12)
+            missed = missed or not enough
+            words = (
+                f"{law}: at least {100 * shown:.4g} % of the declared design keep everything "
+                f"({rate.kept} of {rate.runs} plants, one-sided confidence {confidence:g}); "
+                f"{100 * at_least:g} % are asked for."
+            )
+            screen.say_verdict(console, words, good=enough)
         else:
             words = (
                 f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "

@@ -79,8 +79,8 @@ class CampaignCommand(Command):
         radius: Bisect the scale of the uncertainty at which each controller first fails.
         axes: Two uncertain numbers that the map is drawn over.
         at_least: Share of the declared design that must be shown to keep everything, under each
-            controller: exit code 1 if the lower end of an interval is below it, or there is no
-            interval.
+            controller: exit code 1 if its one-sided lower bound (Clopper and Pearson, at the
+            confidence) is below it. It takes independent runs: --sampler random.
         figures: Whether to draw the figures.
         replay: Number of the run to repeat; or worst, shrunk or outside, the plants that --worst
             and --radius found.
@@ -283,10 +283,10 @@ def _check(command: CampaignCommand) -> None:
     for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
         if value is not None and not 0 < value < 1:
             raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
-    if command.at_least is not None and command.sampler in ("lhs", "corners"):
+    if command.at_least is not None and command.sampler in ("sobol", "lhs", "corners"):
         raise ArgumentError(
-            f"--at-least asks for an interval, and --sampler {command.sampler} gives none: take "
-            "sobol or random"
+            f"--at-least takes independent runs, which --sampler {command.sampler} does not draw: "
+            "take --sampler random"
         )
     if command.worst and not LEAST <= command.evaluations <= _MOST_EVALUATIONS:
         raise ArgumentError(

@@ -47,7 +47,7 @@ def replay_run(command: CampaignCommand, which: str) -> int:
         command.controller,
         command.engine,  # pyright: ignore[reportArgumentType]
     )
-    result = found.result
+    result = found.judged
     name = f"{which}_{_ODD.sub('_', result.controller.name)}"
     base = (command.out or folder / "replays") / name
     unwritten = _written(command, base, replay_document(campaign, found, command.engine))
@@ -59,6 +59,9 @@ def replay_run(command: CampaignCommand, which: str) -> int:
         screen.say_verdict(console, words, good=True)
     elif found.stored:
         screen.say_verdict(console, f"Run {which} is not what the campaign stored.", good=False)
+    if not result.ended:
+        words = "Numbers are of the law's samples, as they are stored; costs are of the recording."
+        console.print(words, style="dim")
     for line in found.differences:
         console.print(f"differs: {line}", style="bold red", soft_wrap=True)
     screen.say_lines(console, _margins(campaign, found), "", all=command.verbose)
