@@ -2,12 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Finding
+from grosmc_mj.chapter.claims.claim import (
+    Finding,
+    Kind,
+    Verdict,
+    sentences_of,
+    verdicts_of,
+)
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.premises.audit import Audit, Premise, Reading
+
+
+def claims_document(findings: Sequence[Finding], lab: Laboratory) -> dict[str, Any]:
+    """How many sentences and statements have which verdict; then each sentence, and each claim."""
+    counts = {}
+    for kind in Kind:
+        verdicts = verdicts_of(findings, kind)
+        counts[kind.plural] = {each.value: verdicts.count(each) for each in Verdict}
+    return {
+        "verdicts": counts,
+        "sentences": [
+            {
+                "quote": sentence.quote,
+                "system": sentence.findings[0].claim.system,
+                "verdict": sentence.verdict.value,
+                "claims": [finding.claim.id for finding in sentence.findings],
+            }
+            for sentence in sentences_of(findings)
+        ],
+        "claims": [claim_document(finding, lab) for finding in findings],
+    }
 
 
 def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
@@ -32,6 +60,7 @@ def claim_document(finding: Finding, lab: Laboratory) -> dict[str, Any]:
         "cause": claim.cause,
         "near_its_threshold": finding.near,
         "turns": finding.turns,
+        "needs": finding.needs,
         "verdict": finding.verdict.value,
         "because": finding.because,
         "untested": claim.untested,

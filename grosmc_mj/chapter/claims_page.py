@@ -6,7 +6,15 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.claim import (
+    RULE,
+    Finding,
+    Kind,
+    PlantFinding,
+    Verdict,
+    sentences_of,
+    verdicts_of,
+)
 from grosmc_mj.chapter.claims.ledger import by_cause
 from grosmc_mj.chapter.claims.sweep import flips_of
 from grosmc_mj.chapter.claims_figures import write_picture
@@ -95,6 +103,8 @@ def _page(
         yield ""
         yield f"## {kind.plural.capitalize()}"
         yield ""
+        if kind is Kind.CLAIM:
+            yield from _sentences(own)
         columns = words("claim", "system", "statement and criterion", "of")
         columns += [*numbers("found", "needed"), *words("verdict")]
         yield from markdown_table(columns, map(_statement, own))
@@ -117,16 +127,37 @@ def _statement(finding: Finding) -> list[str]:
         claim.source,
         shown(decisive(finding)) + unit,
         f"{sign} {claim.threshold:g}{unit}",
-        f"{finding.verdict.value}{' *' if turning(finding) else ''}",
+        _verdict(finding) + (" *" if turning(finding) else ""),
     ]
 
 
+def _verdict(finding: Finding) -> str:
+    """A verdict, with the value of a choice that it needs."""
+    return finding.verdict.value + (f" with {finding.needs}" if finding.needs else "")
+
+
+def _sentences(findings: Sequence[Finding]) -> Iterator[str]:
+    """Each sentence, its verdict and the claims under it."""
+    yield f"{len(findings)} claims rest on them. {RULE}"
+    yield ""
+    rows = [
+        (
+            f"*{sentence.quote}*",
+            "; ".join(f"{each.claim.id}: {_verdict(each)}" for each in sentence.findings),
+            sentence.verdict.value,
+        )
+        for sentence in sentences_of(findings)
+    ]
+    yield from markdown_table(words("sentence", "claims under it", "verdict"), rows)
+    yield ""
+
+
 def _counts(findings: Sequence[Finding]) -> Iterator[str]:
-    """How many of each kind have which verdict."""
+    """How many sentences and statements have which verdict."""
     yield ""
     rows = []
     for kind in Kind:
-        own = [each.verdict for each in findings if each.claim.kind is kind]
+        own = verdicts_of(findings, kind)
         counts = [str(own.count(each) or "") for each in Verdict]
         rows.append([kind.plural, *counts, str(len(own))])
     verdicts = (each.value for each in Verdict)
@@ -144,7 +175,7 @@ def _slips() -> Iterator[str]:
     yield ""
     yield "## Slips"
     yield ""
-    yield "What is meant is plain and nothing turns on it: none of these is judged or counted."
+    yield "What is meant is plain and nothing turns on it. What the ledger judges is not here."
     yield ""
     yield from markdown_table(words("where", "written", "meant"), slips())
 

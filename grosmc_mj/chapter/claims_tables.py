@@ -8,7 +8,14 @@ from collections.abc import Iterator, Sequence
 from rich.table import Table
 from rich.text import Text
 
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, Verdict
+from grosmc_mj.chapter.claims.claim import (
+    Claim,
+    Finding,
+    Kind,
+    Measured,
+    Verdict,
+    sentences_of,
+)
 from grosmc_mj.chapter.claims.self_test import Caught
 from grosmc_mj.chapter.claims.sweep import Swept, flips_of
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -53,6 +60,22 @@ def decisive(finding: Finding) -> Measured:
     return (min if least else max)(tried, key=lambda each: each.value or 0.0)
 
 
+def sentences_table(findings: Sequence[Finding]) -> Table:
+    """Each sentence of the chapter with its verdict and the claims under it."""
+    return table(
+        Kind.CLAIM.plural,
+        [*text("sentence"), *text("claims under it"), *words("verdict")],
+        [
+            (
+                sentence.quote,
+                ", ".join(finding.claim.id for finding in sentence.findings),
+                word(sentence.verdict),
+            )
+            for sentence in sentences_of(findings)
+        ],
+    )
+
+
 def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
     """One table for each kind: each claim with its value on the plant that decides."""
     for kind in Kind:
@@ -60,12 +83,12 @@ def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
         if not own:
             continue
         yield table(
-            kind.plural,
+            "claims under them" if kind is Kind.CLAIM else kind.plural,
             [*words("claim"), *text("statement"), *numbers("found"), *words("verdict")],
             [
                 (
                     finding.claim.id,
-                    finding.claim.statement,
+                    finding.claim.statement + (f" (with {finding.needs})" if finding.needs else ""),
                     f"{shown(decisive(finding))} {_criterion(finding.claim)}",
                     word(finding.verdict) + (" *" if turning(finding) else ""),
                 )
@@ -76,7 +99,7 @@ def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
 
 def _criterion(claim: Claim) -> str:
     """The threshold, in few characters."""
-    unit = "" if claim.unit in ("1", "unit of s per s") else claim.unit
+    unit = "" if claim.unit in ("1", "unit of s/s") else claim.unit
     return f"({_SIGNS[claim.sense]} {claim.threshold:g}{' ' if unit else ''}{unit})"
 
 
@@ -121,6 +144,8 @@ def story(finding: Finding, lab: Laboratory) -> Iterator[Text]:
         yield line.append(f"  {value}, {evidence}")
         if found.measured.note:
             yield from _paragraph("", found.measured.note)
+    if finding.needs:
+        yield from _paragraph("it needs", finding.needs)
     if finding.turns:
         yield from _paragraph("it turns", finding.turns)
     for each in turning(finding):

@@ -29,7 +29,10 @@ from grosmc_mj.chapter.claims.claim import (
     Kind,
     Measured,
     PlantFinding,
+    Sentence,
     Verdict,
+    sentences_of,
+    verdicts_of,
 )
 from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.claims.ledger import (
@@ -44,9 +47,16 @@ from grosmc_mj.chapter.claims.reading import read_claims
 from grosmc_mj.chapter.claims.self_test import Caught, self_test
 from grosmc_mj.chapter.claims.sweep import STORED, stored_flips, sweep
 from grosmc_mj.chapter.claims.words import WORDS
-from grosmc_mj.chapter.claims_document import claim_document
+from grosmc_mj.chapter.claims_document import claim_document, claims_document
 from grosmc_mj.chapter.claims_page import slips
-from grosmc_mj.chapter.claims_tables import WIDTH, caught_table, decisive, ledger_tables, story
+from grosmc_mj.chapter.claims_tables import (
+    WIDTH,
+    caught_table,
+    decisive,
+    ledger_tables,
+    sentences_table,
+    story,
+)
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GainError, SetupError
@@ -63,7 +73,8 @@ from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # No force makes an unmatched error, and algebra has no plant.
-NO_PHYSICS = {"servo-unmatched", "servo-index-minimal", "proof-3"}
+NO_PHYSICS = {"servo-unmatched", "proof-3"}
+PAGE = Path(cli.__file__).parents[2] / "docs" / "claims.md"
 FILES = [Path(reading.__file__).with_name(f"{system}.toml") for system in SYSTEMS]
 BY_ID = {claim.id: claim for claim in CLAIMS}
 each_claim = pytest.mark.parametrize("claim", CLAIMS, ids=list(BY_ID))
@@ -446,6 +457,35 @@ def test_verdict_over_choices(values: list[float], meant: Any, verdict: Verdict)
     assert ("for every" in claim.quantifier) == ("every" in meant)
 
 
+def test_what_holds_for_some_value_only_names_it_beside_the_verdict() -> None:
+    found = judged(turning([1.0, 3.0], some=("size",)))
+    assert found.needs == "size = 1"
+    assert any("(with size = 1)" in line for line in printed(*ledger_tables([found])))
+    assert claim_document(found, Laboratory(Settings()))["needs"] == "size = 1"
+    # Neither what holds as declared nor what does not hold needs anything.
+    assert judged(turning([1.0, 3.0], every=("size",))).needs == ""
+    assert judged(made_up([Measured(1.0)] * 2)).needs == ""
+
+
+@pytest.mark.parametrize("name", ["arm-quick", "arm-tracking", "arm-rejects-d", "pendulum-rest"])
+def test_the_choice_that_turns_an_answer_is_one_that_the_claim_must_hold_for(name: str) -> None:
+    claim = BY_ID[name]
+    turns = {each.name for each in claim.choices if not each.printed} & set(stored_flips()[name])
+    assert turns
+    assert turns <= set(claim.every)
+    assert set(claim.verdicts.values()) == {Verdict.UNDETERMINED}
+
+
+def test_claims_of_the_chapter_rest_on_no_gain_of_this_project() -> None:
+    """But for Theorem 3, whose words are about any gain that exceeds its bound."""
+    given = {
+        claim.id
+        for claim in CLAIMS
+        if claim.kind is Kind.CLAIM and "epsilon" in measurement(claim)[1]
+    }
+    assert given == {"theorem-3"}
+
+
 @pytest.mark.parametrize(
     ("strange", "in_physics"),
     [
@@ -568,7 +608,7 @@ def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e
     ("name", "verdict", "shown"),
     [
         ("arm-tracking", Verdict.SUPPORTED, 1.5),  # for every statistic: the worst
-        ("pendulum-rest", Verdict.SUPPORTED, 0.6),  # for some weights: the best
+        ("pendulum-region-robust", Verdict.SUPPORTED, 1.5),  # for some region: the best
         ("pendulum-disturbance-lqr", Verdict.REFUTED, 1.5),  # at least: none comes nearer
         ("arm-rejects-d", Verdict.UNDETERMINED, 1.0),  # it turns on them: as declared
     ],
@@ -584,9 +624,16 @@ def test_every_claim_of_the_chapter_quotes_it_and_no_question_does() -> None:
     assert {bool(claim.quote) for claim in CLAIMS if claim.kind is Kind.QUESTION} == {False}
 
 
+def test_what_is_counted_is_no_slip_and_a_wrong_equation_no_claim() -> None:
+    said = " ".join(text for slip in slips() for text in slip)
+    assert [claim.id for claim in CLAIMS if claim.id in said] == []
+    assert "‖s‖₁" not in said
+    for name in ("proof-3", "servo-semidefinite", "pendulum-eq40", "arm-eq57"):
+        assert BY_ID[name].kind is Kind.MISPRINT
+
+
 def test_slips_are_where_the_page_says() -> None:
-    page = (Path(cli.__file__).parents[2] / "docs" / "claims.md").read_text(encoding="utf-8")
-    _, _, listed = page.partition("## Slips")
+    _, _, listed = PAGE.read_text(encoding="utf-8").partition("## Slips")
     assert len(slips()) > 10
     for where, _, _ in slips():
         assert where in listed
@@ -624,6 +671,73 @@ def too_wide(lines: Sequence[str]) -> list[str]:
         if cell_len(line.rstrip()) > WIDTH
         and max(map(cell_len, line.split())) <= WIDTH - (len(line) - len(line.lstrip()))
     ]
+
+
+# One verdict a sentence.
+S, R, U, P, I = (
+    Verdict.SUPPORTED, Verdict.REFUTED, Verdict.UNDETERMINED, Verdict.PREMISE_NOT_MET,
+    Verdict.INCONCLUSIVE,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "together"),
+    [
+        ([S], S),
+        ([S, S, S], S),
+        ([S, R], R),
+        ([R, P, U, I, S], R),
+        ([S, P], P),
+        ([U, P, I], P),
+        ([S, U], U),
+        ([I, U], U),
+        ([S, I], I),
+    ],
+)
+def test_claims_of_a_sentence_have_one_verdict(verdicts: list[Verdict], together: Verdict) -> None:
+    claim = BY_ID["theorem-1"]
+    findings = [finding(claim, verdict) for verdict in verdicts]
+    assert Sentence(claim.quote, tuple(findings)).verdict is together
+    assert verdicts_of(findings, Kind.CLAIM) == [together]
+    # What is no claim of the chapter is counted one by one.
+    questions = [finding(BY_ID["servo-bench"], verdict) for verdict in verdicts]
+    assert verdicts_of(questions, Kind.QUESTION) == verdicts
+    assert sentences_of(questions) == []
+
+
+def test_every_claim_of_the_chapter_is_under_one_sentence() -> None:
+    """Quotes that are parts of one sentence would count it twice."""
+    sentences = sentences_of([finding(claim) for claim in CLAIMS])
+    under = [each.claim.id for sentence in sentences for each in sentence.findings]
+    assert sorted(under) == sorted(claim.id for claim in CLAIMS if claim.kind is Kind.CLAIM)
+    quotes = [sentence.quote for sentence in sentences]
+    assert [(a, b) for a in quotes for b in quotes if a != b and a in b] == []
+
+
+def test_terminal_document_and_page_count_sentences() -> None:
+    findings = [finding(claim) for claim in CLAIMS]
+    sentences = sentences_of(findings)
+    wanted = [[each.verdict for each in sentences].count(verdict) for verdict in Verdict]
+    content = claims_document(findings, Laboratory(Settings()))
+    assert list(content["verdicts"][Kind.CLAIM.plural].values()) == wanted
+    assert [each["verdict"] for each in content["sentences"]] == [
+        s.verdict.value for s in sentences
+    ]
+    row = [Kind.CLAIM.plural, *map(str, wanted), str(len(sentences))]
+    lines = printed(claims_command.verdicts_table(findings))
+    assert [line.split() for line in lines if Kind.CLAIM.plural in line] == [" ".join(row).split()]
+    page = PAGE.read_text(encoding="utf-8").splitlines()
+    (counts,) = [line for line in page if line.startswith(f"| {Kind.CLAIM.plural}")]
+    assert [cell.strip() or "0" for cell in counts.split("|")[1:-1]] == row
+    for sentence in sentences:
+        (line,) = [line for line in page if line.startswith(f"| *{sentence.quote}*")]
+        assert line.endswith(f" {sentence.verdict.value} |")
+        assert all(each.claim.id in line for each in sentence.findings)
+
+
+def test_sentences_fit_the_width() -> None:
+    lines = printed(sentences_table([finding(claim) for claim in CLAIMS]))
+    assert max(map(cell_len, lines)) <= WIDTH
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))
@@ -989,7 +1103,7 @@ KEYS = {
     "equation", "quote",
     "id", "system", "source", "statement", "criterion", "sense", "threshold", "unit", "why",
     "word", "kind", "quantifier", "choices", "cause", "near_its_threshold", "turns", "verdict",
-    "because", "untested", "plants", "expected",
+    "because", "untested", "plants", "expected", "needs",
 }  # fmt: skip
 
 
@@ -1044,14 +1158,13 @@ def test_document_of_a_claim_holds_no_nan() -> None:
 
 def test_page_points_to_what_is_there() -> None:
     """Every link of the page's tables has its story, and every figure its file."""
-    page = Path(cli.__file__).parents[2] / "docs" / "claims.md"
-    text = page.read_text(encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8")
     links, stories = re.findall(r"\]\(#([\w-]+)\)", text), re.findall(r"^### (.+)$", text, re.M)
     # Of the causes, then of the tables.
     assert set(links) == {*stories, "what-turns"}
     assert links[-len(stories) :] == stories
     for name in re.findall(r"!\[[\w-]+\]\(([^)]+)\)", text):
-        assert (page.parent / name).is_file()
+        assert (PAGE.parent / name).is_file()
     # A verdict that is expected to be refuted is told.
     for name, claim in BY_ID.items():
         if claim.verdicts[claim.plants[-1]] is not Verdict.SUPPORTED:

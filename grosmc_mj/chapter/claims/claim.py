@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Literal, NamedTuple
@@ -29,7 +29,10 @@ class Verdict(Enum):
 
 
 class Kind(Enum):
-    """What sort of statement is judged; each sort has a table of its own."""
+    """What sort of statement is judged; each sort has a table of its own.
+
+    Claims are counted by the sentence of the chapter that they rest on, the others one by one.
+    """
 
     CLAIM = "claim"
     MISPRINT = "misprint"
@@ -40,7 +43,7 @@ class Kind(Enum):
     def plural(self) -> str:
         """Title of its table."""
         return {
-            Kind.CLAIM: "claims of the chapter",
+            Kind.CLAIM: "sentences of the chapter",
             Kind.MISPRINT: "equations as printed",
             Kind.PROOF: "assumptions and proofs",
             Kind.QUESTION: "questions of this project",
@@ -130,7 +133,8 @@ class Claim:
         system: System that it is about.
         statement: The chapter's words, in short and paraphrased.
         source: Section, figure and equation.
-        quote: The words that it is the statement of; empty for a question of this project's.
+        quote: The words that it is the statement of; empty for a question of this project's. Claims
+            with the same quote rest on one sentence.
         criterion: What is measured and what it must be.
         why: Why this threshold.
         measure: The measurement, on one plant.
@@ -191,7 +195,7 @@ class Claim:
             return f"for {how} tried of: {', '.join(meant)}"
         if self.kind is Kind.QUESTION and not self.choices:
             return "for the numbers declared here"
-        if self.kind is Kind.PROOF and not self.choices:
+        if self.kind in (Kind.PROOF, Kind.MISPRINT) and not self.choices:
             return "for all that it allows: one counterexample refutes it"
         if all(choice.printed for choice in self.choices):
             return "for the printed numbers"
@@ -259,6 +263,14 @@ class Finding:
         return 0.5 <= value / threshold <= 1.5
 
     @property
+    def needs(self) -> str:
+        """The value of a choice with which alone the statement holds; empty if as declared."""
+        if self.verdict is not Verdict.SUPPORTED or self.claim.holds(self.decisive.measured):
+            return ""
+        holding = [each for each in self.trials.items() if self.claim.holds(each[1])]
+        return "; ".join(f"{name}: {each.note}" if each.note else name for name, each in holding)
+
+    @property
     def turns(self) -> str:
         """With which of the choices the statement is true, and with which not; empty if on none."""
         if self.verdict is not Verdict.UNDETERMINED:
@@ -272,3 +284,51 @@ class Finding:
             ]
             said.append(f"{word} with {', '.join(tried)}")
         return "; ".join(said)
+
+
+# The first of these that a claim has is its sentence's verdict.
+_WEAKEST = (
+    Verdict.REFUTED,
+    Verdict.PREMISE_NOT_MET,
+    Verdict.UNDETERMINED,
+    Verdict.INCONCLUSIVE,
+    Verdict.SUPPORTED,
+)
+RULE = (
+    "A sentence is refuted if any claim under it is refuted. Otherwise its premise is not met if "
+    "that of any claim is not; otherwise it is undetermined if any is, or inconclusive if any is. "
+    "It is supported only if all are."
+)
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A sentence of the chapter, with what was found about the claims under it.
+
+    Attributes:
+        quote: Its words.
+        findings: Of the claims that rest on it.
+    """
+
+    quote: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The claims' verdicts together, by ``RULE``."""
+        return min((each.verdict for each in self.findings), key=_WEAKEST.index)
+
+
+def sentences_of(findings: Iterable[Finding]) -> list[Sentence]:
+    """The sentences that claims of the chapter rest on, in the claims' order."""
+    under: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        if finding.claim.kind is Kind.CLAIM:
+            under.setdefault((finding.claim.system, finding.claim.quote), []).append(finding)
+    return [Sentence(quote, tuple(own)) for (_, quote), own in under.items()]
+
+
+def verdicts_of(findings: Iterable[Finding], kind: Kind) -> list[Verdict]:
+    """The verdicts of a kind that are counted: one a sentence, or one a statement."""
+    own = [finding for finding in findings if finding.claim.kind is kind]
+    return [each.verdict for each in (sentences_of(own) if kind is Kind.CLAIM else own)]

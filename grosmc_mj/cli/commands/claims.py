@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tyro.conf import Positional, arg
@@ -35,6 +35,8 @@ class ClaimsCommand(Command):
     Every claim is measured on each plant that it can be asked of, at the control period and at half
     of it; a verdict that changes in between is inconclusive. What turns on something that the
     chapter does not print is undetermined; a claim that fails because a premise failed says so.
+    The chapter's claims are counted by the sentence that they rest on: it is refuted if any of them
+    is, and supported only if all are.
     Writes claims.json to --out, with --explain claims/CLAIM.json, with --sweep sweeps.json, with
     --self-test self_test.json. Exit code 1 if a verdict is not the one that the repository expects.
 
@@ -77,6 +79,7 @@ class ClaimsCommand(Command):
     def execute(self) -> int:
         """Judge, write, print, compare."""
         from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
+        from grosmc_mj.chapter.claims_document import claims_document
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
         from grosmc_mj.report.document import json_text, origin, write_json
@@ -95,7 +98,7 @@ class ClaimsCommand(Command):
         if self.sweep:
             return self._sweep(lab, chosen)
         findings = judge_with_progress(lab, chosen)
-        content = {**origin(0), "claims": documents(findings, lab)}
+        content = {**origin(0), **claims_document(findings, lab)}
         name = "claims" if self.explain is None else f"claims/{findings[0].claim.id}"
         write_json(self.out / f"{name}.json", content)
         if self.json:
@@ -229,22 +232,15 @@ def judge_in_processes(
     return judge_claims(lab, chosen, executor_for(len(chosen)), advance, screen.notice)
 
 
-def documents(findings: Sequence[Finding], lab: Laboratory) -> list[dict[str, Any]]:
-    """Findings as plain values."""
-    from grosmc_mj.chapter.claims_document import claim_document
-
-    return [claim_document(finding, lab) for finding in findings]
-
-
 def verdicts_table(findings: Sequence[Finding]) -> Table:
-    """How many statements of each kind have which verdict."""
-    from grosmc_mj.chapter.claims.claim import Kind, Verdict
+    """How many sentences and statements have which verdict."""
+    from grosmc_mj.chapter.claims.claim import Kind, Verdict, verdicts_of
 
-    rows = []
-    for kind in Kind:
-        own = [each.verdict for each in findings if each.claim.kind is kind]
-        if own:
-            rows.append((kind.plural, *(str(own.count(each)) for each in Verdict), str(len(own))))
+    rows = [
+        (kind.plural, *(str(own.count(each)) for each in Verdict), str(len(own)))
+        for kind in Kind
+        if (own := verdicts_of(findings, kind))
+    ]
     columns = ("", *(verdict.value for verdict in Verdict), "all")
     return screen.brief_table("What physics says", columns, rows)
 
@@ -262,9 +258,12 @@ def _unsupported(findings: Sequence[Finding]) -> Table:
 
 
 def _ledger(console: Console, findings: Sequence[Finding]) -> None:
-    """Every claim, and which premises failed."""
-    from grosmc_mj.chapter.claims_tables import LEGEND, ledger_tables
+    """Every sentence and claim, and which premises failed."""
+    from grosmc_mj.chapter.claims.claim import RULE
+    from grosmc_mj.chapter.claims_tables import LEGEND, ledger_tables, sentences_table
 
+    console.print(sentences_table(findings))
+    console.print(RULE, style="dim")
     for table in ledger_tables(findings):
         console.print(table)
     console.print(LEGEND, style="dim")

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands.claims import documents, judge_in_processes
+from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import CASES, recorded_experiments
@@ -85,6 +85,7 @@ class ValidateCommand(Command):
         """Run, write, compare, print."""
         from grosmc_mj.chapter import expected_results as expected
         from grosmc_mj.chapter.claims.ledger import CLAIMS, verdict_differences
+        from grosmc_mj.chapter.claims_document import claims_document
         from grosmc_mj.chapter.document import document
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
@@ -139,7 +140,7 @@ class ValidateCommand(Command):
                     done.results, done.agreements, settings, selected, seed, done.differing,
                     complete=True,
                 )  # fmt: skip
-                write_json(target, {**content, "claims": documents(done.findings, lab)})
+                write_json(target, {**content, **claims_document(done.findings, lab)})
         finally:
             # What was computed is kept and shown, whatever happened since.
             if done.results and not complete:
@@ -184,7 +185,8 @@ class ValidateCommand(Command):
         if done.findings:
             own = sum(each.claim.kind is Kind.QUESTION for each in done.findings)
             console.print(
-                "Of what the chapter says, its proofs included. Refuted: physics does not show it. "
+                "Of what the chapter says, one verdict a sentence, its equations and proofs "
+                "included. Refuted: physics does not show it. "
                 f"{own} questions of this project are not counted: grosmc-mj claims names all.",
                 style="dim",
             )
@@ -256,13 +258,13 @@ def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
     else:
         words = f"All {count} runs are as recorded."
         if done.findings:
-            words += f" All {len(done.findings)} verdicts on the chapter's claims are as expected."
+            words += f" All {len(done.findings)} verdicts of the ledger are as expected."
         screen.say_verdict(console, words, good=True)
 
 
 def _systems_table(done: _Validation) -> Table:
     """Of each system: runs, those that ended early, accelerations against MuJoCo's, verdicts."""
-    from grosmc_mj.chapter.claims.claim import Kind, Verdict
+    from grosmc_mj.chapter.claims.claim import Kind, Verdict, verdicts_of
 
     rows = []
     for system in dict.fromkeys(case.system for case in done.selected):
@@ -272,10 +274,12 @@ def _systems_table(done: _Validation) -> Table:
             for each in done.agreements
             if each.system == system and each.variant == "corrected"
         ]
+        own = [each for each in done.findings if each.claim.system == system]
         verdicts = [
-            each.verdict
-            for each in done.findings
-            if each.claim.system == system and each.claim.kind is not Kind.QUESTION
+            verdict
+            for kind in Kind
+            if kind is not Kind.QUESTION
+            for verdict in verdicts_of(own, kind)
         ]
         counts = [str(verdicts.count(verdict)) if verdicts else "-" for verdict in Verdict]
         ended = sum(bool(each.ended) for each in runs)

@@ -136,7 +136,7 @@ def _answer(document: Document) -> Answer | None:
         case StoredRunResults():
             return _run(target, content)
         case StoredClaims():
-            return _claims("Claims", content.claims)
+            return _claims(content)
         case StoredLadder():
             rows = [each for each in breaks([document]) if each.rung]
             laws = dict.fromkeys(each.law for each in content.standings)
@@ -172,14 +172,15 @@ def _validation(content: StoredValidation) -> Answer:
         return Answer(asked, OPEN, words + so_far(content.complete))
     words = "all is as recorded" if content.as_recorded else f"{differing} results differ"
     verdict = _verdict(content.complete, content.as_recorded)
-    return Answer(asked, verdict, words + so_far(content.complete), _counts(content.claims))
+    return Answer(asked, verdict, words + so_far(content.complete), _counts(content))
 
 
-def _claims(asked: str, claims: Sequence[StoredClaim]) -> Answer:
+def _claims(content: StoredClaims) -> Answer:
     """How many verdicts are the expected ones."""
+    claims = content.claims
     wrong = [each for each in claims if not as_expected(each)]
     words = f"{len(claims) - len(wrong)} of {len(claims)} verdicts are as expected"
-    return Answer(asked, BROKEN if wrong else KEPT, words, _counts(claims))
+    return Answer("Claims", BROKEN if wrong else KEPT, words, _counts(content))
 
 
 def as_expected(claim: StoredClaim) -> bool:
@@ -190,10 +191,11 @@ def as_expected(claim: StoredClaim) -> bool:
     )
 
 
-def _counts(claims: Sequence[StoredClaim]) -> str:
-    """Claims by verdict."""
-    counts = Counter(each.verdict for each in claims)
-    return ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+def _counts(content: StoredClaims | StoredValidation) -> str:
+    """Sentences of the chapter by verdict; an older document has its claims only."""
+    counts = Counter(each.verdict for each in content.sentences or content.claims)
+    said = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+    return f"sentences of the chapter: {said}" if content.sentences else said
 
 
 def _run(target: str, content: StoredRunResults) -> Answer:

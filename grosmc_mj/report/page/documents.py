@@ -132,9 +132,18 @@ class StoredClaim(StoredPart):
     expected: StoredExpected = StoredExpected()
 
 
+class StoredSentence(StoredPart):
+    """A sentence of the chapter, and the claims under it."""
+
+    quote: Text = ""
+    verdict: Text
+    claims: list[Text] = []
+
+
 class StoredClaims(StoredPart):
     """What ``claims`` writes."""
 
+    sentences: list[StoredSentence] = []
     claims: list[StoredClaim]
 
 
@@ -145,6 +154,7 @@ class StoredValidation(StoredPart):
     as_recorded: bool | None
     differences: list[Text] = []
     runs: list[StoredRun]
+    sentences: list[StoredSentence] = []
     claims: list[StoredClaim] = []
 
 

@@ -277,6 +277,19 @@ def test_an_older_document_has_less_and_is_read(tmp_path: Path) -> None:
     assert "servo-index" in text
 
 
+def test_claims_are_counted_by_the_sentence_that_they_rest_on(tmp_path: Path) -> None:
+    claims = [
+        {**DOCUMENTS["validation"]["claims"][0], "id": name, "verdict": verdict}
+        for name, verdict in (("one", "supported"), ("two", "supported"), ("three", "refuted"))
+    ]
+    sentences = [{"quote": "q", "verdict": "refuted", "claims": ["one", "two", "three"]}]
+    content = {"schema_version": 1, "sentences": sentences, "claims": claims}
+    (tmp_path / "claims.json").write_text(json.dumps(content), encoding="utf-8")
+    page, text = page_of(tmp_path)
+    assert page.notices == []
+    assert "sentences of the chapter: 1 refuted" in text
+
+
 def test_the_newer_of_two_results_counts(tmp_path: Path) -> None:
     for name, verdict, modified in (("a", "supported", 2000), ("b", "refuted", 1000)):
         claims = [{**DOCUMENTS["validation"]["claims"][0], "verdict": verdict}]

@@ -85,7 +85,13 @@ def largest_start(
             return Measured(reached, f"from {angle} degrees it goes {away:.3g} % astray")
         reached = float(angle)
     asked = float(np.abs(runs.input[-1]).max())
-    return Measured(reached, f"from every angle tried; up to {asked:.3g} N")
+    gains = law.designed.gains
+    said = "".join(
+        f", {symbol} = {gains[name]:.3g}"
+        for name, symbol in (("eta", "η"), ("gamma0", "γ0"), ("gamma1", "γ1"))
+        if name in gains
+    )
+    return Measured(reached, f"from every angle tried; up to {asked:.3g} N{said}")
 
 
 def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:

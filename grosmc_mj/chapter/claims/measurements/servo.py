@@ -10,15 +10,20 @@ import numpy as np
 import scipy.linalg
 
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, surface_memory, within
+from grosmc_mj.chapter.claims.measurements.measures import (
+    from_optimum,
+    of,
+    sliding,
+    surface_memory,
+    within,
+)
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.lqr import LqrDesign, lqr
+from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics.recorded import overshoot
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import Plant
-from grosmc_mj.premises.balance import switching_rate
 
 
 def before_the_load(lab: Laboratory, plant: PlantName) -> Measured:
@@ -132,38 +137,30 @@ def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
     return margin, margin / crossing
 
 
-def undercut(lab: Laboratory, plant: PlantName, *, over: str) -> Measured:
-    """How far below J* the index (13) can go, in percent, over ``u_c`` or over ``any u_d``.
+def undercut(lab: Laboratory, plant: PlantName) -> Measured:
+    """How far u_c = 0 takes the index (13) from J*, in percent: u_d carries -K x instead.
 
-    On s = 0 the motion is x' = (A - B K') x with u_c = -K' x, all of which (13) weighs: other K'
-    are compared with the law's own, on the plant. With
-    u_c = -K x it is the integral of x'(Q + K'RK)x/2, to which u_d adds no cost: the least of it is
-    that of an LQR whose further input costs next to nothing. A law without u_d has none.
+    The surface (8) fixes x, whoever supplies the input. So the law (12) runs with u_c = 0 and with
+    gamma1 larger by |K|, which covers -K x: s stays at zero, x is the optimum, and what is left of
+    (13) is the integral of x'Qx/2. On the sliding motion x' = (A - B K) x it is x0'Wx0/2, with W
+    from the Lyapunov equation (A - B K)'W + W (A - B K) + Q = 0.
     """
     case = find_experiment("servo", "nominal")
     law = lab.controller(case, plant, "grosmc")
-    design, x0 = law.designed.lqr, np.array([1.0, 0.0])
-    if switching_rate(law, x0, design.B[1:]) == 0:
-        return Measured(0.0, "the law has no input that (13) leaves out")
-    if over == "u_c":
-        closed, _ = _linearized(lab.plant(case, plant), lab.controller(case, plant, "lqr"))
-        tried = [(a, b) for a in np.linspace(0.5, 2.0, 31) for b in np.linspace(0.5, 2.0, 31)]
-        gains = [design.K * np.array(factors) for factors in tried]
-        least = min(_index(design, K, design.A - design.B @ K, x0) for K in gains)
-        ratio = least / _index(design, design.K, closed, x0)
-        return Measured(100 * (ratio - 1), f"{len(tried)} gains from half to twice of K")
-    weight = design.Q + design.K.T @ design.R @ design.K
-    hurried = lqr(design.A - design.B @ design.K, design.B, weight, 1e-4)
-    ratio = hurried.optimal_cost(x0) / design.optimal_cost(x0)
-    return Measured(100 * (ratio - 1), "linear feedback as u_d, priced at a ten-thousandth")
-
-
-def _index(design: LqrDesign, K: np.ndarray, closed: np.ndarray, x0: np.ndarray) -> float:
-    """J of u = -K x along x' = closed x from a start; infinite if it is not stable."""
-    if np.linalg.eigvals(closed).real.max() >= 0:
-        return math.inf
-    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(design.Q + K.T @ design.R @ K))
-    return float(0.5 * x0 @ P @ x0)
+    design, p = law.designed.lqr, law.parameters
+    gamma1 = p.gamma1 + float(np.linalg.norm(p.K))
+    by_switching = replace(law, parameters=replace(p, K=0 * p.K, gamma1=gamma1))
+    result = lab.once(("undercut", plant), lambda: lab.run_with(case, plant, by_switching))
+    z, x0 = result.comparison.z, np.array([1.0, 0.0])
+    J = 0.5 * float(np.trapezoid(np.sum(z @ design.Q * z, axis=1), result.comparison.time))
+    W = scipy.linalg.solve_continuous_lyapunov(design.closed_loop.T, -design.Q)
+    least, ideal = design.optimal_cost(x0), float(0.5 * x0 @ W @ x0)
+    s = float(np.abs(sliding(result.trajectory)).max())
+    note = (
+        f"on s = 0 {ideal:.5f} against J* = {least:.5f}, {100 * (ideal / least - 1):.3g} %; "
+        f"the run's largest |s| is {s:.2g} {law.designed.sliding_unit}"
+    )
+    return of(result, 100 * (J / least - 1), note)
 
 
 def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
