@@ -176,8 +176,7 @@ class MujocoPlant(Plant):
     @cached_property
     def unseen(self) -> tuple[UnseenState, ...]:
         """Its states that no law sees."""
-        gears = {a.name: float(a.gear[0] * a.gainprm[0]) for a in self.spec.actuators}
-        return unseen_states(self._model_like, self.system, self.parts, gears)
+        return unseen_states(self._model_like, self.system, self.parts)
 
     @cached_property
     def parameters(self) -> Any:

@@ -180,6 +180,17 @@ def test_a_negative_gear_is_the_mirrored_input(motor: Motor) -> None:
     np.testing.assert_array_equal(wave(turned, 1.0)[0], rows)
 
 
+@pytest.mark.parametrize("gear", [GEAR, 2 * GEAR, 0.5 * GEAR])
+@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
+def test_the_current_is_the_joints_torque_over_the_torque_constant_at_any_gear(
+    motor: Motor, gear: float
+) -> None:
+    plant = servo(HEAVY, InputEdit("current", gear), motor, timestep=1e-4)
+    rows, amperes = wave(plant, 1.0)
+    assert np.abs(amperes).max() > 1
+    np.testing.assert_allclose(N * K * amperes, rows[:, 2], rtol=0, atol=1e-3 * rows[:, 2].max())
+
+
 CASE = """
 [plant]
 system = "servo"
