@@ -20,6 +20,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.control.own_law import around
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
@@ -172,9 +173,7 @@ def _metered_law(
             note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
         return u
 
-    found: Any = metered_law
-    found.python_only = getattr(law, "python_only", False)
-    return found
+    return around(metered_law, law)
 
 
 @jitable

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
+from grosmc_mj.control.own_law import around
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.jitable import jitable
@@ -125,7 +126,7 @@ def _guarded_law(law: Law, system: System) -> Law:
             memory.undefined = 1.0
         return u
 
-    return guarded_law
+    return around(guarded_law, law)
 
 
 def outside(system: System, starts: Array) -> NDArray[np.bool_]:
