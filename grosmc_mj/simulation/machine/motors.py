@@ -98,7 +98,7 @@ def amperes(motor: Motor, model: mujoco.MjModel, index: int) -> float:
         model: Compiled, with this motor.
         index: Of its actuator.
     """
-    torque = model.actuator_gainprm[index, 1] * abs(model.actuator_gear[index, 0])
+    torque = model.actuator_gainprm[index, 1] * model.actuator_gear[index, 0]
     return float(torque / (motor.efficiency * motor.constant * motor.ratio))
 
 
