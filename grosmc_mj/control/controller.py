@@ -18,10 +18,10 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory, memory_of
-from grosmc_mj.control.own_law import around, checked
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around, checked
 from grosmc_mj.records import extended
 from grosmc_mj.vectors import algebra, each
 

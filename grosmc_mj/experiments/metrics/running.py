@@ -20,7 +20,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.control.own_law import around
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
@@ -34,6 +33,7 @@ from grosmc_mj.experiments.metrics.definitions import (
 )
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around
 from grosmc_mj.records import extended
 from grosmc_mj.vectors import each, quadratic, row_times
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.own_law import NoInputsError, require_inputs
 from grosmc_mj.errors import GrosmcError, shown
 from grosmc_mj.jitable import jitable, source_of
+from grosmc_mj.own_law import NoInputsError, require_inputs
 from grosmc_mj.simulation.law_errors import LawError, law_error
 
 

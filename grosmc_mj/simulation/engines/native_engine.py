@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from grosmc_mj.control.own_law import innermost
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own
+from grosmc_mj.own_law import innermost
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.native_analytic import analytic_kernel

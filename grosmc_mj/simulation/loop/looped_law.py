@@ -8,8 +8,8 @@ from functools import cache
 from typing import Any
 
 from grosmc_mj.control.laws import Law
-from grosmc_mj.control.own_law import around, checked
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around, checked
 from grosmc_mj.simulation.loop.actuating import actuating
 from grosmc_mj.simulation.loop.counter import uniform
 from grosmc_mj.simulation.loop.design_model import Advance

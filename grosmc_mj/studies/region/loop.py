@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
-from grosmc_mj.control.own_law import around
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from grosmc_mj.control.laws import Law
 from grosmc_mj.jitable import compiled_as, is_own, jitable
+
+# (t, x, memory, p) -> u.
+_Law = Callable[[float, Any, Any, Any], Any]
 
 
 class NoInputsError(TypeError):
@@ -23,7 +26,7 @@ class NoInputsError(TypeError):
         self.given = given
 
 
-def around(wrapper: Any, law: Law) -> Law:
+def around(wrapper: Any, law: _Law) -> _Law:
     """A law that calls another one: it runs in Python only where that one does.
 
     Args:
@@ -36,13 +39,13 @@ def around(wrapper: Any, law: Law) -> Law:
     return wrapper
 
 
-def innermost(law: Law) -> Law:
+def innermost(law: _Law) -> _Law:
     """The law within all that was put around it."""
     return getattr(law, "own", law)
 
 
 @cache
-def checked(law: Law, m: int) -> Law:
+def checked(law: _Law, m: int) -> _Law:
     """The law, jitable; of a law of the user's own Python checks that it returns m numbers.
 
     Compiled code calls the law itself: numba refuses other kinds.
