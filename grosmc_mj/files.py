@@ -15,6 +15,8 @@ from grosmc_mj.errors import SetupError
 _OWN = "grosmc_mj"
 # What only its owner may enter, and what lets others change it.
 _PRIVATE, _WRITABLE_BY_OTHERS = 0o700, 0o022
+# What a write fails with that does not name its file.
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
 @contextlib.contextmanager
@@ -26,8 +28,9 @@ def written_aside(path: Path) -> Iterator[Path]:
     A link at the real path is replaced; a device, a pipe or a socket there is not.
 
     Raises:
-        SetupError: If it cannot be written.
+        SetupError: If it cannot be written. Other errors of the block pass as they are.
     """
+    opened = False
     part = path.with_name(f".{path.stem}.{secrets.token_hex(8)}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,9 +39,13 @@ def written_aside(path: Path) -> Iterator[Path]:
         if path.exists() and not path.is_file():
             raise FileExistsError(errno.EEXIST, "is a device, a pipe or a socket")
         os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
+        opened = True
         yield part
         part.replace(path)
     except OSError as error:
+        own = error.errno in _DISK if error.filename is None else str(error.filename) == str(part)
+        if opened and not own:
+            raise
         raise cannot_write(path, error) from error
     finally:
         with contextlib.suppress(OSError):
@@ -48,7 +55,7 @@ def written_aside(path: Path) -> Iterator[Path]:
 def cannot_write(path: Path, error: OSError) -> SetupError:
     """One line about a file that cannot be written."""
     return SetupError(
-        f"cannot write {path}: {error.strerror}; free the disk or choose another place"
+        f"cannot write {path}: {error.strerror or error}; free the disk or choose another place"
     )
 
 

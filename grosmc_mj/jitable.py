@@ -41,9 +41,21 @@ def jitable(function: Function) -> Function:
         if own:
             _check_helpers(function)
         compiled = cast(Any, numba.njit)(boundscheck=own, **_INNER)(function)
-        _compiled[function] = compiled
-        cast(Any, cpu_target.typing_context).insert_global(function, types.Dispatcher(compiled))
+        _stand_for(function, compiled)
     return function
+
+
+def compiled_as(function: Function, other: Any) -> Function:
+    """Let compiled code call the jitable function ``other`` where Python calls ``function``."""
+    if (compiled := compiled_of(other)) is not None:
+        _stand_for(function, compiled)
+    return function
+
+
+def _stand_for(function: Any, compiled: Any) -> None:
+    """Let numba take a Python function for what it has compiled."""
+    _compiled[function] = compiled
+    cast(Any, cpu_target.typing_context).insert_global(function, types.Dispatcher(compiled))
 
 
 def compiled_of(function: Any) -> Any:

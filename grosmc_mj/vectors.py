@@ -15,7 +15,7 @@ import numpy as np
 
 from grosmc_mj.jitable import jitable
 
-# A determinant of this part of |E|^m is rounding.
+# A reciprocal condition number below this is rounding.
 _SINGULAR = 1e-12
 
 Vector = tuple[float, ...]
@@ -79,7 +79,8 @@ class Algebra(NamedTuple):
         subtract: (a, b) -> a - b.
         solve: (E, b) -> E^-1 b, for a row-by-row E; infinities or NaN if E is singular, where
             Python raises ZeroDivisionError for one or two inputs.
-        regular: E -> whether E, row by row, is nonsingular beyond rounding and finite.
+        regular: E -> whether E, row by row, is finite and nonsingular beyond rounding, whatever
+            the units of its rows and columns.
         product: (G, E) -> G E row by row, for G (m, m) and a row-by-row E.
         within: (a, limit) -> a with each entry between -limit and limit.
         differ: (a, b) -> whether an entry of them does.
@@ -164,14 +165,13 @@ def _difference(i: int, a: Any, b: Any) -> float:
 @cache
 def _solver(m: int) -> Callable[[Any, Any], Vector]:
     """E x = b: by hand for one and two inputs, by elimination for more."""
-    determinant = _determinant(m)
     if m == 1:
         return jitable(lambda E, b: (b[0] / E[0],))
     if m == 2:
 
         @jitable
         def by_cramer(E: Any, b: Any) -> Vector:
-            whole = determinant(E)
+            whole = E[0] * E[3] - E[1] * E[2]
             return ((b[0] * E[3] - b[1] * E[1]) / whole, (b[1] * E[0] - b[0] * E[2]) / whole)
 
         return by_cramer
@@ -191,35 +191,12 @@ def _solver(m: int) -> Callable[[Any, Any], Vector]:
 
 
 @cache
-def _determinant(m: int) -> Callable[[Any], float]:
-    """det E up to its sign: by hand for one and two inputs, by elimination for more."""
-    if m == 1:
-        return jitable(lambda E: E[0])
-    if m == 2:
-        return jitable(lambda E: E[0] * E[3] - E[1] * E[2])
-    eliminate = _elimination(m)
+def _elimination(m: int) -> Callable[[Any], bool]:
+    """Make the first m columns of ``rows`` diagonal, with pivoting; False if a pivot is zero."""
 
     @jitable
-    def by_elimination(E: Any) -> float:
-        rows = np.empty((m, m))
-        for i in range(m):
-            for j in range(m):
-                rows[i, j] = E[i * m + j]
-        return eliminate(rows)
-
-    return by_elimination
-
-
-@cache
-def _elimination(m: int) -> Callable[[Any], float]:
-    """Make the first m columns of ``rows`` diagonal, with pivoting; returns det E up to sign.
-
-    A matrix that is singular is left at the pivot that is zero.
-    """
-
-    @jitable
-    def eliminate(rows: Any) -> float:
-        product, columns = 1.0, rows.shape[1]
+    def eliminate(rows: Any) -> bool:
+        columns = rows.shape[1]
         for k in range(m):
             pivot = k
             for i in range(k + 1, m):
@@ -227,32 +204,59 @@ def _elimination(m: int) -> Callable[[Any], float]:
                     pivot = i
             for j in range(k, columns):
                 rows[k, j], rows[pivot, j] = rows[pivot, j], rows[k, j]
-            product *= rows[k, k]
-            if product == 0.0:
-                return 0.0
+            if rows[k, k] == 0.0:
+                return False
             for i in range(m):
                 if i != k:
                     share = rows[i, k] / rows[k, k]
                     for j in range(k, columns):
                         rows[i, j] -= share * rows[k, j]
-        return product
+        return True
 
     return eliminate
 
 
 @cache
 def _regular(m: int) -> Callable[[Any], bool]:
-    """|det E| against |E|^m."""
-    determinant = _determinant(m)
+    """Whether the relative gains E_ij (E^-1)_ji have magnitudes of less than 1e12 m in sum.
+
+    No scaling of rows or columns changes them: E. H. Bristol, IEEE Trans. Automatic Control 11,
+    1966. Their sum is about the condition number of E under the scaling that makes it least:
+    C. N. Nett and V. Manousiouthakis, the same journal 32, 1987.
+    """
+    if m == 1:
+        return jitable(lambda E: 0.0 < abs(E[0]) < math.inf)
+    if m == 2:
+
+        @jitable
+        def of_two(E: Any) -> bool:
+            along, across = E[0] * E[3], E[1] * E[2]
+            return abs(along - across) > _SINGULAR * (abs(along) + abs(across))
+
+        return of_two
+    eliminate = _elimination(m)
 
     @jitable
-    def regular(E: Any) -> bool:
-        size = 1.0
-        for _ in range(m):
-            size *= norm(E)
-        return abs(determinant(E)) > _SINGULAR * size
+    def of_more(E: Any) -> bool:
+        rows = np.zeros((m, 2 * m))
+        for i in range(m):
+            size = 0.0
+            for j in range(m):
+                size = max(size, abs(E[i * m + j]))
+            if not 0.0 < size < math.inf:
+                return False
+            for j in range(m):
+                rows[i, j] = E[i * m + j] / size
+            rows[i, m + i] = 1.0 / size
+        if not eliminate(rows):
+            return False
+        gains = 0.0
+        for i in range(m):
+            for j in range(m):
+                gains += abs(E[i * m + j] * rows[j, m + i] / rows[j, j])
+        return _SINGULAR * gains < m
 
-    return regular
+    return of_more
 
 
 @jitable

@@ -1,5 +1,6 @@
 """Files are whole or not there, and nobody else decides where they are written."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -41,6 +42,33 @@ def test_a_name_that_was_planted_all_the_same_is_an_error(tmp_path: Path, monkey
         part.write_text("ours")
     assert elsewhere.read_text() == "somebody's"
     assert not target.exists()
+
+
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+CUT_OFF = ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")
+MISSING = FileNotFoundError(errno.ENOENT, "No such file or directory", "ffmpeg")
+
+
+@pytest.mark.parametrize(
+    "error", [CUT_OFF, MISSING, TimeoutError("no answer"), OSError("bad mode")]
+)
+def test_an_error_that_is_not_of_its_writing_keeps_its_words(tmp_path: Path, error: OSError):
+    with pytest.raises(type(error)) as told, written_aside(tmp_path / "results.json"):
+        raise error
+    assert told.value is error
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_of_its_writing_names_the_file(tmp_path: Path):
+    target = tmp_path / "results.json"
+    said = f"cannot write {target}: No space left on device; free the disk"
+    with pytest.raises(SetupError, match=said), written_aside(target):
+        raise FULL
+    with pytest.raises(SetupError, match=f"cannot write {target}: "), written_aside(target) as part:
+        os.truncate(part, -1)
+    with pytest.raises(SetupError, match=f"cannot write {target}: "), written_aside(target) as part:
+        part.unlink()
+    assert not list(tmp_path.iterdir())
 
 
 def test_files_have_the_mode_that_the_user_wants(tmp_path: Path):

@@ -206,12 +206,46 @@ def test_norm_of_any_length(z: list[float]) -> None:
     assert norm(tuple(z)) == pytest.approx(math.hypot(*z), rel=1e-14, abs=1e-150)
 
 
-@pytest.mark.parametrize("m", [1, 2, 3, 4])
-def test_a_matrix_is_regular_unless_a_row_repeats_another(m: int) -> None:
-    regular, random = algebra(m).regular, np.random.default_rng(1)
-    for _ in range(20):
+@pytest.mark.parametrize("decades", [0, 8])
+@pytest.mark.parametrize("m", [1, 2, 3, 4, 7])
+def test_a_matrix_is_regular_in_any_units_unless_a_row_repeats_others(
+    m: int, decades: float
+) -> None:
+    regular, random = algebra(m).regular, np.random.default_rng(m)
+    for _ in range(50):
+        rows, columns = 10.0 ** random.uniform(-decades, decades, (2, m, 1))
         E = random.normal(size=(m, m))
-        assert regular(tuple(E.ravel().tolist()))
-        E[-1] = 2 * E[0] if m > 1 else 0.0
-        assert not regular(tuple(E.ravel().tolist()))
-    assert not regular((float("nan"),) * m**2)
+        assert both(regular, row(rows * E * columns.T))
+        E[-1] = random.normal(size=m - 1) @ E[:-1]
+        assert not both(regular, row(rows * E * columns.T))
+
+
+@pytest.mark.parametrize("m", [2, 3, 7])
+def test_a_matrix_is_regular_up_to_a_condition_number_of_1e11(m: int) -> None:
+    regular, random = algebra(m).regular, np.random.default_rng(m)
+    for exponent, said in [(0, True), (3, True), (11, True), (14, False)]:
+        left, right = (np.linalg.qr(random.normal(size=(m, m)))[0] for _ in range(2))
+        values = np.logspace(0, -exponent, m)
+        assert both(regular, row(left * values @ right)) == said
+
+
+@pytest.mark.parametrize(
+    ("E", "said"),
+    [
+        ((1e6, 0.0, 0.0, 1e-8), True),
+        ((0.0, 1e-8, 1e6, 0.0), True),
+        ((1.0, 1e13, 0.0, 1.0), True),  # in other units [[1, 1], [0, 1]]
+        ((1.0, 1.0, 1.0, 1.0 + 1e-13), False),
+        ((1e6, 1e-8, 1e6, 1e-8), False),
+        ((1.0, 0.0, 0.0, 0.0), False),
+        ((math.inf, 0.0, 0.0, 1.0), False),
+        ((math.nan,) * 4, False),
+        ((math.nan,) * 9, False),
+        ((0.0,) * 9, False),
+        ((1.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 1.0), False),
+        ((math.nan,), False),
+        ((1e-200,), True),
+    ],
+)
+def test_a_matrix_of_any_scale_is_regular_or_not(E: tuple[float, ...], said: bool) -> None:
+    assert both(algebra(math.isqrt(len(E))).regular, E) is said

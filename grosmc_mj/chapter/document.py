@@ -20,6 +20,7 @@ def document(
     selected: Sequence[Case],
     seed: int,
     differences: Sequence[str] | None,
+    failed: Sequence[str] = (),
     *,
     complete: bool,
 ) -> dict[str, Any]:
@@ -32,6 +33,7 @@ def document(
         selected: Cases that were asked for.
         seed: Of the random states of the agreements.
         differences: Results that are not as recorded; None if they could not be compared.
+        failed: What else is not as it must be.
         complete: Whether everything that was asked for is in it.
     """
     return {
@@ -41,8 +43,8 @@ def document(
             **asdict(settings),
             "cases": [case_document(case) for case in selected],
         },
-        "as_recorded": None if differences is None else not differences,
-        "differences": list(differences or ()),
+        "as_recorded": None if differences is None else not (differences or failed),
+        "differences": [*(differences or ()), *failed],
         "runs": [run_document(result) for result in results],
         "agreement": [agreement._asdict() for agreement in agreements],
     }

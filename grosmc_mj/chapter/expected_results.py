@@ -71,10 +71,9 @@ def differences(results: Sequence[RunResult], settings: Settings) -> list[str] |
     Raises:
         SetupError: If the record is missing.
     """
-    expected = load_expected()
-    if expected["settings"] != _comparable(settings):
+    if other_settings(settings):
         return None
-    found = []
+    expected, found = load_expected(), []
     for result in results:
         recorded = expected["runs"].get(result.key)
         if recorded is None:
@@ -92,6 +91,16 @@ def differences(results: Sequence[RunResult], settings: Settings) -> list[str] |
                     f"{_words(recorded['metrics'].get(name))} {metric.unit}".rstrip()
                 )
     return found
+
+
+def other_settings(settings: Settings) -> list[str]:
+    """Each setting with another value than the record holds for, with both."""
+    recorded = load_expected()["settings"]
+    return [
+        f"{name.replace('_', ' ')} {value} instead of {recorded[name]}"
+        for name, value in _comparable(settings).items()
+        if value != recorded[name]
+    ]
 
 
 def tolerance_of(metric: str, *, switched: bool) -> tuple[float, float]:

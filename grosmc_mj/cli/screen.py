@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.cli.exit_codes import DIFFERS as DIFFERS
 from grosmc_mj.cli.exit_codes import DONE as DONE
+from grosmc_mj.cli.exit_codes import WRONG as WRONG
 
 if TYPE_CHECKING:
     from pathlib import Path

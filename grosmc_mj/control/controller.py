@@ -21,6 +21,7 @@ from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around, checked
 from grosmc_mj.records import extended
 from grosmc_mj.vectors import algebra, each
 
@@ -264,12 +265,8 @@ def named_gains(**matrices: Array) -> dict[str, float]:
 
 @cache
 def _weighed(law: Law, m: int, driven: Feedback | None) -> Law:
-    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45).
-
-    What it returns has the law itself as ``own``, and (t, x, memory, p, u) that notes as ``note``:
-    Python looks at u between the two.
-    """
-    own, store = jitable(law), algebra(m).store
+    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45)."""
+    own, store = checked(law, m), algebra(m).store
     vector = _as_vector(m)
     if driven is not None:
         weigh = driven
@@ -289,9 +286,7 @@ def _weighed(law: Law, m: int, driven: Feedback | None) -> Law:
         note(t, x, memory, p, u)
         return u
 
-    made: Any = noting
-    made.own, made.note = own, note
-    return noting
+    return around(noting, law)
 
 
 @cache

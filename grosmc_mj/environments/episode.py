@@ -6,6 +6,7 @@ The instants, the wrenches and the numbers are those that ``simulate`` would hav
 from __future__ import annotations
 
 from collections import OrderedDict
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -123,8 +124,10 @@ class EpisodeSetup:
             return x0
         for _ in range(_TRIES):
             drawn = random.uniform(x0 - self._spread, x0 + self._spread)
-            if not self.undefined(drawn):
-                return drawn
+            with suppress(ArgumentError):
+                self.plant.require_start(drawn)
+                if not self.undefined(drawn):
+                    return drawn
         raise ArgumentError(
             f"spread = {self._spread.tolist()}: the plant is not defined at {_TRIES} starts drawn; "
             "take a smaller one"

@@ -191,11 +191,13 @@ class Experiment:
         """One of the plants that there are, whether the file compares it or not.
 
         Raises:
-            ArgumentError: If there is none of that name.
+            ArgumentError: If there is none of that name, or the case starts beyond its stops.
         """
         require_known("plant", name, self.nominal.names)
         settings = self.settings
-        return self.nominal.true(name, self.case.edits, settings.timestep, settings.integrator)
+        made = self.nominal.true(name, self.case.edits, settings.timestep, settings.integrator)
+        made.require_start(np.array(self.case.x0))
+        return made
 
     def law(self, plant: PlantName, name: str) -> Controller:
         """A controller of the file, or a law by its name, designed for a plant to run on.

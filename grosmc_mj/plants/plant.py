@@ -159,6 +159,16 @@ class Plant(ABC):
         """The same without the parts of a machine: what equations can say of it."""
         return self
 
+    def require_start(self, x0: Array) -> None:  # noqa: B027  equations have no stops
+        """Refuse a start where the plant cannot be: beyond a stop of a joint.
+
+        Args:
+            x0: Start, (n,).
+
+        Raises:
+            ArgumentError: If it is one.
+        """
+
     @classmethod  # noqa: B027  nothing can change equations
     def require_unchanged(cls, plants: Sequence[Any]) -> None:
         """Refuse plants whose models were changed in place.

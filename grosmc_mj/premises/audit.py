@@ -122,9 +122,12 @@ def run_audit(result: RunResult) -> Audit:
     """The premises of the law of a run, one by one.
 
     Raises:
-        ArgumentError: If the law has no equations in symbols, or the true plant none at all.
+        ArgumentError: If the law has no equations in symbols, or the true plant none at all; if
+            the run ended at its start, or the laws are defined nowhere in the operating region.
     """
     law, run = result.controller, result.trajectory
+    if not len(run.input):
+        raise ArgumentError(f"{result.key} has no premises: it ended at its start: {result.ended}")
     if not isinstance(law.designed.error, ErrorCoordinates) or result.true is None:
         raise ArgumentError(
             f"{result.key}: premises are told of laws with outputs and equations in symbols, and "
@@ -205,7 +208,11 @@ def _region(
     grid: int,
     phases: int,
 ) -> Points:
-    """The balance over the operating region, with the case's wrench at either bound."""
+    """The balance over the operating region, with the case's wrench at either bound.
+
+    Raises:
+        ArgumentError: If the laws are defined at none of its points.
+    """
     error, system = law.coordinates, true.system
     points = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
     axes = [np.linspace(-size, size, points) for size in bound]
@@ -218,6 +225,14 @@ def _region(
         if controlled.max() > system.position_bound or not system.linearizable(x):
             continue
         found += [(t, x, w) for w in pushes]
+    if not found:
+        unit = system.states[system.controlled[0]].unit
+        sizes = ", ".join(f"|z{i + 1}| <= {size:g}" for i, size in enumerate(bound))
+        raise ArgumentError(
+            f"{law.name}: the laws are defined nowhere in the operating region {sizes}: they need "
+            f"{system.region} and positions within {system.position_bound:g} {unit}; choose "
+            "another reference or operating region"
+        )
     instants, states = [t for t, _, _ in found], np.array([x for _, x, _ in found])
     wrenches = np.array([w for _, _, w in found])
     there = balances(law, true, instants, states, wrenches)

@@ -18,6 +18,8 @@ from grosmc_mj.simulation.machine.writing import draw_ball, linear, write_inerti
 from grosmc_mj.simulation.models.files import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+# Sine of the angle within which an axis lies along z, but for rounding.
+_PARALLEL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class JointEdit:
         damping: [N m s/rad] or [N s/m].
         friction: Dry friction, MuJoCo's ``frictionloss`` [N m] or [N].
         armature: Inertia of what drives it [kg m^2] or [kg].
-        tilt: How far its axis leans up out of its place, towards the z-axis of its body [rad].
+        tilt: Angle by which its axis a turns towards the z-axis of its body, about a x z [rad]. An
+            axis along z, of either direction, turns towards the x-axis.
     """
 
     joint: str
@@ -320,5 +323,12 @@ def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
     if edit.armature is not None:
         joint.armature = edit.armature
     if edit.tilt is not None:
-        axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-        joint.axis = math.cos(edit.tilt) * axis + math.sin(edit.tilt) * np.array([0.0, 0.0, 1.0])
+        joint.axis = _tilted(np.array(joint.axis) / np.linalg.norm(joint.axis), edit.tilt)
+
+
+def _tilted(axis: Array, angle: float) -> Array:
+    """A unit vector turned towards z, or x if it lies along z: Rodrigues' rotation formula."""
+    along_z = np.linalg.norm(axis[:2]) < _PARALLEL
+    towards = np.array([1.0, 0.0, 0.0]) if along_z else np.array([0.0, 0.0, 1.0])
+    across = towards - (towards @ axis) * axis
+    return math.cos(angle) * axis + math.sin(angle) * across / np.linalg.norm(across)

@@ -21,7 +21,7 @@ from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 from grosmc_mj.simulation.edits import BodyEdit, Edit, apply_edits
 from grosmc_mj.simulation.engines.mjdata import scratch
-from grosmc_mj.simulation.machine.parts import MachinePart
+from grosmc_mj.simulation.machine.parts import MachinePart, Stop
 from grosmc_mj.simulation.machine.stability import refuse_unstable
 from grosmc_mj.simulation.machine.unseen import UnseenState, unseen_states
 from grosmc_mj.simulation.models.checks import fingerprint, spec_fingerprint
@@ -176,8 +176,20 @@ class MujocoPlant(Plant):
     @cached_property
     def unseen(self) -> tuple[UnseenState, ...]:
         """Its states that no law sees."""
-        gears = {a.name: float(a.gear[0] * a.gainprm[0]) for a in self.spec.actuators}
-        return unseen_states(self._model_like, self.system, self.parts, gears)
+        return unseen_states(self._model_like, self.system, self.parts)
+
+    def require_start(self, x0: Array) -> None:
+        """Refuse a start beyond a stop, as ``Plant`` says."""
+        for part in self.parts:
+            if isinstance(part, Stop) and part.joint in self.system.joints:
+                index = self.system.joints.index(part.joint)
+                if not part.low <= x0[index] <= part.high:
+                    unit = self.system.states[index].unit
+                    raise ArgumentError(
+                        f"{self.system.name}: {part.joint} starts at {x0[index]:.6g} {unit}, "
+                        f"beyond its stops at {part.low:.6g} and {part.high:.6g} {unit}: move the "
+                        "start or the stops"
+                    )
 
     @cached_property
     def parameters(self) -> Any:

@@ -77,6 +77,8 @@ def prepare(
         record=bool(record),
         threads=require_whole("threads", threads, 0, _MOST_THREADS, _THREADS),
     )
+    for each, start in zip(problem.plants, problem.x0, strict=True):
+        each.require_start(start)
     _check_disturbances(problem)
     return problem, single
 

@@ -173,6 +173,9 @@ REFUSED = [
     ),
     (("lugre", "shaft", "coulomb", '["20 mN m", "90 mN m"]'), "at least coulomb = 0.09, or 0"),
     (("stop", "shaft", "low", '["-1 rad", "2 rad"]'), "low = 2 must be below high = 1"),
+    # A stop would throw out what starts beyond it.
+    (("stop", "shaft", "low", '["-1 rad", "0.5 rad"]'), "beyond its stops at 0.5 and 1 rad"),
+    (("start", "rotor angle", "value", '["-2 rad", "0 rad"]'), "beyond its stops at -1 and 1 rad"),
     (("motor", "current", "heat_capacity", '["1 J/K", "2 J/K"]'), "heating needs both"),
     (
         ("transmission", "shaft", "stiffness", '["100 N m/rad", "5 MN m/rad"]'),

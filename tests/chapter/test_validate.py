@@ -27,6 +27,7 @@ from grosmc_mj.chapter.claims.ledger import CLAIMS
 from grosmc_mj.experiments.catalogue import select_experiments
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.studies.agreement import measure as agreement
 
 pytestmark = pytest.mark.slow
 
@@ -179,14 +180,26 @@ def test_a_result_that_is_not_as_recorded_is_named_and_exits_1(
     assert run("validate", *arguments) == cli.DONE
 
 
+@pytest.mark.parametrize("bound", [None, 0.0])
 def test_other_settings_are_not_compared_with_the_record(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    bound: float | None, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Whether equations and MuJoCo agree or not: that is no result that is recorded."""
+    if bound is not None:
+        monkeypatch.setattr(agreement, "AGREEMENT_BOUND", bound)
     options = ("--control-period", "0.004", "--no-figures", "--out", str(tmp_path))
-    assert run("validate", "servo/nominal", *options) == cli.DONE
-    assert "Not compared" in capsys.readouterr().out
+    code = run("validate", "servo/nominal", *options, "--switching", "implicit")
+    assert code == (cli.WRONG if bound is None else cli.DIFFERS)
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith(
+        "Nothing was compared with the recorded results, whose settings differ: "
+        "control period 0.004 instead of 0.001, switching implicit instead of sign."
+    )
+    assert "from the recorded" not in said
+    assert ("differs: servo, nominal: accelerations" in said) is (bound is not None)
     document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
     assert document["as_recorded"] is None
+    assert bool(document["differences"]) is (bound is not None)
     assert document["configuration"]["control_period"] == 0.004
 
 

@@ -492,6 +492,17 @@ def test_matrix_that_is_singular_everywhere_is_refused() -> None:
     assert feedback_linearization(equations, [a, c]).relative_degree == (1, 1)
 
 
+@pytest.mark.parametrize("scales", [(1, 1), (1e6, 1e-8), (1e-8, 1e6)])
+def test_a_matrix_is_singular_at_a_state_in_any_units(scales: tuple[float, float]) -> None:
+    """E = diag(c1, c2 cos b): regular wherever b is no quarter of a turn."""
+    a, b = sp.symbols("a b")
+    g = ((scales[0], 0), (0, scales[1] * sp.cos(b)))
+    found = feedback_linearization(Equations(x=(a, b), f=(0, 0), g=g, h=(a, b)))
+    found.require_regular(np.zeros(2), None)
+    with pytest.raises(PremiseError, match=r"is singular there \(eq\. \(21\)\)"):
+        found.require_regular(np.array([0.0, math.pi / 2]), None)
+
+
 def test_matrix_that_is_singular_by_an_identity_is_refused() -> None:
     """E = [[sin^2, cos^2 - 1], [-1, 1]]: its determinant is zero for a reason sympy has to see."""
     a, b = sp.symbols("a b")

@@ -35,6 +35,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.machine import Stop
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -302,6 +303,14 @@ def test_starts_where_the_plant_is_undefined_are_not_drawn() -> None:
     # A third of the box lies beyond pi/2, where the arm's cable has length zero.
     assert max(angles) < math.pi / 2
     assert max(angles) > 1.2
+
+
+def test_starts_beyond_a_stop_are_not_drawn() -> None:
+    case = replace(find_case("servo", "nominal"), edits=(Stop("shaft", -0.5, 0.2),))
+    environment = load("servo", of_case(case), spread=[1.0, 0.0], seed=0)
+    angles = [environment.reset().observation["rotor angle"][0] for _ in range(60)]
+    assert -0.5 <= min(angles) < -0.4
+    assert 0.1 < max(angles) <= 0.2
 
 
 def test_a_case_without_a_defined_start_is_refused() -> None:

@@ -372,6 +372,10 @@ MISTAKES = [
     ('[[stop]]\njoint = "shaft"\nlow = "1 rad"\nhigh = "-1 rad"\n', "must be below high = -1"),
     ('[[stop]]\njoint = "shaft"\nlow = "-1 rad"\nhigh = "1 m"\n', "cannot be converted to rad"),
     (
+        '[[stop]]\njoint = "shaft"\nlow = "-2 rad"\nhigh = "-1 rad"\n',
+        "shaft starts at 0 rad, beyond its stops at -2 and -1 rad: move the start or the stops",
+    ),
+    (
         '[[swinging_load]]\nbody = "roter"\nmass = "1 kg"\nlength = "1 m"\n',
         "unknown body 'roter': did you mean 'rotor'",
     ),

@@ -22,8 +22,9 @@ from grosmc_mj.chapter.claims_tables import audit_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.errors import GainError
+from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import AnalyticPlant
@@ -439,6 +440,36 @@ def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
     # A region of next to nothing is the pole upright.
     here = least_margin(law, plant, (1e-9, 1e-9), together)
     assert here == pytest.approx(upright[1].configured - upright[1].required, rel=1e-6)
+
+
+def test_an_operating_region_beyond_the_laws_is_refused(tmp_path: Path) -> None:
+    """About 2 rad the arm's cable has no direction: its laws end at 1.5 rad."""
+    text = """
+        [plant]
+        system = "arm"
+        [task]
+        reference = ["2"]
+        Q = [[10, 2], [2, 1]]
+        R = 1
+        region = [0.1, 0.1]
+        [run]
+        duration = "0.01 s"
+        [[controller]]
+        law = "grosmc"
+        k = 18
+        epsilon = 6
+        G = [[0, 1]]
+    """
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    run = Experiment.load(tmp_path / "mine.toml").run("physics")
+    with pytest.raises(ArgumentError, match=r"nowhere in the .* \|z1\| <= 0\.1, \|z2\| <= 0\.1"):
+        run_audit(run)
+
+
+def test_a_run_that_ended_at_its_start_has_no_premises() -> None:
+    beyond = find_experiment("arm", "nominal").varied(x0=(1.6, 0.0)).run("physics", "grosmc")
+    with pytest.raises(ArgumentError, match=r"it ended at its start: .* cable has length zero"):
+        run_audit(beyond)
 
 
 def test_projection_that_does_not_see_the_input_is_refused() -> None:

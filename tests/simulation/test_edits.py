@@ -409,6 +409,34 @@ def test_a_joint_edit_sets_what_it_names_only() -> None:
     assert after.dof_armature[0] == 0.9
 
 
+@pytest.mark.parametrize("tilt", [math.radians(30), math.radians(60), -0.4])
+@pytest.mark.parametrize(
+    ("axis", "towards"),
+    [
+        ((0, -1, 0), (0, 0, 1)),
+        ((1, 0, 1), (0, 0, 1)),
+        ((-2, 1, 3), (0, 0, 1)),
+        ((1, 2, -2), (0, 0, 1)),
+        ((0, 0, 1), (1, 0, 0)),
+        ((0, 0, -1), (1, 0, 0)),
+    ],
+)
+def test_a_tilt_turns_an_axis_by_its_angle_towards_z_or_from_z_towards_x(
+    axis: tuple[float, ...], towards: tuple[float, ...], tilt: float
+) -> None:
+    """Against MuJoCo's own rotation by a quaternion."""
+    before = np.array(axis) / np.linalg.norm(axis)
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="b", mass=1.0, inertia=[1, 1, 1], explicitinertial=True)
+    body.add_joint(name="j", axis=before)
+    after = compile_spec(apply_edits(spec, [JointEdit("j", tilt=tilt)])).jnt_axis[0]
+    about, turn, wanted = np.cross(before, towards), np.zeros(4), np.zeros(3)
+    mujoco.mju_axisAngle2Quat(turn, about / np.linalg.norm(about), tilt)
+    mujoco.mju_rotVecQuat(wanted, before, turn)
+    np.testing.assert_allclose(after, wanted, rtol=0, atol=1e-12)
+    assert after @ before == pytest.approx(math.cos(tilt), rel=1e-12)
+
+
 def test_a_body_drawn_by_a_mesh_of_its_own_stays_similar_to_itself() -> None:
     before, after = changed(BodyEdit("horn", length_scale=1.3))
     np.testing.assert_allclose(

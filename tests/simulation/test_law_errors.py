@@ -16,7 +16,10 @@ import pytest
 import grosmc_mj as gm
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
+from grosmc_mj.experiments.metrics.running import metered
+from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.simulate import Engine
+from grosmc_mj.studies.region.loop import guarded
 
 each_engine = pytest.mark.parametrize("engine", ["native", "python"])
 each_kind = pytest.mark.parametrize("kind", ["corrected", "physics"])
@@ -28,11 +31,12 @@ def physics(system: str) -> gm.MujocoPlant:
     return gm.MujocoPlant.load(system)
 
 
-def run(law: Any, system: str, kind: str, engine: Engine) -> gm.Trajectory:
+def run(law: Any, system: str, kind: str, engine: Engine, *, looped: bool = False) -> gm.Trajectory:
     """A few samples of a law on a plant at rest, weighed by the system's index."""
     plant = physics(system)
     like = gm.chapter_controller("lqr", plant.analytic())
     mine = gm.custom_controller("mine", law, like, {"a": np.zeros(2)})
+    mine = in_loop(mine, Loop(), plant.system) if looped else mine
     target = plant if kind == "physics" else plant.analytic()
     x0 = np.zeros(len(plant.system.states))
     return gm.simulate(target, mine, x0, duration=0.01, engine=engine)
@@ -172,14 +176,35 @@ WRONG = [
 
 @each_engine
 @each_kind
+@pytest.mark.parametrize("looped", [False, True])
 @pytest.mark.parametrize(("system", "law", "said"), WRONG)
 def test_what_is_no_input_is_told_at_its_instant(
-    system: str, law: Any, said: str, kind: str, engine: Engine, capfd: pytest.CaptureFixture[str]
+    system: str, law: Any, said: str, looped: bool, kind: str, engine: Engine, capfd: Any
 ) -> None:
     wanted = "a number" if system == "servo" else "a tuple of 2 numbers"
     with pytest.raises(ArgumentError, match=f"^mine returned ({said}), must return {wanted}$"):
-        run(law, system, kind, engine)
+        run(law, system, kind, engine, looped=looped)
     assert capfd.readouterr().err == ""
+
+
+def uncompiled(t: float, x: Any, memory: Any, p: Any) -> float:
+    return 2.0
+
+
+uncompiled.python_only = True  # pyright: ignore[reportFunctionMemberAccess]
+
+
+def test_a_law_for_python_only_stays_so_whatever_is_put_around_it() -> None:
+    like = gm.chapter_controller("lqr", nominal())
+    mine = gm.custom_controller("mine", uncompiled, like)
+    around = [mine, in_loop(mine, Loop(), like.designed.error.system)]
+    around += [guarded(law, like.designed.error.system) for law in around]
+    around += [metered(law, 1e-3, [], 0.0) for law in around]
+    for law in around:
+        found = gm.simulate(nominal(), law, [0.0, 0.0], duration=0.01, engine="python")
+        assert found.command[-1] == 2.0
+        with pytest.raises(ArgumentError, match="mine runs in Python only"):
+            gm.simulate(nominal(), law, [0.0, 0.0], duration=0.01)
 
 
 @each_engine

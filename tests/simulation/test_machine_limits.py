@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import GrosmcError, ModelError
-from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.errors import ArgumentError, GrosmcError, ModelError
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.simulation.edits import BodyEdit, Edit, JointEdit
 from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
 from grosmc_mj.simulation.machine import (
@@ -342,6 +342,26 @@ def test_what_leans_on_a_stop_rests_only_below_the_timestep_that_is_told() -> No
 def test_parts_refuse_numbers_that_nothing_has(make: Any, said: str) -> None:
     with pytest.raises(ModelError, match=said):
         make()
+
+
+@pytest.mark.parametrize("starts", [0.0, [-1.5, 0.0], [-2.1, -1.5]])
+def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
+    """MuJoCo would throw the rotor back by a force without bound: no run tells of that plant."""
+    plant = MujocoPlant.load("servo", edits=(Stop("shaft", -2.0, -1.0),))
+    law = chapter_controller("lqr", plant.analytic())
+    x0 = np.stack([starts, np.zeros_like(starts)], axis=-1)
+    with pytest.raises(ArgumentError, match="beyond its stops at -2 and -1 rad"):
+        simulate(plant, law, x0, duration=0.01)
+
+
+@pytest.mark.parametrize("start", [-2.0, -1.5, -1.0])
+def test_a_start_at_a_stop_or_between_the_stops_runs(start: float) -> None:
+    plant = MujocoPlant.load("servo", edits=(Stop("shaft", -2.0, -1.0),))
+    law = chapter_controller("lqr", plant.analytic())
+    run = simulate(plant, law, [start, 0.0], duration=0.1)
+    # What the law's torque presses into a stop, not what a stop throws back.
+    assert np.all(run.state[:, 0] > -2.02)
+    assert np.all(run.state[:, 0] < -0.98)
 
 
 def test_an_axis_that_leans_lets_a_load_fall() -> None:

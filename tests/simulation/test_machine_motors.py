@@ -175,9 +175,21 @@ def test_a_motor_that_turns_against_its_joint_has_its_current_mirrored(motor: Mo
 
 @pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
 def test_a_negative_gear_is_the_mirrored_input(motor: Motor) -> None:
-    rows, _ = wave(servo(motor, timestep=1e-4), -1.0)
+    mirrored = wave(servo(motor, timestep=1e-4), -1.0)
     turned = servo(InputEdit("current", gear=-GEAR), motor, timestep=1e-4)
-    np.testing.assert_array_equal(wave(turned, 1.0)[0], rows)
+    for found, wanted in zip(wave(turned, 1.0), mirrored, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("gear", [GEAR, 2 * GEAR, -0.5 * GEAR])
+@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
+def test_the_current_is_the_joints_torque_over_the_torque_constant_at_any_gear(
+    motor: Motor, gear: float
+) -> None:
+    plant = servo(HEAVY, InputEdit("current", gear), motor, timestep=1e-4)
+    rows, amperes = wave(plant, 1.0)
+    assert np.abs(amperes).max() > 1
+    np.testing.assert_allclose(N * K * amperes, rows[:, 2], rtol=0, atol=1e-3 * rows[:, 2].max())
 
 
 CASE = """

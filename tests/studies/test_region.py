@@ -297,6 +297,10 @@ def test_the_interval_at_rest_ends_at_the_first_start_that_fails() -> None:
         (RegionQuestion("arm", axes=("q", "p")), "unknown state of arm 'p': valid: q, q_dot"),
         (RegionQuestion("arm", limits={"rad": 2.0}), "lie outside q < pi/2"),
         (RegionQuestion("cart_pendulum", limits={"rad": 2.0}), "lie outside |theta| < pi/2"),
+        (
+            RegionQuestion("arm/machine", limits={"rad": 1.55}),
+            "beyond its stops at -1.5 and 1.5 rad",
+        ),
     ],
 )
 def test_a_question_without_sense_is_refused(question: RegionQuestion, says: str) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, table_of
@@ -30,8 +32,14 @@ class PlantSample:
     run: int = 0
 
     def plant(self, like: Plant) -> Plant:
-        """The plant, from one without uncertainty."""
-        return like.changed(self.case.edits, dict(self.scales))
+        """The plant, from one without uncertainty.
+
+        Raises:
+            ArgumentError: If the case starts beyond one of its stops.
+        """
+        plant = like.changed(self.case.edits, dict(self.scales))
+        plant.require_start(np.array(self.case.x0))
+        return plant
 
 
 def plant_sample_of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,7 +41,8 @@ class ValidateCommand(Command):
     chapter are judged as by grosmc-mj claims.
 
     Exit code: 0 if every result and verdict is as the repository has it, 1 if one differs, 2 if the
-    command or the set-up is wrong.
+    command or the set-up is wrong, or the settings are not those that the results are recorded
+    with, so that nothing can be compared.
 
     Attributes:
         targets: Systems to run, or cases of them.
@@ -130,15 +131,14 @@ class ValidateCommand(Command):
                 if self.record:
                     expected.record_expected(done.results, settings)
                 done.differing = expected.differences(done.results, settings)
-                if wrong := [
+                done.failed = [
                     *disagreements(done.agreements),
                     *verdict_differences(done.findings),
-                ]:
-                    done.differing = [*(done.differing or []), *wrong]
+                ]
                 complete = True
                 content = document(
                     done.results, done.agreements, settings, selected, seed, done.differing,
-                    complete=True,
+                    done.failed, complete=True,
                 )  # fmt: skip
                 write_json(target, {**content, **claims_document(done.findings, lab)})
         finally:
@@ -158,7 +158,9 @@ class ValidateCommand(Command):
             film_results(console, done.results, settings, self.out)
         if self.report:
             report_on(console, [self.out], self.out / REPORT)
-        return screen.DIFFERS if done.differing else screen.DONE
+        if done.differing or done.failed:
+            return screen.DIFFERS
+        return screen.WRONG if done.differing is None else screen.DONE
 
     def _selected(self) -> list[Experiment]:
         """The experiments that are asked for, each once."""
@@ -226,6 +228,7 @@ class _Validation:
         agreements: Analytic plants against physics.
         findings: Claims.
         differing: What is not as recorded, a line each; None if it cannot be compared.
+        failed: Equations that differ from MuJoCo, and verdicts that are not the expected ones.
     """
 
     settings: Settings
@@ -234,6 +237,7 @@ class _Validation:
     agreements: list[Agreement]
     findings: list[Finding]
     differing: list[str] | None = None
+    failed: list[str] = field(default_factory=list)
 
 
 def _whole(selected: Sequence[Case]) -> list[str]:
@@ -248,18 +252,22 @@ def _whole(selected: Sequence[Case]) -> list[str]:
 
 def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
     """Say whether the results are as recorded."""
-    count = len(done.results)
+    from grosmc_mj.chapter.expected_results import other_settings
+
+    differing = [*(done.differing or ()), *done.failed]
     if done.differing is None:
-        console.print("Not compared with the recorded results: they hold for other settings.")
-    elif done.differing:
-        words = f"{len(done.differing)} results differ from the recorded ones."
+        other = ", ".join(other_settings(done.settings))
+        words = f"Nothing was compared with the recorded results, whose settings differ: {other}."
         screen.say_verdict(console, words, good=False)
-        screen.say_lines(console, [f"differs: {line}" for line in done.differing], all=full)
+    elif differing:
+        words = f"{len(differing)} results differ from the recorded ones."
+        screen.say_verdict(console, words, good=False)
     else:
-        words = f"All {count} runs are as recorded."
+        words = f"All {len(done.results)} runs are as recorded."
         if done.findings:
             words += f" All {len(done.findings)} verdicts of the ledger are as expected."
         screen.say_verdict(console, words, good=True)
+    screen.say_lines(console, [f"differs: {line}" for line in differing], all=full)
 
 
 def _systems_table(done: _Validation) -> Table:

@@ -169,8 +169,11 @@ class FeedbackLinearization(Chains):
         if not np.all(np.isfinite(here)):
             return
         beside = [matrix(x + side * row) for row in np.eye(len(x)) for side in (-0.1, 0.1)]
-        sizes = [np.linalg.norm(E, 2) for E in (here, *beside) if np.all(np.isfinite(E))]
-        if np.linalg.svd(here, compute_uv=False).min() > _STILL * max(sizes):
+        sizes = np.abs([E for E in (here, *beside) if np.all(np.isfinite(E))])
+        # In units in which no entry is above one, here or beside.
+        rows = sizes.max(axis=(0, 2))[:, None] + np.finfo(float).tiny
+        columns = (sizes / rows).max(axis=(0, 1)) + np.finfo(float).tiny
+        if np.linalg.svd(here / rows / columns, compute_uv=False).min() > _STILL:
             return
         E = self.E[0] if m == 1 else self.E.tolist()
         raise PremiseError(

@@ -132,7 +132,7 @@ class EditTable(Table):
         damping: Of the joint [N m s/rad or N s/m].
         friction: Dry friction of the joint [N m or N].
         armature: Of the joint [kg m^2 or kg].
-        tilt: How far its axis leans up out of its place.
+        tilt: Angle by which its axis turns towards the z-axis of its body [rad].
         input: An input of the model.
         gear: Torque or force at its joint for one unit of it.
         parameter: A parameter of an analytic plant of one's own.

@@ -34,6 +34,7 @@ from grosmc_mj.experiments.metrics.definitions import (
 )
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around
 from grosmc_mj.records import extended
 from grosmc_mj.vectors import each, quadratic, row_times
 
@@ -187,9 +188,7 @@ def _metered_law(
             note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
         return u
 
-    found: Any = metered_law
-    found.python_only = getattr(law, "python_only", False)
-    return found
+    return around(metered_law, law)
 
 
 @jitable

@@ -13,6 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, shown
 from grosmc_mj.jitable import jitable, source_of
+from grosmc_mj.own_law import NoInputsError, require_inputs
 from grosmc_mj.simulation.law_errors import LawError, law_error
 
 
@@ -74,23 +75,18 @@ def answer(controller: Controller, t: float, x: Array, memory: Any, m: int) -> A
     Raises:
         LawError: As ``ask``, and where it divides by zero or leaves a function's domain.
     """
-    law, p = controller.law, controller.parameters
-    # A law of the user's own is looked at before what it returns is weighed.
-    note = getattr(law, "note", None)
-    own = source_of(law) if note is None else law.own  # pyright: ignore[reportFunctionMemberAccess]
     try:
-        given = own(t, x, memory, p)
-        if _fits(given, m) and note is not None:
-            note(t, x, memory, p, given)
+        given = source_of(controller.law)(t, x, memory, controller.parameters)
+        require_inputs(given, m)
     except GrosmcError:
         raise
-    except Exception as error:
-        raise law_error(controller.name, t, error) from error
-    if not _fits(given, m):
+    except NoInputsError as error:
         wanted = "a number" if m == 1 else f"a tuple of {m} numbers"
         raise LawError(
-            f"{controller.name} returned {shown(given)} at t = {t:g} s, must return {wanted}"
-        )
+            f"{controller.name} returned {shown(error.given)} at t = {t:g} s, must return {wanted}"
+        ) from error
+    except Exception as error:
+        raise law_error(controller.name, t, error) from error
     return given
 
 
@@ -110,16 +106,3 @@ def require_answer(controller: Controller, x0: Array, m: int) -> None:
         given = answer(controller, 0.0, np.array(x0, float), memory, m)
     if not np.all(np.isfinite(np.array(given, float))) and not memory.undefined:
         raise LawError(f"{controller.name} returned {shown(given)} at t = 0 s, which is not finite")
-
-
-def _fits(given: Any, m: int) -> bool:
-    """Whether a law returned m numbers: no truth values, for m = 1 no sequence."""
-    if m == 1:
-        return isinstance(given, float) or _is_number(given)
-    if not isinstance(given, (tuple, list, np.ndarray)) or len(given) != m:
-        return False
-    return all(isinstance(each, float) or _is_number(each) for each in given)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)

@@ -9,6 +9,7 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own
+from grosmc_mj.own_law import innermost
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.native_analytic import analytic_kernel
@@ -28,12 +29,11 @@ def run_native(problem: Problem) -> Record:
         LawError: If it fails, with file and line where the Python engine finds them.
     """
     controller = problem.controller
-    law = getattr(controller.law, "own", controller.law)
     if getattr(controller.law, "python_only", False):
         raise ArgumentError(
             f"{controller.name} runs in Python only: use engine='python', not 'native'"
         )
-    if is_own(law):
+    if is_own(innermost(controller.law)):
         # Compiled code would take a truth value for a number, and says nothing of other kinds.
         memory, _kept_alive = controller.begin()
         with np.errstate(all="ignore"):

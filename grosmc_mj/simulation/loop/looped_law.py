@@ -9,6 +9,7 @@ from typing import Any
 
 from grosmc_mj.control.laws import Law
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around, checked
 from grosmc_mj.simulation.loop.actuating import actuating
 from grosmc_mj.simulation.loop.counter import uniform
 from grosmc_mj.simulation.loop.design_model import Advance
@@ -32,7 +33,7 @@ def looped_law_of(
     predicts: bool,
 ) -> Law:
     """The law in a loop of n states and m inputs."""
-    inner, store, given = jitable(law), algebra(m).store, algebra(m).given
+    inner, store, given = checked(law, m), algebra(m).store, algebra(m).given
     sense, actuate = sensing(n), actuating(m)
     expect, estimate = rate_estimating(n, m, advance if "eso" in observers else None)
     entries = each(m, lambda i, u: u[i])
@@ -87,9 +88,7 @@ def looped_law_of(
         loop.step = i + 1.0
         return given(entries(loop.given))
 
-    made: Any = looped_law
-    made.python_only = getattr(law, "python_only", False)
-    return looped_law
+    return around(looped_law, law)
 
 
 @jitable

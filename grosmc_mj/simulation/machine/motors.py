@@ -36,14 +36,12 @@ class _Winding(NamedTuple):
         resistance: R.
         gear: Of the actuator, with the sign of the input's.
         force: MuJoCo's force for one N m at the motor.
-        amperes: Current for one unit of MuJoCo's [A].
     """
 
     constant: float
     resistance: float
     gear: float
     force: float
-    amperes: float
 
 
 def _resistance(motor: Motor) -> float:
@@ -83,26 +81,25 @@ def _winding(motor: Motor, gear: float) -> _Winding:
 
     One that turns against its joint is the same with its current the other way round.
     """
-    ratio, root = abs(motor.ratio), math.sqrt(motor.efficiency)
-    turns = math.copysign(1.0, motor.ratio)
+    ratio = abs(motor.ratio)
     if motor.supplied:
         force = ratio / abs(gear)
-        constant = _constant(motor) * force
-        return _Winding(constant, motor.resistance, gear, force, turns / root)
+        return _Winding(_constant(motor) * force, motor.resistance, gear, force)
     c = _scale(motor, gear)
     constant, resistance = in_units_of(c, _constant(motor), _resistance(motor))
-    along = ratio * math.copysign(1.0, gear)
-    return _Winding(constant, resistance, along, 1.0, turns / (root * c))
+    return _Winding(constant, resistance, ratio * math.copysign(1.0, gear), 1.0)
 
 
-def amperes(motor: Motor, gear: float) -> float:
-    """Current for one unit of MuJoCo's [A].
+def amperes(motor: Motor, model: mujoco.MjModel, index: int) -> float:
+    """Current for one unit of MuJoCo's, by the torque that either gives at the joint [A].
 
     Args:
         motor: The motor.
-        gear: Torque at the joint of the ideal input that it stands for [N m or N].
+        model: Compiled, with this motor.
+        index: Of its actuator.
     """
-    return _winding(motor, gear).amperes
+    torque = model.actuator_gainprm[index, 1] * model.actuator_gear[index, 0]
+    return float(torque / (motor.efficiency * motor.constant * motor.ratio))
 
 
 def write_motor(spec: mujoco.MjSpec, motor: Motor) -> None:

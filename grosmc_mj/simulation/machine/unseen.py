@@ -86,7 +86,7 @@ def _hanging(model: mujoco.MjModel, joint: int, qpos: Array) -> float:
 
 
 def unseen_states(
-    model: mujoco.MjModel, system: System, parts: Sequence[MachinePart], gears: dict[str, float]
+    model: mujoco.MjModel, system: System, parts: Sequence[MachinePart]
 ) -> tuple[UnseenState, ...]:
     """All of them, in the order of mjSTATE_FULLPHYSICS.
 
@@ -94,7 +94,6 @@ def unseen_states(
         model: Compiled.
         system: Whose states laws do see.
         parts: Of the machine.
-        gears: Torque of the model's ideal inputs for one unit, by their names.
     """
     n, found = system.degrees_of_freedom, []
     plays = {part.joint: part.backlash for part in parts if isinstance(part, Transmission)}
@@ -116,7 +115,7 @@ def unseen_states(
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)
         for column, kind in enumerate(_kinds(model, i), first + int(model.actuator_actadr[i])):
             if kind == "current" and name in motors:
-                scale = amperes(motors[name], gears[name])
+                scale = amperes(motors[name], model, i)
                 found.append(UnseenState(f"{name} winding", "A", "winding", column, scale))
                 continue
             unit = {"temperature": "K"}.get(kind, "1")

@@ -17,6 +17,7 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.jitable import jitable
+from grosmc_mj.own_law import around
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -125,7 +126,7 @@ def _guarded_law(law: Law, system: System) -> Law:
             memory.undefined = 1.0
         return u
 
-    return guarded_law
+    return around(guarded_law, law)
 
 
 def outside(system: System, starts: Array) -> NDArray[np.bool_]:

@@ -81,7 +81,7 @@ class Region:
 
         Raises:
             ModelError: If the system is unknown.
-            ArgumentError: If a name or a number does not fit.
+            ArgumentError: If a name or a number does not fit, or a start lies beyond a stop.
         """
         least, most = POINTS
         if not least <= question.points <= most:
@@ -110,6 +110,12 @@ class Region:
             np.concatenate([first.ravel(), self._line]),
             np.concatenate([second.ravel(), np.zeros(len(self._line))]),
         )
+        physics = perturbed.plant("physics")
+        try:
+            for start in self._starts:
+                physics.require_start(start)
+        except ArgumentError as error:
+            raise ArgumentError(f"{error}, or lower the limits of the axes") from error
 
     @property
     def cases(self) -> list[Case]:
