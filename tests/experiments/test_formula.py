@@ -50,8 +50,9 @@ def test_a_valid_formula_is_what_sympy_reads(text: str):
     assume(text.count("**") <= 3)
     assume(sum(map(text.count, ("sin", "cos", "tanh", "atan"))) <= 5)
     calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
-    # Nor are constants in functions exact, nor is there a quotient by zero.
-    assume(not read(text).has(sp.nan, sp.zoo))
+    # Nor are constants in functions exact, nor is there a quotient by zero, not even below another.
+    parts = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.BinOp)]
+    assume(not any(read(ast.unparse(part)).has(sp.nan, sp.zoo) for part in parts))
     assume(all(read(ast.unparse(call.args[0])).has(TIME) for call in calls))
     assert formula(text, TIME) == read(text)
 
