@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # An answer fits in a screen: forty lines of so many columns.
 WIDTH = 100
 # The tables of --verbose may be as wide.
-_FULL_WIDTH = 120
+_FULL_WIDTH = 200
 # Seconds between two lines of progress where there is no bar.
 LINE_EVERY = 10.0
 # Of one kind, such as results that differ.
