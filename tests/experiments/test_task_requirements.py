@@ -183,6 +183,7 @@ def test_a_machine_asks_the_same_task_of_every_law(system: str, name: str) -> No
         assert found["stays_within"].value == pytest.approx(band, rel=0.01)
         assert found["stays_within"].after == found["settles_within"].value
     else:
+        assert found["settles_within"].band == found["stays_within"].value
         assert found["rms_below"].value == pytest.approx(found["stays_within"].value / 2, rel=0.01)
         assert found["rms_below"].after == found["settles_within"].value
     if len(law.designed.error.output_rows) == 1:
