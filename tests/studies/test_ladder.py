@@ -390,6 +390,7 @@ DOCUMENT = {
     "output_unit": "rad",
     "laws": [{"name": "lqr", "follows_optimum": True}, {"name": "pid", "follows_optimum": False}],
     "climbing": [{"name": "physics", "assumed": ["computing: jitter"]}],
+    "conditions": [{"name": "nominal", "title": "the nominal plant"}],
     "alone": [],
     "standings": [
         {
@@ -426,6 +427,17 @@ def test_the_page_has_the_distance_from_the_optimum_of_the_laws_that_follow_it()
     assert "Largest distance from the nominal optimum [mrad], of the laws that follow it:" in said
     assert "| law | physics* |" in said
     assert "\\* rests on numbers that are assumed: physics (computing: jitter)." in said
+
+
+def test_the_page_has_the_whole_machine_under_each_condition() -> None:
+    nominal = DOCUMENT["standings"]
+    loaded = [{**row, "condition": "case1", "share_of_the_tightest_limit": 3.25} for row in nominal]
+    conditions = [*DOCUMENT["conditions"], {"name": "case1", "title": "a load"}]
+    said = ladders_text([{**DOCUMENT, "standings": nominal + loaded, "conditions": conditions}])
+    (table,) = (part for part in said.split("\n\n") if part.startswith("| law | nominal | case1 |"))
+    assert table.splitlines()[2:] == ["| lqr | 0.5 | 3.25x |", "| pid | 0.5 | 3.25x |"]
+    assert "The whole machine, nominally and under load (case1: a load):" in said
+    assert "under load" not in ladders_text([DOCUMENT])
 
 
 # --- a real one ---

@@ -36,7 +36,28 @@ def _ladder(document: Mapping[str, Any]) -> str:
         rows = [[law, *(_cell(found[law, rung]) for rung in rungs)] for law in laws]
         lines = markdown_table([*words("law"), *numbers(*titles)], rows)
         parts.append("\n".join([title, "", *lines]))
-    return "\n\n".join([*parts, *_deviations(document), *_assumed(document), *_claims(document)])
+    parts += [*_under_load(document), *_deviations(document), *_assumed(document)]
+    return "\n\n".join([*parts, *_claims(document)])
+
+
+def _under_load(document: Mapping[str, Any]) -> list[str]:
+    """The whole machine under each condition; nothing of a ladder that has been climbed once."""
+    conditions, top = document["conditions"], document["climbing"][-1]["name"]
+    if len(conditions) < 2:
+        return []
+    found = {
+        (row["law"], row["condition"]): row
+        for row in document["standings"]
+        if row["together"] and row["rung"] == top
+    }
+    names = [condition["name"] for condition in conditions]
+    rows = [
+        [law["name"], *(_cell(found[law["name"], name]) for name in names)]
+        for law in document["laws"]
+    ]
+    said = "; ".join(f"{each['name']}: {each['title']}" for each in conditions[1:])
+    lines = markdown_table([*words("law"), *numbers(*names)], rows)
+    return ["\n".join([f"The whole machine, nominally and under load ({said}):", "", *lines])]
 
 
 def _deviations(document: Mapping[str, Any]) -> list[str]:
