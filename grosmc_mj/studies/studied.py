@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -13,6 +14,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judgeable, limits, required, transient
+from grosmc_mj.simulation.loop import Loop
 
 # Cases whose edits and disturbances a target without any is studied under.
 _LOADED = ("case1", "case2")
@@ -104,6 +106,28 @@ def limits_in(
     onsets = [(each.window[0], each.window[0]) for each in case.disturbances]
     told, _not_told = judgeable(found, transient(case.duration, onsets))
     return required(told, {made.name})
+
+
+def told_by(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
+    """The limits that a run in a loop tells of.
+
+    An input is judged as the actuator gives it. A loop that leaves out the actuators which the
+    built one has says nothing of it: what an ideal actuator gives beyond their range is no failure
+    of the task, as long as the task is done with them.
+
+    Args:
+        limits: All of a law.
+        loop: Of the run.
+        built: The whole loop that the run's is a part of; None if there is none.
+    """
+    if built is None or limited(loop) or not limited(built):
+        return tuple(limits)
+    return tuple(limit for limit in limits if limit.kind != "input_below")
+
+
+def limited(loop: Loop) -> bool:
+    """Whether an actuator of a loop has a range."""
+    return any(math.isfinite(actuator.limit) for actuator in loop.actuators)
 
 
 def _asked_of(table: RequirementTable, law: Controller) -> RequirementTable | None:

@@ -19,6 +19,8 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.processes import Processes
 from grosmc_mj.report.document import json_text
+from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.studies.studied import told_by
 from grosmc_mj.studies.tolerance import measure
 from grosmc_mj.studies.tolerance.answers import (
     amount_text,
@@ -416,3 +418,17 @@ def test_the_answer_says_what_breaks_first(
     assert stop.value.code == cli.DONE
     assert " ".join(lines[:2]) == verdict(made_up(setting("arm", ["lqr"])))
     assert max(map(len, lines)) <= 100 + len(str(tmp_path))
+
+
+def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there() -> None:
+    """sgn asks for 6 A of an ideal actuator on the servo's bench, whose amplifier gives 4 A."""
+    studied = setting("servo", ["sign"])
+    (law,), nominal = studied.laws, studied.conditions[0]
+    limits, built = studied.limits(law, nominal), studied.bench
+    kinds = {limit.kind for limit in limits}
+    assert "input_below" in kinds
+    assert {limit.kind for limit in told_by(limits, built, built)} == kinds
+    assert {limit.kind for limit in told_by(limits, Loop(), built)} == kinds - {"input_below"}
+    # Of a file whose loop has no actuator with a range the limit is the file's own.
+    assert {limit.kind for limit in told_by(limits, Loop(), None)} == kinds
+    assert {limit.kind for limit in told_by(limits, Loop(), Loop())} == kinds

@@ -24,6 +24,7 @@ from grosmc_mj.studies.studied import (
     conditions_of,
     laws_of,
     limits_of,
+    told_by,
 )
 
 # The case of a system whose loop and machine are those that one can buy.
@@ -142,6 +143,7 @@ def standing(
     except GrosmcError as error:
         return Standing(law, rung, together, condition, math.inf, "", {}, impossible=str(error))
     limits = limits_of(studied.experiment, law, condition, [rung.plant])
+    limits = told_by(limits, rung.loop, studied.machine.case.loop)
     judged = [judge(limit, result) for limit in limits]
     shares = {each.limit.key: each.share for each in judged if each.limit.value}
     worst = max(shares, key=lambda key: shares[key], default="")

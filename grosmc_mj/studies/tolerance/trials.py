@@ -19,6 +19,7 @@ from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.loop.layout import Room
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.studies.studied import told_by
 from grosmc_mj.studies.tolerance.setting import Condition, Setting, StudiedLaw
 
 
@@ -197,7 +198,8 @@ class Trials:
             shares = {each.key: margins[each.key] / each.value for each in asked}
             for i, index in enumerate(np.flatnonzero(own).tolist()):
                 run = runs[index]
-                least = min(shares, key=lambda key: (shares[key][i], key), default="")
+                told = [each.key for each in told_by(asked, run.trial.loop, self.setting.bench)]
+                least = min(told, key=lambda key: (shares[key][i], key), default="")
                 margin = float(shares[least][i]) if least else 1.0
                 result = TrialResult(margin >= 0, margin, least, run.number)
                 if not completed[index]:
