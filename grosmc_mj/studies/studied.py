@@ -111,23 +111,23 @@ def limits_in(
 def told_by(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
     """The limits that a run in a loop tells of.
 
-    An input is judged as the actuator gives it. A loop that leaves out the actuators which the
-    built one has says nothing of it: what an ideal actuator gives beyond their range is no failure
-    of the task, as long as the task is done with them.
+    An input is judged as the built loop's actuators give it. A loop with others says nothing of
+    it: what an ideal actuator gives beyond their range is no failure of the task, as long as the
+    task is done with them.
 
     Args:
         limits: All of a law.
         loop: Of the run.
         built: The whole loop that the run's is a part of; None if there is none.
     """
-    if built is None or limited(loop) or not limited(built):
+    if built is None or _ranges(loop) == _ranges(built):
         return tuple(limits)
     return tuple(limit for limit in limits if limit.kind != "input_below")
 
 
-def limited(loop: Loop) -> bool:
-    """Whether an actuator of a loop has a range."""
-    return any(math.isfinite(actuator.limit) for actuator in loop.actuators)
+def _ranges(loop: Loop) -> dict[str, float]:
+    """The actuators of a loop that have a range, with it."""
+    return {each.of: each.limit for each in loop.actuators if math.isfinite(each.limit)}
 
 
 def _asked_of(table: RequirementTable, law: Controller) -> RequirementTable | None:

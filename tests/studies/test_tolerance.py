@@ -429,6 +429,9 @@ def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there() -> None:
     assert "input_below" in kinds
     assert {limit.kind for limit in told_by(limits, built, built)} == kinds
     assert {limit.kind for limit in told_by(limits, Loop(), built)} == kinds - {"input_below"}
+    (actuator,) = built.actuators
+    stronger = replace(built, actuators=(replace(actuator, limit=8.0),))
+    assert {limit.kind for limit in told_by(limits, stronger, built)} == kinds - {"input_below"}
     # Of a file whose loop has no actuator with a range the limit is the file's own.
     assert {limit.kind for limit in told_by(limits, Loop(), None)} == kinds
     assert {limit.kind for limit in told_by(limits, Loop(), Loop())} == kinds
