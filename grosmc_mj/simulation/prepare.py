@@ -77,7 +77,7 @@ def prepare(
         record=bool(record),
         threads=require_whole("threads", threads, 0, _MOST_THREADS, _THREADS),
     )
-    _check_disturbances(problem)
+    problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
     return problem, single
 
 
@@ -229,16 +229,6 @@ def _steps(duration: float, h: float) -> int:
             f"{_MOST_STEPS:.0e} are made"
         )
     return math.ceil(seconds / h * (1 - 1e-12))
-
-
-def _check_disturbances(problem: Problem) -> None:
-    """Refuse unknown bodies and profiles without finite values, before anything runs."""
-    if problem.profiles_known:
-        # A known profile that is finite at both ends is so between them.
-        problem.wrenches_at(np.array([0, problem.steps - 1]))
-    else:
-        # Asks a user's own profile once for each timestep, as it may not answer twice alike.
-        problem.wrenches  # noqa: B018
 
 
 def _sequence(items: Item | Sequence[Item]) -> tuple[Item, ...]:

@@ -177,7 +177,7 @@ class Live:
         table = wrench_table(self._run.disturbances, bodies, instants)
         for i, now in enumerate(instants.tolist()):
             pushed = self.push.wrench(now)
-            status = self._loop.advance(pushed if table is None else table[i] + pushed)
+            status = self._loop.advance_under(pushed if table is None else table[i] + pushed)
             if status is not Status.COMPLETED:
                 ended = (status, problem.system, problem.controller, self.time, self._loop.x)
                 self.note, self._owed = why_ended(*ended), 0.0

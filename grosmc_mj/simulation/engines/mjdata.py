@@ -5,10 +5,28 @@ from __future__ import annotations
 import ctypes
 import threading
 from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+
+from grosmc_mj.errors import SetupError
+
+
+@cache
+def mujoco_library() -> Path:
+    """MuJoCo's C library, which its Python package has loaded.
+
+    Raises:
+        SetupError: If it is not where that has it.
+    """
+    folder = Path(mujoco.__file__).parent
+    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
+    found = [file for name in names for file in sorted(folder.glob(name))]
+    if not found:
+        raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
+    return found[0]
 
 
 @cache

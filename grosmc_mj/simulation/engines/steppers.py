@@ -2,54 +2,113 @@
 
 from __future__ import annotations
 
+import ctypes
 from abc import ABC, abstractmethod
+from functools import cache
+from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.errors import SetupError
 from grosmc_mj.plants import Plant, System
+from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.engines.compilation import array_at, compile_c
+from grosmc_mj.simulation.engines.kernel import ANSWERED, STEP, Loop, c_address, cannot_step
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.machine.unseen import starts
+from grosmc_mj.simulation.problem import Problem, Record
 
 # A state beyond this has diverged; MuJoCo's own bound.
 LARGEST = mujoco.mjMAXVAL
+_FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+# MuJoCo's callbacks that have a part in the motion.
+_CALLBACKS = ("control", "passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor")
+
+
+def refuse_foreign_callback() -> None:
+    """Refuse to run while somebody else's callback would set the control or add forces.
+
+    Raises:
+        SetupError: If one is installed.
+    """
+    for kind in _CALLBACKS:
+        if getattr(mujoco, f"get_mjcb_{kind}")() is not None:
+            does = "overrule the law" if kind == "control" else "change the plant"
+            raise SetupError(
+                f"a MuJoCo {kind} callback is already installed in this process and would "
+                f"{does}: remove it with mujoco.set_mjcb_{kind}(None)"
+            )
 
 
 class Stepper(ABC):
     """What moves one simulation of a plant by a timestep, under the input and wrench that it holds.
 
-    Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing.
+    Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing. The arrays
+    are views of what is moved, and mean what they do in ``kernel.Loop``.
 
     Attributes:
-        x: State after the last step, (n,), moved in place.
+        model: What ``advance`` takes: an mjModel, or the numbers of equations.
+        data: What it moves: an mjData, or the arrays of equations.
+        size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
     """
 
-    x: Array
+    model: Any
+    data: Any
+    q: Array
+    v: Array
+    ctrl: Array
+    warnings: NDArray[np.int32]
+    bodies: NDArray[np.int64]
+    forces: Array
+    size: int = 0
+
+    @property
+    def x(self) -> Array:
+        """State after the last step, (n,)."""
+        return np.concatenate([self.q, self.v])
 
     @abstractmethod
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,), with neither input nor wrench."""
 
     @abstractmethod
-    def hold(self, u: Array) -> None:
-        """Hold an input from now on, (m,)."""
+    def advance(self, model: Any, data: Any) -> None:
+        """One timestep."""
 
     @abstractmethod
+    def addresses(self) -> tuple[int, int, int]:
+        """The same for compiled code: of a C function and of what it takes."""
+
+    def hold(self, u: Array) -> None:
+        """Hold an input from now on, (m,), which MuJoCo clamps to the actuators' range."""
+        self.ctrl[:] = u
+
     def push(self, w: Array) -> None:
         """Apply a wrench from now on: [force, torque] of each body, flattened, (6 * bodies,)."""
+        self.forces[self.bodies] = w.reshape(-1, 6)
 
-    @abstractmethod
     def step(self) -> bool:
         """One timestep; False if the state diverged."""
+        self.advance(self.model, self.data)
+        return not self.warnings[::2].any()
+
+    def read(self, state: Array) -> None:  # noqa: B027  equations have none
+        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
 
     def physics(self) -> Array | None:
         """mjSTATE_FULLPHYSICS as it is now; None of equations."""
-        return None
+        if not self.size:
+            return None
+        state = np.zeros(self.size)
+        self.read(state)
+        return state
 
 
 class EquationStepper(Stepper):
-    """Moves equations by RK4, as the native engine does.
+    """Moves equations by RK4.
 
     Args:
         plant: As equations.
@@ -57,31 +116,58 @@ class EquationStepper(Stepper):
     """
 
     def __init__(self, plant: Plant, timestep: float) -> None:
-        system, self._parameters, self._h = plant.system, plant.parameters, timestep
-        n = len(system.states)
-        self.x, self._scratch = np.zeros(n), np.zeros((3, n))
-        self._u, self._w = np.zeros(len(system.inputs)), np.zeros(6 * len(system.bodies))
+        system, self._h, self.model = plant.system, timestep, plant.parameters
+        n, m, count = len(system.states), len(system.inputs), len(system.bodies)
+        self._system, self._numbers = system, pack(plant.parameters)
+        self._block = np.zeros(1 + n + m + 6 * count + 3 * n + 1)
+        ends = np.cumsum([1, n, m, 6 * count, n, n, n])
+        h, self.q, self.ctrl, w, *scratch, warned = np.split(self._block, ends)
+        h[0], self.v, self.bodies = timestep, np.zeros(0), np.arange(count)
+        self.warnings, self.forces = warned.view(np.int32)[:1], w.reshape(-1, 6)
+        self.data = self.q, self.ctrl, w, scratch
         self._rk4 = runge_kutta_step(system)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
-        self.x[:], self._u[:], self._w[:] = x0, 0.0, 0.0
+        self.q[:], self.ctrl[:], self.forces[:], self.warnings[:] = x0, 0.0, 0.0, 0
 
-    def hold(self, u: Array) -> None:
-        """Hold an input, (m,)."""
-        self._u[:] = u
-
-    def push(self, w: Array) -> None:
-        """Apply a wrench, (6 * bodies,)."""
-        self._w[:] = w
-
-    def step(self) -> bool:
+    def advance(self, model: Any, data: Any) -> None:
         """One step of RK4."""
+        x, u, w, scratch = data
         try:
-            self._rk4(self.x, self._u, self._w, self._parameters, self._h, *self._scratch)
+            self._rk4(x, u, w, model, self._h, *scratch)
         except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
-            return False
-        return bool(np.all(np.abs(self.x) < LARGEST))
+            x[:] = np.nan
+        self.warnings[0] = not np.all(np.abs(x) < LARGEST)
+
+    def addresses(self) -> tuple[int, int, int]:
+        """A compiled step, the numbers and the state."""
+        step = _compiled_step(self._system, record_dtype(self.model))
+        return step.address, self._numbers.ctypes.data, self._block.ctypes.data
+
+
+@cache
+def _compiled_step(system: System, dtype: np.dtype[Any]) -> Any:
+    """A step of RK4 as a C function of the addresses of an ``EquationStepper``."""
+    n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
+    rk4, largest = runge_kutta_step(system), LARGEST
+
+    def step(numbers: int, block: int) -> None:
+        p = array_at(numbers, (1,), dtype)[0]
+        h = array_at(block, (1,), np.float64)[0]
+        x = array_at(block + 8, (n,), np.float64)
+        u = array_at(block + 8 * (1 + n), (m,), np.float64)
+        w = array_at(block + 8 * (1 + n + m), (nw,), np.float64)
+        rest = block + 8 * (1 + n + m + nw)
+        slope = array_at(rest, (n,), np.float64)
+        stage = array_at(rest + 8 * n, (n,), np.float64)
+        total = array_at(rest + 16 * n, (n,), np.float64)
+        rk4(x, u, w, p, h, slope, stage, total)
+        for i in range(n):
+            if not abs(x[i]) < largest:
+                array_at(rest + 24 * n, (1,), np.int32)[0] = 1
+
+    return compile_c(step, *STEP.args)
 
 
 class PhysicsStepper(Stepper):
@@ -91,46 +177,65 @@ class PhysicsStepper(Stepper):
         system: Names of the joints, and of the bodies that wrenches act on.
         model: The compiled model.
         data: What is moved; it may belong to somebody else.
-
-    Attributes:
-        model: The model.
-        data: What is moved.
     """
 
     def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._system = system
-        self.model, self.data, self.x = model, data, np.zeros(len(system.states))
-        self._bodies = [model.body(name).id for name in system.bodies]
-        self._n = system.degrees_of_freedom
-        self._size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        self._system, self.model, self.data, n = system, model, data, system.degrees_of_freedom
+        self.q, self.v, self.ctrl = data.qpos[:n], data.qvel[:n], data.ctrl
+        counts = data.warning.number
+        # Between two counts is what MuJoCo notes of the last warning.
+        whole = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
+        self.warnings = np.ctypeslib.as_array(whole)
+        self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
+        self.forces, self.size = data.xfrc_applied, mujoco.mj_stateSize(model, _FULL)
 
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
         qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
         self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
-        self.x[:] = x0
 
-    def hold(self, u: Array) -> None:
-        """Hold an input, (m,), which MuJoCo clamps to the actuators' range."""
-        self.data.ctrl[:] = u
-
-    def push(self, w: Array) -> None:
-        """Apply a wrench, (6 * bodies,), at the bodies' centres of mass."""
-        self.data.xfrc_applied[self._bodies] = w.reshape(-1, 6)
-
-    def step(self) -> bool:
+    def advance(self, model: Any, data: Any) -> None:
         """One step of MuJoCo."""
-        data, n = self.data, self._n
-        mujoco.mj_step(self.model, data)
-        self.x[:n], self.x[n:] = data.qpos[:n], data.qvel[:n]
-        return not np.any(data.warning.number)
+        try:
+            mujoco.mj_step(model, data)
+        except mujoco.FatalError as error:
+            raise cannot_step(str(error)) from error
 
-    def physics(self) -> Array:
-        """mjSTATE_FULLPHYSICS as it is now."""
-        state = np.zeros(self._size)
-        mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        return state
+    def addresses(self) -> tuple[int, int, int]:
+        """``mj_step`` itself, the mjModel and the mjData."""
+        return c_address("mj_step"), self.model._address, self.data._address
+
+    def read(self, state: Array) -> None:
+        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
+        mujoco.mj_getState(self.model, self.data, state, _FULL)
+
+
+class Steppers:
+    """Steppers of one thread: plants of one model share one mjModel and one mjData.
+
+    Args:
+        timestep: Of equations [s]; a model in MuJoCo has its own.
+    """
+
+    def __init__(self, timestep: float) -> None:
+        self._timestep, self._of, self._plant = timestep, None, None
+        self._stepper: Any = None
+
+    def of(self, plant: Any) -> Stepper:
+        """What moves one simulation of a plant, to be restarted first, until the next call."""
+        if plant.kind != "physics":
+            return EquationStepper(plant, self._timestep)
+        changes = plant.changes
+        shared = plant.undrawn_model if changes is None else plant.template
+        if shared is not self._of:
+            model = shared if changes is None else shared.copy()
+            self._stepper = PhysicsStepper(plant.system, model, mujoco.MjData(model))
+            self._of, self._plant = shared, None
+        if changes is not None and plant is not self._plant:
+            shared.write(changes, self._stepper.model, self._stepper.data)
+        self._plant = plant
+        return self._stepper
 
 
 def stepper_of(plant: Plant, timestep: float) -> Stepper:
@@ -140,7 +245,49 @@ def stepper_of(plant: Plant, timestep: float) -> Stepper:
         plant: Analytic or in MuJoCo.
         timestep: Of an analytic plant [s]; a model in MuJoCo has its own.
     """
-    if plant.kind != "physics":
-        return EquationStepper(plant, timestep)
-    model = plant.model_with_userdata(0)
-    return PhysicsStepper(plant.system, model, mujoco.MjData(model))
+    return Steppers(timestep).of(plant)
+
+
+def loop_of(
+    problem: Problem, number: int, record: Record, stepper: Stepper, memory: Any, **of_engine: Any
+) -> Loop:
+    """One run of a problem at its start, for the kernel.
+
+    Args:
+        problem: What is run.
+        number: Which of its simulations.
+        record: Where its rows go.
+        stepper: What moves its plant.
+        memory: Of its law.
+        of_engine: The fields of ``Loop`` in which the engines differ.
+    """
+    stepper.restart(problem.x0[number])
+    if record.start is not None:
+        stepper.read(record.start[number])
+    pushes, values = problem.pushes[min(number, len(problem.pushes) - 1)]
+    nothing = np.zeros((0, 6 * len(stepper.bodies)))
+    return Loop(
+        keep=0 if problem.record else problem.steps - 1,
+        stride=problem.stride,
+        h=problem.timestep,
+        period=problem.control_period,
+        x=stepper.x,
+        memory=pack(memory),
+        p=pack(problem.controllers[number].parameters),
+        u=np.zeros_like(stepper.ctrl),
+        q=stepper.q,
+        v=stepper.v,
+        ctrl=stepper.ctrl,
+        warnings=stepper.warnings,
+        pushes=pushes,
+        values=values,
+        bodies=stepper.bodies,
+        w=np.zeros(6 * len(stepper.bodies)),
+        forces=stepper.forces,
+        xs=record.x[number],
+        us=record.u[number],
+        memories=record.memory[number],
+        wrenches=nothing if record.wrench is None else record.wrench[number],
+        end=np.array([problem.steps, ANSWERED]),
+        **of_engine,
+    )

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
@@ -22,9 +21,8 @@ from numba.core import types
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import SetupError
 from grosmc_mj.simulation.engines.compilation import array_at, pointer
-from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, scratch
+from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, mujoco_library, scratch
 from grosmc_mj.simulation.machine.writing import write_inertia
 from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.vectors import each
@@ -169,9 +167,4 @@ def load_mujoco() -> None:
     Raises:
         SetupError: If the library is not where its Python package has it.
     """
-    folder = Path(mujoco.__file__).parent
-    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
-    found = [file for name in names for file in sorted(folder.glob(name))]
-    if not found:
-        raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
-    llvmlite.binding.load_library_permanently(str(found[0]))
+    llvmlite.binding.load_library_permanently(str(mujoco_library()))
