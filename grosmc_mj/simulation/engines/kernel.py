@@ -158,7 +158,7 @@ _BLOCK = np.dtype(
         ("period", np.float64),
     ]
 )
-
+_NAMES = _BLOCK.names or ()
 
 _step_at, _read_at, _law_at = function_at(STEP), function_at(_READ), function_at(LAW)
 
@@ -206,6 +206,12 @@ def kernel() -> Any:
     return compile_c(_entry, types.voidptr, types.voidptr, types.int32, types.voidptr)
 
 
+def _address(array: NDArray[Any]) -> int:
+    """Of an array without gaps."""
+    assert array.flags.c_contiguous
+    return array.ctypes.data
+
+
 class CompiledLoop:
     """A run for compiled code, whose arrays it keeps alive.
 
@@ -214,22 +220,21 @@ class CompiledLoop:
     """
 
     def __init__(self, loop: Loop) -> None:
-        for name in _ARRAYS:
-            assert getattr(loop, name).flags.c_contiguous, name
-        self._loop, self._block = loop, np.zeros(1, _BLOCK)
         lengths = (
             *(loop.width, len(loop.x), len(loop.memory), len(loop.p), len(loop.u), len(loop.q)),
             *(len(loop.v), len(loop.warnings), len(loop.pushes), *loop.values.shape),
             *(len(loop.bodies), len(loop.forces), len(loop.xs), len(loop.wrenches)),
         )
-        numbers = dict(zip(_LENGTHS, lengths, strict=True))
-        for name, value in {**loop._asdict(), **numbers}.items():
-            self._block[name] = value.ctypes.data if isinstance(value, np.ndarray) else value
+        values = dict(zip(_LENGTHS, lengths, strict=True), first=0, last=0)
+        for name, value in loop._asdict().items():
+            values[name] = _address(value) if isinstance(value, np.ndarray) else value
+        self._loop, self._block = loop, np.array([tuple(values[x] for x in _NAMES)], _BLOCK)
+        self._place = _address(self._block)
 
     def advance(self, first: int, last: int, guard: Guard) -> bool:
         """Timesteps ``first`` to ``last``, without Python's lock; False if the run has ended."""
         self._block["first"], self._block["last"] = first, last
-        guard.call(kernel().address, self._block.ctypes.data)
+        guard.call(kernel().address, self._place)
         return bool(self._loop.end[1] == ANSWERED)
 
 

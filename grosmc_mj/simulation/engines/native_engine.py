@@ -16,7 +16,7 @@ from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
 from grosmc_mj.plants import System
-from grosmc_mj.records import record_dtype
+from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.engines.compilation import array_at, compile_c
 from grosmc_mj.simulation.engines.inputs import ask, written_inputs
 from grosmc_mj.simulation.engines.kernel import (
@@ -87,6 +87,8 @@ class _Runs:
         # Plants of one model after each other: a thread has one at a time.
         models = dict(zip(map(_model_of, dict.fromkeys(problem.plants)), count()))
         places = [models[_model_of(plant)] for plant in problem.plants]
+        several = dict.fromkeys(problem.controllers)
+        self._numbers = {controller: pack(controller.parameters) for controller in several}
         self._order = iter(np.argsort(places, kind="stable").tolist())
         self._first = Steppers(problem.timestep)
         stepper = self._first.of(problem.plants[0])
@@ -130,13 +132,15 @@ class _Runs:
     def _run_one(self, number: int, stepper: Stepper, own: Any) -> None:
         """Run one simulation, with a pause now and then."""
         problem, record = self._problem, self._record
-        memory, _kept_alive = problem.controllers[number].begin()
+        controller = problem.controllers[number]
+        memory, _kept_alive = controller.begin()
         step, model, data = stepper.addresses()
         physics = record.physics
         loop = loop_of(
             problem, number, record, stepper, memory,
-            step=step, read=c_address("mj_getState"), law=self._law.address, model=model, data=data,
-            states=0 if physics is None else physics[number].ctypes.data, width=8 * stepper.size,
+            p=self._numbers[controller], law=self._law.address, step=step, model=model, data=data,
+            read=c_address("mj_getState"), width=8 * stepper.size,
+            states=0 if physics is None else physics[number].ctypes.data,
         )  # fmt: skip
         compiled, first, steps = CompiledLoop(loop), 0, _FIRST
         began = time.perf_counter()

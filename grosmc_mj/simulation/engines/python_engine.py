@@ -56,7 +56,7 @@ class ClosedLoop:
 
         self._loop = loop_of(
             problem, number, kept, stepper, self.memory, step=stepper.advance, read=read,
-            law=self._sample, model=stepper.model, data=stepper.data,
+            law=self._sample, p=np.zeros(0), model=stepper.model, data=stepper.data,
             states=0, width=min(1, stepper.size),
         )  # fmt: skip
         if record is None:  # as many steps as somebody likes

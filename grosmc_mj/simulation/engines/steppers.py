@@ -273,7 +273,6 @@ def loop_of(
         period=problem.control_period,
         x=stepper.x,
         memory=pack(memory),
-        p=pack(problem.controllers[number].parameters),
         u=np.zeros_like(stepper.ctrl),
         q=stepper.q,
         v=stepper.v,
