@@ -36,7 +36,7 @@ def jitable(function: Function) -> Function:
     """
     function = source_of(function)
     # What is no function numba cannot compile: it says so where it is called.
-    if isinstance(function, FunctionType) and compiled_of(function) is None:
+    if isinstance(function, FunctionType) and function not in _compiled:
         own = is_own(function)
         if own:
             _check_helpers(function)
@@ -44,11 +44,6 @@ def jitable(function: Function) -> Function:
         _compiled[function] = compiled
         cast(Any, cpu_target.typing_context).insert_global(function, types.Dispatcher(compiled))
     return function
-
-
-def compiled_of(function: Any) -> Any:
-    """What numba compiles where compiled code calls a jitable function; None of another one."""
-    return _compiled.get(function) if isinstance(function, FunctionType) else None
 
 
 def source_of(function: Any) -> Any:

@@ -200,23 +200,6 @@ def packed(
     return pushes, np.array(values).reshape(len(values), len(time))
 
 
-def wrench_table(
-    disturbances: Sequence[Disturbance], bodies: Sequence[str], time: Array
-) -> Array | None:
-    """All wrenches at the given instants, (N, 6 * len(bodies)); None without disturbances.
-
-    Raises:
-        ArgumentError: As ``packed``.
-    """
-    if not disturbances:
-        return None
-    table = np.zeros((len(time), len(bodies), 6))
-    for each in disturbances:
-        values = _course(each, bodies, time)
-        table[:, bodies.index(each.body)] += values[:, None] * np.array(each.wrench)
-    return table.reshape(len(time), -1)
-
-
 def _course(disturbance: Disturbance, bodies: Sequence[str], time: Array) -> Array:
     """The values of a profile, all finite, on one of the bodies."""
     if not bodies:

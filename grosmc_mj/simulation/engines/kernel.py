@@ -57,10 +57,9 @@ class Loop(NamedTuple):
         x: What the law sees, (n,).
         memory: Of the law, flat.
         p: The law's numbers, flat.
-        u: What it asks for, (m,).
         q: Positions of the plant; of equations the whole state.
         v: Its velocities; of equations nothing.
-        ctrl: Its inputs, (m,).
+        u: Its inputs, which the law writes, (m,).
         warnings: Every other number counts reasons why the state has diverged.
         pushes: Disturbances, (count, PUSH).
         values: Courses that are known by their values, (count, steps).
@@ -88,10 +87,9 @@ class Loop(NamedTuple):
     x: Array
     memory: Array
     p: Array
-    u: Array
     q: Array
     v: Array
-    ctrl: Array
+    u: Array
     warnings: NDArray[np.int32]
     pushes: Array
     values: Array
@@ -120,8 +118,6 @@ def run(first: int, last: int, loop: Loop) -> None:
             if said != ANSWERED:
                 loop.end[0], loop.end[1] = i, said
                 return
-            for j in range(len(u)):
-                loop.ctrl[j] = u[j]
         if len(loop.pushes) > 0:
             push(loop.pushes, loop.values, i, i * loop.h, w)
             for k in range(len(loop.bodies)):
@@ -181,10 +177,9 @@ def _entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
         array_at(b.x, (b.n,), np.float64),
         array_at(b.memory, (b.memory_size,), np.float64),
         array_at(b.p, (b.p_size,), np.float64),
-        array_at(b.u, (b.m,), np.float64),
         array_at(b.q, (b.nq,), np.float64),
         array_at(b.v, (b.nv,), np.float64),
-        array_at(b.ctrl, (b.m,), np.float64),
+        array_at(b.u, (b.m,), np.float64),
         array_at(b.warnings, (b.warning_count,), np.int32),
         array_at(b.pushes, (b.push_count, PUSH), np.float64),
         array_at(b.values, (b.value_count, b.steps), np.float64),

@@ -59,7 +59,7 @@ class Stepper(ABC):
     data: Any
     q: Array
     v: Array
-    ctrl: Array
+    u: Array
     warnings: NDArray[np.int32]
     bodies: NDArray[np.int64]
     forces: Array
@@ -84,7 +84,7 @@ class Stepper(ABC):
 
     def hold(self, u: Array) -> None:
         """Hold an input from now on, (m,), which MuJoCo clamps to the actuators' range."""
-        self.ctrl[:] = u
+        self.u[:] = u
 
     def push(self, w: Array) -> None:
         """Apply a wrench from now on: [force, torque] of each body, flattened, (6 * bodies,)."""
@@ -121,15 +121,15 @@ class EquationStepper(Stepper):
         self._system, self._numbers = system, pack(plant.parameters)
         self._block = np.zeros(1 + n + m + 6 * count + 3 * n + 1)
         ends = np.cumsum([1, n, m, 6 * count, n, n, n])
-        h, self.q, self.ctrl, w, *scratch, warned = np.split(self._block, ends)
+        h, self.q, self.u, w, *scratch, warned = np.split(self._block, ends)
         h[0], self.v, self.bodies = timestep, np.zeros(0), np.arange(count)
         self.warnings, self.forces = warned.view(np.int32)[:1], w.reshape(-1, 6)
-        self.data = self.q, self.ctrl, w, scratch
+        self.data = self.q, self.u, w, scratch
         self._rk4 = runge_kutta_step(system)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
-        self.q[:], self.ctrl[:], self.forces[:], self.warnings[:] = x0, 0.0, 0.0, 0
+        self.q[:], self.u[:], self.forces[:], self.warnings[:] = x0, 0.0, 0.0, 0
 
     def advance(self, model: Any, data: Any) -> None:
         """One step of RK4."""
@@ -181,7 +181,7 @@ class PhysicsStepper(Stepper):
 
     def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._system, self.model, self.data, n = system, model, data, system.degrees_of_freedom
-        self.q, self.v, self.ctrl = data.qpos[:n], data.qvel[:n], data.ctrl
+        self.q, self.v, self.u = data.qpos[:n], data.qvel[:n], data.ctrl
         counts = data.warning.number
         # Between two counts is what MuJoCo notes of the last warning.
         whole = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
@@ -273,10 +273,9 @@ def loop_of(
         period=problem.control_period,
         x=stepper.x,
         memory=pack(memory),
-        u=np.zeros_like(stepper.ctrl),
         q=stepper.q,
         v=stepper.v,
-        ctrl=stepper.ctrl,
+        u=stepper.u,
         warnings=stepper.warnings,
         pushes=pushes,
         values=values,
