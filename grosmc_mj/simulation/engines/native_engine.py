@@ -35,12 +35,12 @@ from grosmc_mj.simulation.engines.steppers import (
     refuse_foreign_callback,
 )
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError, compiling
-from grosmc_mj.simulation.problem import Problem, Record, refuse_failed
+from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
 from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status
 
 # How long compiled code runs until Python can act on Ctrl-C [s], and its first timesteps.
-_PAUSE, _FIRST = 0.2, 500
+_PAUSE, _FIRST = 0.2, 100
 
 
 def run_native(problem: Problem) -> Record:
@@ -98,24 +98,17 @@ class _Runs:
         self._record = Record.empty(problem, stepper.size)
 
     def run(self) -> Record:
-        """Run them all."""
+        """Run them all, until an error or Ctrl-C."""
         threads = min(self._problem.threads or os.cpu_count() or 1, len(self._problem.x0))
-        with warnings_counted_only(), callback_errors_ignored():
-            if threads == 1:
-                self._work(self._first)
-            else:
-                self._share(threads)
-        refuse_failed(self._problem, self._record.status)
-        return self._record
-
-    def _share(self, threads: int) -> None:
-        """Run them on several threads."""
-        own = [self._first, *(Steppers(self._problem.timestep) for _ in range(threads - 1))]
-        with ThreadPoolExecutor(threads) as pool:
+        steppers = [self._first, *(Steppers(self._problem.timestep) for _ in range(threads - 1))]
+        pool = ThreadPoolExecutor(threads)
+        with warnings_counted_only(), callback_errors_ignored(), pool:
             try:
-                list(pool.map(self._work, own))
+                list(pool.map(self._work, steppers))
             finally:
                 self._stopped.set()
+        refuse_failed(self._problem, self._record.status)
+        return self._record
 
     def _work(self, steppers: Steppers) -> None:
         """Run one simulation after the other, in one thread."""
@@ -143,19 +136,16 @@ class _Runs:
             states=0 if physics is None else physics[number].ctypes.data,
         )  # fmt: skip
         compiled, first, steps = CompiledLoop(loop), 0, _FIRST
-        began = time.perf_counter()
         while first < problem.steps and not self._stopped.is_set():
-            last = min(first + steps, problem.steps)
+            last, began = min(first + steps, problem.steps), time.perf_counter()
             if not compiled.advance(first, last, own):
                 break
-            now = time.perf_counter()
-            first, steps = (
-                last,
-                max(1, int((last - first) * _PAUSE / max(now - began, _PAUSE / 50))),
-            )
-            began = now
-        valid, said = loop.end.tolist()
-        record.valid[number], record.status[number] = valid, said - ANSWERED
+            spent = max(time.perf_counter() - began, _PAUSE / 50)
+            steps = max(1, int((last - first) * _PAUSE / spent))
+            first = last
+        record.valid[number], record.status[number] = loop.end - (0, ANSWERED)
+        if record.status[number] == FAILED:
+            self._stopped.set()
 
 
 def _model_of(plant: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from abc import ABC, abstractmethod
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
+from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.engines.compilation import array_at, compile_c
@@ -116,16 +118,18 @@ class EquationStepper(Stepper):
     """
 
     def __init__(self, plant: Plant, timestep: float) -> None:
-        system, self._h, self.model = plant.system, timestep, plant.parameters
-        n, m, count = len(system.states), len(system.inputs), len(system.bodies)
-        self._system, self._numbers = system, pack(plant.parameters)
-        self._block = np.zeros(1 + n + m + 6 * count + 3 * n + 1)
-        ends = np.cumsum([1, n, m, 6 * count, n, n, n])
-        h, self.q, self.u, w, *scratch, warned = np.split(self._block, ends)
-        h[0], self.v, self.bodies = timestep, np.zeros(0), np.arange(count)
-        self.warnings, self.forces = warned.view(np.int32)[:1], w.reshape(-1, 6)
-        self.data = self.q, self.u, w, scratch
-        self._rk4 = runge_kutta_step(system)
+        self._system, self.model, self._numbers = (
+            plant.system,
+            plant.parameters,
+            pack(plant.parameters),
+        )
+        self._block = np.zeros(1, _block_dtype(plant.system))
+        self._block["h"] = timestep
+        parts = {name: self._block[name][0] for name in self._block.dtype.names or ()}
+        self.data = SimpleNamespace(**{**parts, "h": timestep})
+        self.q, self.u, self.v = self.data.x, self.data.u, np.zeros(0)
+        self.warnings, self.forces = self.data.warnings, self.data.w.reshape(-1, 6)
+        self.bodies, self._step = np.arange(len(self.forces)), _step_of(plant.system)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
@@ -133,12 +137,10 @@ class EquationStepper(Stepper):
 
     def advance(self, model: Any, data: Any) -> None:
         """One step of RK4."""
-        x, u, w, scratch = data
         try:
-            self._rk4(x, u, w, model, self._h, *scratch)
+            self._step(model, data)
         except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
-            x[:] = np.nan
-        self.warnings[0] = not np.all(np.abs(x) < LARGEST)
+            data.warnings[0] = 1
 
     def addresses(self) -> tuple[int, int, int]:
         """A compiled step, the numbers and the state."""
@@ -147,27 +149,39 @@ class EquationStepper(Stepper):
 
 
 @cache
-def _compiled_step(system: System, dtype: np.dtype[Any]) -> Any:
-    """A step of RK4 as a C function of the addresses of an ``EquationStepper``."""
+def _block_dtype(system: System) -> np.dtype[Any]:
+    """What equations are moved in: timestep, state, input, wrenches and scratch space."""
     n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
-    rk4, largest = runge_kutta_step(system), LARGEST
+    names = ("x", n), ("u", m), ("w", nw), ("slope", n), ("stage", n), ("total", n)
+    arrays = [(name, np.float64, (size,)) for name, size in names]
+    return np.dtype([("h", np.float64), *arrays, ("warnings", np.int32, (2,))])
 
-    def step(numbers: int, block: int) -> None:
-        p = array_at(numbers, (1,), dtype)[0]
-        h = array_at(block, (1,), np.float64)[0]
-        x = array_at(block + 8, (n,), np.float64)
-        u = array_at(block + 8 * (1 + n), (m,), np.float64)
-        w = array_at(block + 8 * (1 + n + m), (nw,), np.float64)
-        rest = block + 8 * (1 + n + m + nw)
-        slope = array_at(rest, (n,), np.float64)
-        stage = array_at(rest + 8 * n, (n,), np.float64)
-        total = array_at(rest + 16 * n, (n,), np.float64)
-        rk4(x, u, w, p, h, slope, stage, total)
+
+@cache
+def _step_of(system: System) -> Any:
+    """Jitable (p, d): one step of RK4 of the equations with numbers p in such a block d."""
+    rk4, n, largest = runge_kutta_step(system), len(system.states), LARGEST
+
+    @jitable
+    def step(p: Any, d: Any) -> None:
+        x = d.x
+        rk4(x, d.u, d.w, p, d.h, d.slope, d.stage, d.total)
         for i in range(n):
             if not abs(x[i]) < largest:
-                array_at(rest + 24 * n, (1,), np.int32)[0] = 1
+                d.warnings[0] = 1
 
-    return compile_c(step, *STEP.args)
+    return step
+
+
+@cache
+def _compiled_step(system: System, numbers_dtype: np.dtype[Any]) -> Any:
+    """The same as a C function of the addresses of both."""
+    step, block_dtype = _step_of(system), _block_dtype(system)
+
+    def at(numbers: int, block: int) -> None:
+        step(array_at(numbers, (1,), numbers_dtype)[0], array_at(block, (1,), block_dtype)[0])
+
+    return compile_c(at, *STEP.args)
 
 
 class PhysicsStepper(Stepper):
