@@ -163,7 +163,7 @@ class Disturbance:
 
 
 def packed(
-    disturbances: Sequence[Disturbance], bodies: Sequence[str], time: Array
+    disturbances: Sequence[Disturbance], bodies: Sequence[str], steps: range, timestep: float
 ) -> tuple[Array, Array]:
     """Disturbances as numbers, and their courses that no formula gives, as ``push`` takes them.
 
@@ -172,7 +172,8 @@ def packed(
     Args:
         disturbances: On these bodies.
         bodies: The system's.
-        time: When the timesteps begin [s], (steps,).
+        steps: Which timesteps.
+        timestep: [s].
 
     Returns:
         (count, PUSH) and (count, steps).
@@ -193,11 +194,12 @@ def packed(
         else:
             numbers = (CONSTANT if formula else VALUES), len(values), 0.0, 0.0
         # A formula that is finite at both ends is so between them.
-        found = _course(each, bodies, time[[0, -1]] if formula else time)
+        asked = (steps[0], steps[-1]) if formula else steps
+        found = _course(each, bodies, np.array(asked) * timestep)
         if not formula:
             values.append(found)
         row[:] = bodies.index(each.body), *numbers, *each.wrench
-    return pushes, np.array(values).reshape(len(values), len(time))
+    return pushes, np.array(values).reshape(len(values), len(steps))
 
 
 def _course(disturbance: Disturbance, bodies: Sequence[str], time: Array) -> Array:

@@ -72,8 +72,8 @@ class Problem:
         Raises:
             ArgumentError: As ``packed``.
         """
-        time = np.arange(self.steps) * self.timestep
-        return [packed(items, self.system.bodies, time) for items in self.disturbances]
+        bodies, steps = self.system.bodies, range(self.steps)
+        return [packed(items, bodies, steps, self.timestep) for items in self.disturbances]
 
     def wrench(self, run: int, step: int) -> Array:
         """Disturbances of one simulation in one timestep, (6 * bodies,)."""

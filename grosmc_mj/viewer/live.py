@@ -172,11 +172,12 @@ class Live:
         self._owed = 0.0 if self.note else self._owed - count * h
         if count == 0:
             return
-        instants = (self._loop.steps + np.arange(count)) * h
+        steps = range(self._loop.steps, self._loop.steps + count)
         bodies = problem.system.bodies
-        pushes, values = packed(self._run.disturbances, bodies, instants)
+        pushes, values = packed(self._run.disturbances, bodies, steps, h)
         wrench = np.zeros(6 * len(bodies))
-        for i, now in enumerate(instants.tolist()):
+        for i, step in enumerate(steps):
+            now = step * h
             push(pushes, values, i, now, wrench)
             status = self._loop.advance_under(wrench + self.push.wrench(now))
             if status is not Status.COMPLETED:

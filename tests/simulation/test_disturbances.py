@@ -105,7 +105,8 @@ def test_window_holds_every_instant_at_which_it_acts(
 
 def wrenches(items: list[Disturbance], bodies: tuple[str, ...], time: Array) -> Array:
     """What acts on the bodies at these instants, (len(time), 6 * bodies)."""
-    (pushes, values), table = packed(items, bodies, time), np.ones((len(time), 6 * len(bodies)))
+    pushes, values = packed(items, bodies, range(len(time)), time[1])
+    table = np.ones((len(time), 6 * len(bodies)))
     for i, t in enumerate(time.tolist()):
         push(pushes, values, i, t, table[i])
     return table

@@ -98,7 +98,7 @@ def test_compiled_wrenches_are_those_of_the_profiles_bit_by_bit() -> None:
     own = Disturbance("link", OTHER, math.cos)
     items = [*(Disturbance("hub", PUSH, each) for each in PROFILES), own, *LISTS["arm"]]
     bodies, time = ("hub", "link"), np.arange(1000) * 1e-3
-    pushes, values = packed(items, bodies, time)
+    pushes, values = packed(items, bodies, range(1000), 1e-3)
     assert values.shape == (1, 1000)
 
     @numba.njit

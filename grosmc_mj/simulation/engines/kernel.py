@@ -25,7 +25,7 @@ from grosmc_mj.simulation.engines.compilation import array_at, compile_c, functi
 from grosmc_mj.simulation.engines.mjdata import mujoco_library
 from grosmc_mj.simulation.trajectory import Status
 
-# What a law's function says: one more than a ``Status``, as compiled code says 0 of an error.
+# What a law's function says: one more than a ``Status``, so 0 of a law that raised an error.
 ANSWERED = Status.COMPLETED.value + 1
 _DIVERGED = Status.DIVERGED.value + 1
 _FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)

@@ -36,7 +36,7 @@ from grosmc_mj.simulation.engines.steppers import (
 )
 from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError, compiling
 from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
-from grosmc_mj.simulation.quiet import callback_errors_ignored, warnings_counted_only
+from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status
 
 # How long compiled code runs until Python can act on Ctrl-C [s], and its first timesteps.
@@ -102,7 +102,7 @@ class _Runs:
         threads = min(self._problem.threads or os.cpu_count() or 1, len(self._problem.x0))
         steppers = [self._first, *(Steppers(self._problem.timestep) for _ in range(threads - 1))]
         pool = ThreadPoolExecutor(threads)
-        with warnings_counted_only(), callback_errors_ignored(), pool:
+        with warnings_counted_only(), pool:
             try:
                 list(pool.map(self._work, steppers))
             finally:
@@ -161,7 +161,8 @@ def _compiled_law(
 ) -> Any:
     """A sample of a law as a C function, which the kernel calls."""
     law, singular, inputs = jitable(law), system.singular, written_inputs(len(system.inputs))
-    answered, undefined_law = ANSWERED, ANSWERED + Status.UNDEFINED_LAW.value
+    answered, failed = ANSWERED, ANSWERED + FAILED
+    undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
     singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
     undefined_input = ANSWERED + Status.UNDEFINED_INPUT.value
 
@@ -170,7 +171,10 @@ def _compiled_law(
             return singular_plant
         remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
         numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
-        finite = inputs(u, law(t, x, remembered, numbers))
+        try:
+            finite = inputs(u, law(t, x, remembered, numbers))
+        except Exception:
+            return failed
         if remembered.undefined != 0.0:
             return undefined_law
         return answered if finite else undefined_input
