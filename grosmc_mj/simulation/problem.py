@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
-from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,38 +78,6 @@ class Problem:
         w = np.zeros(6 * len(self.system.bodies))
         push(*self.pushes[min(run, len(self.pushes) - 1)], step, step * self.timestep, w)
         return w
-
-    def alone(self, run: int) -> Problem:
-        """One of the simulations, of which the end only is kept."""
-        lists = self.disturbances
-        return replace(
-            self,
-            plants=self.plants[run : run + 1],
-            controllers=self.controllers[run : run + 1],
-            x0=self.x0[run : run + 1],
-            disturbances=lists if len(lists) == 1 else lists[run : run + 1],
-            record=False,
-        )
-
-
-# What the compiled engine notes of a law that has raised an error, in place of a ``Status``.
-FAILED = -1
-
-
-def refuse_failed(problem: Problem, status: NDArray[Any]) -> None:
-    """Refuse to go on after a law that raised an error in compiled code.
-
-    Args:
-        problem: What is run.
-        status: What is noted of each simulation, (nsim,).
-
-    Raises:
-        FailedInCompiledCodeError: If one did.
-    """
-    failed = np.flatnonzero(status == FAILED)
-    if len(failed):
-        run = int(failed[0])
-        raise FailedInCompiledCodeError(problem.controllers[run].name, run)
 
 
 @dataclass(eq=False)

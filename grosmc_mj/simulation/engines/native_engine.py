@@ -27,18 +27,20 @@ from grosmc_mj.simulation.engines.kernel import (
     guard,
     kernel,
 )
-from grosmc_mj.simulation.engines.python_engine import run_python
+from grosmc_mj.simulation.engines.python_engine import ClosedLoop
 from grosmc_mj.simulation.engines.steppers import (
     Stepper,
     Steppers,
     loop_of,
     refuse_foreign_callback,
 )
-from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError, compiling
-from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
+from grosmc_mj.simulation.law_errors import LawError, compiling
+from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status
 
+# What is noted of a law that has raised an error, in place of a ``Status``.
+_FAILED = -1
 # How long compiled code runs until Python can act on Ctrl-C [s], and its first timesteps.
 _PAUSE, _FIRST = 0.2, 100
 
@@ -64,12 +66,17 @@ def run_native(problem: Problem) -> Record:
         memory, _kept_alive = controller.begin()
         with np.errstate(all="ignore"):
             ask(controller, 0.0, problem.x0[0].copy(), memory, np.zeros(len(problem.system.inputs)))
-    try:
-        return _Runs(problem).run()
-    except FailedInCompiledCodeError as failed:
+    record = _Runs(problem).run()
+    failed = np.flatnonzero(record.status == _FAILED)
+    if len(failed):
         # Python says where.
-        run_python(problem.alone(failed.run))
-        raise
+        with np.errstate(all="ignore"), warnings_counted_only():
+            ClosedLoop(problem, int(failed[0])).advance(problem.steps)
+        raise LawError(
+            f"{controller.name} raised an error in compiled code: run it with engine='python' to "
+            "see where"
+        )
+    return record
 
 
 class _Runs:
@@ -107,7 +114,6 @@ class _Runs:
                 list(pool.map(self._work, steppers))
             finally:
                 self._stopped.set()
-        refuse_failed(self._problem, self._record.status)
         return self._record
 
     def _work(self, steppers: Steppers) -> None:
@@ -144,7 +150,7 @@ class _Runs:
             steps = max(1, int((last - first) * _PAUSE / spent))
             first = last
         record.valid[number], record.status[number] = loop.end - (0, ANSWERED)
-        if record.status[number] == FAILED:
+        if record.status[number] == _FAILED:
             self._stopped.set()
 
 
@@ -161,7 +167,7 @@ def _compiled_law(
 ) -> Any:
     """A sample of a law as a C function, which the kernel calls."""
     law, singular, inputs = jitable(law), system.singular, written_inputs(len(system.inputs))
-    answered, failed = ANSWERED, ANSWERED + FAILED
+    answered, failed = ANSWERED, ANSWERED + _FAILED
     undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
     singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
     undefined_input = ANSWERED + Status.UNDEFINED_INPUT.value

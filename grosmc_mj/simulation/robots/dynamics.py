@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.simulation.engines.compilation import array_at, pointer
-from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, mujoco_library, scratch
+from grosmc_mj.simulation.engines.mjdata import mujoco_library, scratch
 from grosmc_mj.simulation.machine.writing import write_inertia
 from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.vectors import each
@@ -54,17 +54,24 @@ class InWorkspace:
     """A nominal plant without numbers of its own: the run's workspace has its model."""
 
 
+# What compiled code finds of it: the addresses of both, of the joints' armature and of arrays.
+_ARRAYS = ("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
+_ARRAYS = (*_ARRAYS, "cinert", "xpos", "xmat", "subtree_com")
+WORKSPACE = np.dtype([(name, np.int64) for name in ("model", "data", "armature", *_ARRAYS)])
+
+
 class NominalData:
     """The nominal model and an mjData of it, for one run of a law."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model, self._data = model, mujoco.MjData(model)
+        arrays = [getattr(self._data, name).ctypes.data for name in _ARRAYS]
         armature = model.dof_armature.ctypes.data
-        self._addresses = np.array([model._address, self._data._address, armature], np.int64)
+        self._addresses = np.array([model._address, self._data._address, armature, *arrays])
 
     @property
     def address(self) -> float:
-        """Where the addresses of both and of the joints' armature are."""
+        """Where the ``WORKSPACE`` is."""
         return float(self._addresses.ctypes.data)
 
 
@@ -73,7 +80,7 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     Bodies that do not move against each other are one, which leaves the dynamics as they are
     and makes them fast. An mjData has 0.44 MB whatever its model, most of it for statistics of
-    MuJoCo's solver: 4096 runs take 1.8 GB.
+    MuJoCo's solver; a thread has one at a time.
 
     Args:
         spec: The robot, not changed.
@@ -126,15 +133,13 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
         and the accelerations a, (n,).
     """
     load_mujoco()
-    data_dtype = mjdata_dtype("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
     entries = each(n, _total)
 
     @numba.njit
     def torque(workspace: float, x: Any, a: Any) -> tuple[float, ...]:
-        addresses = array_at(np.int64(workspace), (3,), np.int64)
-        m, d = pointer(addresses[0]), pointer(addresses[1])
-        armature = array_at(addresses[2], (n,), np.float64)
-        arrays = array_at(d, (1,), data_dtype)[0]
+        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+        m, d = pointer(arrays.model), pointer(arrays.data)
+        armature = array_at(arrays.armature, (n,), np.float64)
         qpos = array_at(arrays.qpos, (n,), np.float64)
         qvel = array_at(arrays.qvel, (n,), np.float64)
         qacc = array_at(arrays.qacc, (n,), np.float64)
