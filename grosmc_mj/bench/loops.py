@@ -16,7 +16,7 @@ from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 
-_STEPS = {1: 50_000, 1024: 400}
+_STEPS = {1: 50_000, 1024: 500}
 
 
 def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Throughput]:

@@ -36,7 +36,7 @@ STEP = types.void(types.int64, types.int64)
 _READ = types.void(types.int64, types.int64, types.int64, types.int64)
 
 
-class Loop(NamedTuple):
+class KernelRun(NamedTuple):
     """One run, as ``run`` takes it.
 
     ``model``, ``data`` and ``states`` are Python objects where ``run`` is not compiled, else
@@ -104,7 +104,7 @@ class Loop(NamedTuple):
 
 
 @jitable
-def run(first: int, last: int, loop: Loop) -> None:
+def run(first: int, last: int, loop: KernelRun) -> None:
     """Timesteps ``first`` to ``last`` of a run."""
     x, u, q, v, w = loop.x, loop.u, loop.q, loop.v, loop.w
     nq, nv = len(q), len(v)
@@ -144,7 +144,7 @@ def run(first: int, last: int, loop: Loop) -> None:
 
 # The same in memory: numbers and addresses, and how long the arrays are.
 _WHOLE = ("first", "last", "keep", "stride", "step", "read", "law", "model", "data", "states")
-_ARRAYS = Loop._fields[Loop._fields.index("x") :]
+_ARRAYS = KernelRun._fields[KernelRun._fields.index("x") :]
 _LENGTHS = ("width", "n", "memory_size", "p_size", "m", "nq", "nv", "warning_count", "push_count")
 _LENGTHS = (*_LENGTHS, "value_count", "steps", "body_count", "force_count", "rows", "wrench_rows")
 _BLOCK = np.dtype(
@@ -162,7 +162,7 @@ _step_at, _read_at, _law_at = function_at(STEP), function_at(_READ), function_at
 def _entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
     """``run`` as an mjfBatchFunc, of a block of memory."""
     b = array_at(address, (1,), _BLOCK)[0]
-    loop = Loop(
+    loop = KernelRun(
         b.keep,
         b.stride,
         b.h,
@@ -214,7 +214,7 @@ class CompiledLoop:
         loop: With addresses of functions, model, data and states.
     """
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: KernelRun) -> None:
         lengths = (
             *(loop.width, len(loop.x), len(loop.memory), len(loop.p), len(loop.u), len(loop.q)),
             *(len(loop.v), len(loop.warnings), len(loop.pushes), *loop.values.shape),

@@ -7,7 +7,6 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from grosmc_mj.simulation.engines.python_engine import ClosedLoop
 from grosmc_mj.simulation.engines.steppers import (
     Stepper,
     Steppers,
-    loop_of,
+    kernel_run,
     refuse_foreign_callback,
 )
 from grosmc_mj.simulation.law_errors import LawError, compiling
@@ -91,11 +90,10 @@ class _Runs:
                 problem.memory_dtype,
                 record_dtype(problem.controller.parameters),
             )
-        # Plants of one model after each other: a thread has one at a time.
-        models = dict(zip(map(_model_of, dict.fromkeys(problem.plants)), count()))
-        places = [models[_model_of(plant)] for plant in problem.plants]
         several = dict.fromkeys(problem.controllers)
         self._numbers = {controller: pack(controller.parameters) for controller in several}
+        # Plants of one model after each other: a thread has one at a time.
+        places = [id(_model_of(plant)) for plant in problem.plants]
         self._order = iter(np.argsort(places, kind="stable").tolist())
         self._first = Steppers(problem.timestep)
         stepper = self._first.of(problem.plants[0])
@@ -135,7 +133,7 @@ class _Runs:
         memory, _kept_alive = controller.begin()
         step, model, data = stepper.addresses()
         physics = record.physics
-        loop = loop_of(
+        loop = kernel_run(
             problem, number, record, stepper, memory,
             p=self._numbers[controller], law=self._law.address, step=step, model=model, data=data,
             read=c_address("mj_getState"), width=8 * stepper.size,

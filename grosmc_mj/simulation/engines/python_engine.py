@@ -12,7 +12,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.engines.inputs import ask
 from grosmc_mj.simulation.engines.kernel import ANSWERED, run
-from grosmc_mj.simulation.engines.steppers import Steppers, loop_of, refuse_foreign_callback
+from grosmc_mj.simulation.engines.steppers import Steppers, kernel_run, refuse_foreign_callback
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.quiet import warnings_counted_only
 from grosmc_mj.simulation.trajectory import Status
@@ -54,7 +54,7 @@ class ClosedLoop:
             assert kept.physics is not None
             stepper.read(kept.physics[number, row])
 
-        self._loop = loop_of(
+        self._loop = kernel_run(
             problem, number, kept, stepper, self.memory, step=stepper.advance, read=read,
             law=self._sample, p=np.zeros(0), model=stepper.model, data=stepper.data,
             states=0, width=min(1, stepper.size),

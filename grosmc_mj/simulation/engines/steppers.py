@@ -18,7 +18,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.engines.compilation import array_at, compile_c
-from grosmc_mj.simulation.engines.kernel import ANSWERED, STEP, Loop, c_address, cannot_step
+from grosmc_mj.simulation.engines.kernel import ANSWERED, STEP, KernelRun, c_address, cannot_step
 from grosmc_mj.simulation.engines.runge_kutta import runge_kutta_step
 from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.problem import Problem, Record
@@ -49,7 +49,7 @@ class Stepper(ABC):
     """What moves one simulation of a plant by a timestep, under the input and wrench that it holds.
 
     Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing. The arrays
-    are views of what is moved, and mean what they do in ``kernel.Loop``.
+    are views of what is moved, and mean what they do in ``kernel.KernelRun``.
 
     Attributes:
         model: What ``advance`` takes: an mjModel, or the numbers of equations.
@@ -118,11 +118,7 @@ class EquationStepper(Stepper):
     """
 
     def __init__(self, plant: Plant, timestep: float) -> None:
-        self._system, self.model, self._numbers = (
-            plant.system,
-            plant.parameters,
-            pack(plant.parameters),
-        )
+        self._system, self.model = plant.system, plant.parameters
         self._block = np.zeros(1, _block_dtype(plant.system))
         self._block["h"] = timestep
         parts = {name: self._block[name][0] for name in self._block.dtype.names or ()}
@@ -145,6 +141,7 @@ class EquationStepper(Stepper):
     def addresses(self) -> tuple[int, int, int]:
         """A compiled step, the numbers and the state."""
         step = _compiled_step(self._system, record_dtype(self.model))
+        self._numbers = pack(self.model)
         return step.address, self._numbers.ctypes.data, self._block.ctypes.data
 
 
@@ -262,9 +259,9 @@ def stepper_of(plant: Plant, timestep: float) -> Stepper:
     return Steppers(timestep).of(plant)
 
 
-def loop_of(
+def kernel_run(
     problem: Problem, number: int, record: Record, stepper: Stepper, memory: Any, **of_engine: Any
-) -> Loop:
+) -> KernelRun:
     """One run of a problem at its start, for the kernel.
 
     Args:
@@ -273,14 +270,14 @@ def loop_of(
         record: Where its rows go.
         stepper: What moves its plant.
         memory: Of its law.
-        of_engine: The fields of ``Loop`` in which the engines differ.
+        of_engine: The fields of ``KernelRun`` in which the engines differ.
     """
     stepper.restart(problem.x0[number])
     if record.start is not None:
         stepper.read(record.start[number])
     pushes, values = problem.pushes[min(number, len(problem.pushes) - 1)]
     nothing = np.zeros((0, 6 * len(stepper.bodies)))
-    return Loop(
+    return KernelRun(
         keep=0 if problem.record else problem.steps - 1,
         stride=problem.stride,
         h=problem.timestep,
