@@ -534,6 +534,18 @@ def test_law_is_compiled_anew_when_a_function_that_it_calls_changes():
             assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == expected
 
 
+def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(tmp_path, monkeypatch):
+    plants = [physics("servo"), physics("servo").analytic()]
+    for k in (5.0, 6.0):
+        ctl = Controller("alone", law_with(helper_with(k)), Nothing())
+        for plant in plants:
+            assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == k
+        # The second time, after all that they share.
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (entry,) = tmp_path.rglob("*.nbi")
+    assert entry.name.startswith("sample-")
+
+
 def test_law_that_has_travelled_is_compiled_where_it_arrives(tmp_path, monkeypatch):
     """By value, as laws of one's own do that no module has."""
     plant, law = physics("servo").analytic(), by_array(2.0)
