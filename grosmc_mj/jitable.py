@@ -36,7 +36,7 @@ def jitable(function: Function) -> Function:
     """
     function = source_of(function)
     # What is no function numba cannot compile: it says so where it is called.
-    if isinstance(function, FunctionType) and compiled_of(function) is None:
+    if isinstance(function, FunctionType) and function not in _compiled:
         own = is_own(function)
         if own:
             _check_helpers(function)

@@ -11,7 +11,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.bench.timing import TimedLoop
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.engines.native_batch import NativeBatch
+from grosmc_mj.simulation.engines.native_engine import run_native
 from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.prepare import prepare
 
@@ -25,7 +25,7 @@ def batch_at(plants: Sequence[Plant], x0: Array) -> Batch:
         plants: One for each simulation.
         x0: Their starts, (nsim, n).
     """
-    models = [plant.any_model for plant in plants]
+    models = [plant.undrawn_model for plant in plants]
     batch = Batch(models[0], len(plants))
     if len(set(plants)) > 1:
         batch.set_models(models)
@@ -72,11 +72,7 @@ def closed_loop(
         record: Whether the runs are recorded.
         asked: As for ``prepare``; without a control period the law is asked at every timestep.
     """
-    h = float(plants[0].any_model.opt.timestep)
+    h = float(plants[0].undrawn_model.opt.timestep)
     problem, _ = prepare(plants, law, x0, duration=steps * h, record=record, **asked)
 
-    def ready() -> Callable[[], object]:
-        batch = NativeBatch(problem)
-        return batch.run if record else lambda: batch.advance(steps)
-
-    return TimedLoop(name, len(plants), steps, ready, beside)
+    return TimedLoop(name, len(plants), steps, lambda: lambda: run_native(problem), beside)

@@ -27,7 +27,7 @@ from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.mujoco_plant import Integrator
 
-_PLANTS, _STEPS = 4096, 100
+_PLANTS, _STEPS = 4096, 800
 _LAW = "grosmc"
 # Of what is run to see its memory: as short as one likes, since nothing is recorded.
 _BLINK = 0.05

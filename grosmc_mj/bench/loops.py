@@ -16,7 +16,7 @@ from grosmc_mj.films.offscreen.backends import without_graphics
 from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 
-_STEPS = {1: 50_000, 1024: 100}
+_STEPS = {1: 50_000, 1024: 500}
 
 
 def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Throughput]:
@@ -43,9 +43,9 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     )
 
     def open_loop_one() -> Callable[[], object]:
-        data = mujoco.MjData(plant.any_model)
+        data = mujoco.MjData(plant.undrawn_model)
         data.qpos[1] = case.x0[1]
-        return lambda: mujoco.mj_step(plant.any_model, data, nstep=_STEPS[1])
+        return lambda: mujoco.mj_step(plant.undrawn_model, data, nstep=_STEPS[1])
 
     def native(name: str, law: Controller, many: int, beside: str, **how: bool) -> TimedLoop:
         starts = np.tile(case.x0, (many, 1))
@@ -54,7 +54,7 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
     few = _STEPS[1] // 10
 
     def python_loop() -> Callable[[], object]:
-        model, memory = plant.any_model, controller.memory()
+        model, memory = plant.undrawn_model, controller.memory()
         data = mujoco.MjData(model)
         data.qpos[1] = case.x0[1]
 

@@ -11,7 +11,7 @@ from grosmc_mj.bench.timing import Throughput, measured
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.plants import SYSTEMS
 
-_SIMULATIONS, _STEPS = 1024, 100
+_SIMULATIONS, _STEPS = 1024, 500
 _LAW = "grosmc"
 
 

@@ -12,7 +12,7 @@ from grosmc_mj.cases.jaco.jaco import jaco
 from grosmc_mj.experiments.experiment import Experiment
 
 # A compiled Jaco is 1.7 MB of meshes, so several simulations share one.
-_SIMULATIONS, _PAYLOADS, _HEAVIEST, _STEPS = 1024, 64, 1.5, 50
+_SIMULATIONS, _PAYLOADS, _HEAVIEST, _STEPS = 1024, 64, 1.5, 200
 
 
 def benchmark_robots(rounds: int = 5) -> list[Throughput]:

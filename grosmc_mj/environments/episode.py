@@ -20,8 +20,7 @@ from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import Plant, find_system
-from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
-from grosmc_mj.simulation.engines.steppers import Stepper
+from grosmc_mj.simulation.engines.steppers import Stepper, refuse_foreign_callback
 from grosmc_mj.simulation.loop.in_loop import loop_of
 from grosmc_mj.simulation.loop.loop import LARGEST_SEED
 from grosmc_mj.simulation.prepare import prepare
@@ -191,7 +190,6 @@ class Episode:
 
     def __init__(self, setup: EpisodeSetup, stepper: Stepper) -> None:
         self.setup, self.stepper = setup, stepper
-        self._wrenches = setup.problem.wrench(0)
         self._loop = AgentLoop(setup.looped) if setup.looped else None
         self.x = np.array(setup.case.x0)
         self.done, self.reward, self.ended = 0, 0.0, ""
@@ -261,14 +259,14 @@ class Episode:
         Args:
             steps: How many.
         """
-        problem, stepper, wrenches = self.setup.problem, self.stepper, self._wrenches
+        problem, stepper = self.setup.problem, self.stepper
         # A diverging state overflows quietly; the stepper tells.
         with np.errstate(all="ignore"), warnings_counted_only():
             for _ in range(min(steps, problem.steps - self.done)):
                 if self._loop:
                     stepper.hold(self._loop.given(self.x))
-                if wrenches is not None:
-                    stepper.push(wrenches[self.done])
+                if problem.disturbed:
+                    stepper.push(problem.wrench(0, self.done))
                 if not stepper.step():
                     self.ended = self._say("the state grew without bound")
                     return

@@ -187,19 +187,11 @@ class Plant(ABC):
         Raises:
             ModelError: If it has none.
         """
-        return self.model_with_userdata(0)
+        return self.undrawn_model
 
-    @property
-    def any_model(self) -> mujoco.MjModel:
-        """Its compiled model with whatever room in mjData.userdata there is.
-
-        Raises:
-            ModelError: As ``model``.
-        """
-        return self.model_with_userdata(0)
-
-    def model_with_userdata(self, size: int) -> mujoco.MjModel:
-        """Its compiled model with room for ``size`` numbers in mjData.userdata.
+    @cached_property
+    def undrawn_model(self) -> mujoco.MjModel:
+        """What runs in MuJoCo compute with: the same motion, without what is only drawn.
 
         Raises:
             ModelError: As ``model``.

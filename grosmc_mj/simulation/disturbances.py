@@ -13,8 +13,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
 
-# Which formula: a number, so that it can lie beside the others in mjData.userdata.
-CONSTANT, PULSE, SINE = 0.0, 1.0, 2.0
+# Which course in time: by one of the formulas below, or by its values at all timesteps.
+CONSTANT, PULSE, SINE, VALUES = 0.0, 1.0, 2.0, 3.0
+# A disturbance as numbers is [body, course, a, b, c, force, torque].
+PUSH = 11
 
 # An instant counts as reached when it is this close [s]: k times h is not exact in binary.
 _INSTANT = 1e-9
@@ -42,6 +44,27 @@ def course(kind: float, t: float, a: float, b: float, c: float) -> float:
     if kind == SINE:
         return sine_from(t, a, b, c)
     return 1.0
+
+
+@jitable
+def push(pushes: Array, values: Array, step: int, t: float, wrenches: Array) -> None:
+    """Write the wrenches of disturbances at t [s].
+
+    Args:
+        pushes: The disturbances as numbers, (count, PUSH), see ``packed``.
+        values: Courses that are known by their values, (count, steps).
+        step: The timestep that begins at t.
+        t: [s].
+        wrenches: Of each body, flat, (6 * bodies,).
+    """
+    for i in range(len(wrenches)):
+        wrenches[i] = 0.0
+    for k in range(len(pushes)):
+        kind, a, b, c = pushes[k, 1], pushes[k, 2], pushes[k, 3], pushes[k, 4]
+        value = values[int(a), step] if kind == VALUES else course(kind, t, a, b, c)
+        at = 6 * int(pushes[k, 0])
+        for i in range(6):
+            wrenches[at + i] += value * pushes[k, 5 + i]
 
 
 Profile = Callable[[float], float]
@@ -97,11 +120,6 @@ class SineFrom:
         return sine_from(t, self.frequency, self.onset, self.phase)
 
 
-def is_known(profile: Profile) -> bool:
-    """Whether compiled code knows a profile; a subclass may compute something else."""
-    return type(profile) in (Constant, Pulse, SineFrom)
-
-
 @dataclass(frozen=True)
 class Disturbance:
     """A wrench on a body, times a profile of t.
@@ -144,33 +162,61 @@ class Disturbance:
         return (getattr(self.profile, "onset", 0.0), math.inf)
 
 
-def wrench_table(
-    disturbances: Sequence[Disturbance], bodies: Sequence[str], time: Array
-) -> Array | None:
-    """All wrenches at the given instants, (N, 6 * len(bodies)); None without disturbances.
+def packed(
+    disturbances: Sequence[Disturbance], bodies: Sequence[str], steps: range, timestep: float
+) -> tuple[Array, Array]:
+    """Disturbances as numbers, and their courses that no formula gives, as ``push`` takes them.
+
+    A profile of another kind than the classes above is asked once for each timestep, in order.
+
+    Args:
+        disturbances: On these bodies.
+        bodies: The system's.
+        steps: Which timesteps.
+        timestep: [s].
+
+    Returns:
+        (count, PUSH) and (count, steps).
 
     Raises:
         ArgumentError: If a body is not among ``bodies``, or a profile gives a value that is not
             a finite number.
     """
-    if not disturbances:
-        return None
-    table = np.zeros((len(time), len(bodies), 6))
-    for disturbance in disturbances:
-        if not bodies:
-            raise ArgumentError("the plant has no bodies that a disturbance could act on")
-        require_known("body", disturbance.body, bodies)
-        try:
-            values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
-        except (TypeError, ValueError) as error:
-            raise ArgumentError(
-                f"profile of the disturbance on {disturbance.body!r} must take t [s] and return "
-                f"a number: {error}"
-            ) from error
-        if not np.all(np.isfinite(values)):
-            bad = time[~np.isfinite(values)][0]
-            raise ArgumentError(
-                f"profile of the disturbance on {disturbance.body!r} is not finite at t = {bad:g} s"
-            )
-        table[:, bodies.index(disturbance.body)] += values[:, None] * np.array(disturbance.wrench)
-    return table.reshape(len(time), -1)
+    pushes, values = np.zeros((len(disturbances), PUSH)), list[Array]()
+    for row, each in zip(pushes, disturbances, strict=True):
+        profile = each.profile
+        # A subclass may compute something else.
+        formula = type(profile) in (Constant, Pulse, SineFrom)
+        if formula and isinstance(profile, Pulse):
+            numbers = PULSE, profile.start, profile.stop, 0.0
+        elif formula and isinstance(profile, SineFrom):
+            numbers = SINE, profile.frequency, profile.onset, profile.phase
+        else:
+            numbers = (CONSTANT if formula else VALUES), len(values), 0.0, 0.0
+        # A formula that is finite at both ends is so between them.
+        asked = (steps[0], steps[-1]) if formula else steps
+        found = _course(each, bodies, np.array(asked) * timestep)
+        if not formula:
+            values.append(found)
+        row[:] = bodies.index(each.body), *numbers, *each.wrench
+    return pushes, np.array(values).reshape(len(values), len(steps))
+
+
+def _course(disturbance: Disturbance, bodies: Sequence[str], time: Array) -> Array:
+    """The values of a profile, all finite, on one of the bodies."""
+    if not bodies:
+        raise ArgumentError("the plant has no bodies that a disturbance could act on")
+    require_known("body", disturbance.body, bodies)
+    try:
+        values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(
+            f"profile of the disturbance on {disturbance.body!r} must take t [s] and return "
+            f"a number: {error}"
+        ) from error
+    if not np.all(np.isfinite(values)):
+        bad = time[~np.isfinite(values)][0]
+        raise ArgumentError(
+            f"profile of the disturbance on {disturbance.body!r} is not finite at t = {bad:g} s"
+        )
+    return values

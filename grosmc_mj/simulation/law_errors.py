@@ -68,20 +68,6 @@ class LawError(ArgumentError):
     undefined = False
 
 
-class FailedInCompiledCodeError(LawError):
-    """A law that raised an error in compiled code, which does not say where.
-
-    Attributes:
-        run: Which simulation it was.
-    """
-
-    def __init__(self, name: str, run: int) -> None:
-        super().__init__(
-            f"{name} raised an error in compiled code: run it with engine='python' to see where"
-        )
-        self.run = run
-
-
 def law_error(name: str, t: float, error: Exception) -> LawError:
     """One line for an error that a law raised in Python.
 

@@ -12,7 +12,7 @@ from grosmc_mj.arguments import require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.engines.control_callback import refuse_foreign_callback
+from grosmc_mj.simulation.engines.steppers import refuse_foreign_callback
 from grosmc_mj.simulation.quiet import warnings_counted_only
 
 # Central differences lose eps/step to rounding and step^2 to curvature: least at the cube root.
@@ -61,7 +61,7 @@ def differences(plant: Plant, x: Array, u: Array) -> tuple[Array, Array]:
     """
     refuse_foreign_callback()
     n, m = len(x), plant.system.degrees_of_freedom
-    model = copy.copy(plant.model_with_userdata(0))
+    model = copy.copy(plant.undrawn_model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     # It would be implicit in the damping, and v+ no longer v + h a.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP

@@ -28,7 +28,7 @@ from grosmc_mj.simulation.models.checks import fingerprint, spec_fingerprint
 from grosmc_mj.simulation.models.files import compile_spec, load_spec, model_path
 from grosmc_mj.simulation.models.unconstrained import can_constrain
 from grosmc_mj.simulation.models.undrawn import undrawn
-from grosmc_mj.simulation.template import Template
+from grosmc_mj.simulation.template import Change, Template
 
 _INTEGRATORS: dict[int, Integrator] = {
     int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")): name
@@ -40,7 +40,7 @@ _INTEGRATORS: dict[int, Integrator] = {
 # has it.
 _undrawn_specs: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjSpec] = WeakKeyDictionary()
 _nominal_models: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjModel] = WeakKeyDictionary()
-# What edits are written into, by spec and by timestep, integrator and room in userdata.
+# What edits are written into, by spec and by timestep and integrator.
 _templates: WeakKeyDictionary[mujoco.MjSpec, dict[tuple[Any, ...], Template]] = WeakKeyDictionary()
 
 # What a spec was like when the first plant was made of it.
@@ -199,7 +199,7 @@ class MujocoPlant(Plant):
     @property
     def _model_like(self) -> mujoco.MjModel:
         """A compiled model with its states and drives: edits that are no parts change neither."""
-        return self.any_model if self.parts else _nominal_model(self.spec)
+        return self.undrawn_model if self.parts else _nominal_model(self.spec)
 
     @property
     def stepped_by(self) -> Integrator:
@@ -235,7 +235,7 @@ class MujocoPlant(Plant):
         """
         self._refuse_unseen()
         x, u, w = self.checked(x, u, wrench)
-        model, n = self.model_with_userdata(0), self.system.degrees_of_freedom
+        model, n = self.undrawn_model, self.system.degrees_of_freedom
         data = scratch(model)
         data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
         bodies = [model.body(name).id for name in self.system.bodies]
@@ -292,47 +292,48 @@ class MujocoPlant(Plant):
         model = self._compiled(self._edited(self.spec))
         return model, fingerprint(model)
 
-    @property
-    def any_model(self) -> mujoco.MjModel:
-        """What runs compute with, with whatever room in userdata it has been compiled with."""
-        return next(iter(self._models.values()), None) or self.model_with_userdata(0)
-
-    def model_with_userdata(self, size: int) -> mujoco.MjModel:
-        """What runs compute with, with room for ``size`` numbers in mjData.userdata, compiled once.
+    @cached_property
+    def undrawn_model(self) -> mujoco.MjModel:
+        """What runs compute with.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
-        if size not in self._models:
-            model = self._compiled(self._spec(size))
-            if not can_constrain(model):
-                model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-            self._models[size] = model
-        return self._models[size]
+        return self._running[1] if self.edits else self.template.model
 
-    @cached_property
-    def _models(self) -> dict[int, mujoco.MjModel]:
-        """Compiled models by their size of userdata."""
-        return {}
+    @property
+    def _running(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+        """What runs compute with, and what that is compiled from."""
+        spec = self._edited(_undrawn_spec(self.spec))
+        model = self._compiled(spec)
+        if not can_constrain(model):
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        return spec, model
 
-    def template(self, size: int) -> Template:
+    @property
+    def template(self) -> Template:
         """What this plant's edits, or another one's of the same nominal model, are written into.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
         same = _templates.setdefault(self.spec, {})
-        key = (self.timestep, self.integrator, size)
+        key = (self.timestep, self.integrator)
         if key not in same:
-            nominal = self.edited()
-            same[key] = Template(nominal._spec(size), nominal.model_with_userdata(size))
+            same[key] = Template(*self.edited()._running)
         return same[key]
 
-    def _spec(self, size: int) -> mujoco.MjSpec:
-        """What the model that runs compute with is compiled from."""
-        spec = self._edited(_undrawn_spec(self.spec))
-        spec.nuserdata = size
-        return spec
+    @cached_property
+    def changes(self) -> list[Change] | None:
+        """What is written into the template for a run; None if it has a model of its own.
+
+        Raises:
+            ModelError: As ``undrawn_model``.
+        """
+        found = self.template.changes(self.edits) if self.edits else None
+        if found is None:
+            self.undrawn_model  # noqa: B018  compiled here, and not by several threads
+        return found
 
     def _edited(self, nominal: mujoco.MjSpec) -> mujoco.MjSpec:
         """The edited model, drawn or not."""
@@ -373,8 +374,9 @@ class MujocoPlant(Plant):
         What equations lack, the parts of a machine, is left out.
         """
         rigid = self.rigid
-        model = None if rigid._models else rigid.template(0).written(rigid.edits)
-        return AnalyticPlant.from_model(self.system, model or rigid.any_model, variant)
+        compiled = "undrawn_model" in vars(rigid)
+        model = None if compiled else rigid.template.written(rigid.edits)
+        return AnalyticPlant.from_model(self.system, model or rigid.undrawn_model, variant)
 
     @classmethod
     def require_unchanged(cls, plants: Iterable[MujocoPlant]) -> None:

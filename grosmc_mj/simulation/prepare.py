@@ -79,7 +79,7 @@ def prepare(
     )
     for each, start in zip(problem.plants, problem.x0, strict=True):
         each.require_start(start)
-    _check_disturbances(problem)
+    problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
     return problem, single
 
 
@@ -231,16 +231,6 @@ def _steps(duration: float, h: float) -> int:
             f"{_MOST_STEPS:.0e} are made"
         )
     return math.ceil(seconds / h * (1 - 1e-12))
-
-
-def _check_disturbances(problem: Problem) -> None:
-    """Refuse unknown bodies and profiles without finite values, before anything runs."""
-    if problem.profiles_known:
-        # A known profile that is finite at both ends is so between them.
-        problem.wrenches_at(np.array([0, problem.steps - 1]))
-    else:
-        # Asks a user's own profile once for each timestep, as it may not answer twice alike.
-        problem.wrenches  # noqa: B018
 
 
 def _sequence(items: Item | Sequence[Item]) -> tuple[Item, ...]:

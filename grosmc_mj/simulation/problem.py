@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
-from grosmc_mj.simulation.disturbances import Disturbance, is_known, wrench_table
-from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError
+from grosmc_mj.simulation.disturbances import Disturbance, packed, push
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,77 +64,20 @@ class Problem:
         return any(self.disturbances)
 
     @cached_property
-    def profiles_known(self) -> bool:
-        """Whether compiled code knows the profiles of all disturbances."""
-        return all(is_known(each.profile) for items in self.disturbances for each in items)
-
-    @cached_property
-    def pushed_in_compiled_code(self) -> bool:
-        """Whether the native engine makes the wrenches as it goes, without a table.
-
-        A recorded run needs the table all the same.
-        """
-        return self.disturbed and self.profiles_known and not self.record
-
-    @cached_property
-    def wrenches(self) -> Array | None:
-        """Disturbances at each timestep, (1 or nsim, steps, 6 * bodies), or None.
-
-        Asks every profile once for each timestep, when first needed.
+    def pushes(self) -> list[tuple[Array, Array]]:
+        """What ``packed`` makes of the one list of disturbances, or of each.
 
         Raises:
-            ArgumentError: If a body is unknown, or a profile gives no finite number.
+            ArgumentError: As ``packed``.
         """
-        return self.wrenches_at(np.arange(self.steps))
+        bodies, steps = self.system.bodies, range(self.steps)
+        return [packed(items, bodies, steps, self.timestep) for items in self.disturbances]
 
-    def wrenches_at(self, steps: NDArray[np.int64]) -> Array | None:
-        """Disturbances in some of the timesteps, (1 or nsim, len(steps), 6 * bodies), or None.
-
-        Raises:
-            ArgumentError: As ``wrenches``.
-        """
-        if not self.disturbed:
-            return None
-        bodies, instants = self.system.bodies, steps * self.timestep
-        nothing = np.zeros((len(instants), 6 * len(bodies)))
-        tables = [wrench_table(items, bodies, instants) for items in self.disturbances]
-        return np.stack([nothing if table is None else table for table in tables])
-
-    def alone(self, run: int) -> Problem:
-        """One of the simulations, of which the end only is kept."""
-        lists = self.disturbances
-        return replace(
-            self,
-            plants=self.plants[run : run + 1],
-            controllers=self.controllers[run : run + 1],
-            x0=self.x0[run : run + 1],
-            disturbances=lists if len(lists) == 1 else lists[run : run + 1],
-            record=False,
-        )
-
-    def wrench(self, run: int) -> Array | None:
-        """Disturbances of one simulation, (steps, 6 * bodies)."""
-        return None if self.wrenches is None else self.wrenches[min(run, len(self.wrenches) - 1)]
-
-
-# What an engine notes while a law is at work: left behind, the law has raised an error.
-FAILED = -1
-
-
-def refuse_failed(problem: Problem, status: NDArray[Any]) -> None:
-    """Refuse to go on after a law that raised an error in compiled code.
-
-    Args:
-        problem: What is run.
-        status: What is noted of each simulation, (nsim,).
-
-    Raises:
-        FailedInCompiledCodeError: If one did.
-    """
-    failed = np.flatnonzero(status == FAILED)
-    if len(failed):
-        run = int(failed[0])
-        raise FailedInCompiledCodeError(problem.controllers[run].name, run)
+    def wrench(self, run: int, step: int) -> Array:
+        """Disturbances of one simulation in one timestep, (6 * bodies,)."""
+        w = np.zeros(6 * len(self.system.bodies))
+        push(*self.pushes[min(run, len(self.pushes) - 1)], step, step * self.timestep, w)
+        return w
 
 
 @dataclass(eq=False)
@@ -149,6 +90,7 @@ class Record:
         memory: Memory of the law in each kept step, flat, (nsim, rows, size).
         status: ``Status`` values, (nsim,).
         valid: Number of valid steps, (nsim,).
+        wrench: Disturbances in each kept step, (nsim, rows, 6 * bodies), or None.
         physics: mjSTATE_FULLPHYSICS after each kept step, (nsim, rows, size), or None.
         start: The same before the first step, (nsim, size), or None.
     """
@@ -158,12 +100,18 @@ class Record:
     memory: Array
     status: NDArray[np.int64]
     valid: NDArray[np.int64]
+    wrench: Array | None = None
     physics: Array | None = None
     start: Array | None = None
 
     @classmethod
-    def empty(cls, problem: Problem) -> Record:
-        """Room for everything that the problem wants kept."""
+    def empty(cls, problem: Problem, size: int = 0) -> Record:
+        """Room for everything that the problem wants kept.
+
+        Args:
+            problem: What is run.
+            size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
+        """
         nsim, rows = len(problem.x0), problem.steps if problem.record else 1
         return cls(
             x=np.zeros((nsim, rows, problem.x0.shape[1])),
@@ -171,4 +119,9 @@ class Record:
             memory=np.zeros((nsim, rows, problem.memory_dtype.itemsize // 8)),
             status=np.zeros(nsim, np.int64),
             valid=np.full(nsim, problem.steps, np.int64),
+            wrench=np.zeros((nsim, rows, 6 * len(problem.system.bodies)))
+            if problem.disturbed
+            else None,
+            physics=np.zeros((nsim, rows, size)) if size else None,
+            start=np.zeros((nsim, size)) if size else None,
         )

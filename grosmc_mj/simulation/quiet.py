@@ -1,13 +1,11 @@
-"""What others would print beside us: MuJoCo's warnings, which are counted, and numba's errors."""
+"""MuJoCo's warnings, which are counted and not printed."""
 
 from __future__ import annotations
 
-import sys
 import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import mujoco
 
@@ -49,31 +47,3 @@ def _ignore(_message: str) -> None:
 _lock = threading.Lock()
 # Blocks without MuJoCo's warnings that are under way, in any thread.
 _silent = 0
-# Those without errors of callbacks, and the hook from before the first of them.
-_blocks, _before = 0, sys.unraisablehook
-
-
-@contextmanager
-def callback_errors_ignored() -> Iterator[None]:
-    """Keep Python from printing an error that cannot leave a C callback, in this block only.
-
-    The callback has noted that it failed.
-    """
-    global _blocks, _before
-    with _lock:
-        if _blocks == 0:
-            _before, sys.unraisablehook = sys.unraisablehook, _unless_of_a_callback
-        _blocks += 1
-    try:
-        yield
-    finally:
-        with _lock:
-            _blocks -= 1
-            if _blocks == 0:
-                sys.unraisablehook = _before
-
-
-def _unless_of_a_callback(unraisable: Any) -> None:
-    """Pass on what is not from compiled code: there numba stands in for the object."""
-    if "numba" not in str(unraisable.object).lower():
-        _before(unraisable)

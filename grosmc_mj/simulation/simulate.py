@@ -106,24 +106,12 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         sliding=_squeezed(memory["s"]) if "s" in names else None,
         weighed=_squeezed(memory["v"]),
         memory=memory,
-        wrench=_kept_wrenches(problem),
+        wrench=record.wrench,
         physics=physics,
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
         unseen=tuple(getattr(plant, "unseen", ()) for plant in problem.plants),
     )
-
-
-def _kept_wrenches(problem: Problem) -> Array | None:
-    """Disturbances of each simulation in the kept timesteps, (nsim, rows, 6 * bodies), or None."""
-    if problem.pushed_in_compiled_code:
-        wrenches = problem.wrenches_at(np.array([problem.steps - 1]))
-    else:
-        wrenches = problem.wrenches
-    if wrenches is None:
-        return None
-    wrenches = wrenches if problem.record else wrenches[:, -1:]
-    return np.broadcast_to(wrenches, (len(problem.x0), *wrenches.shape[1:]))
 
 
 def _squeezed(rows: Array) -> Array:
@@ -135,8 +123,9 @@ def _repeat_last(problem: Problem, record: Record, run: int) -> None:
     """Repeat the last valid row of a run that ended early."""
     valid = int(record.valid[run]) if problem.record else 0
     record.x[run, valid:] = record.x[run, valid - 1] if valid else problem.x0[run]
-    for rows in (record.u, record.memory):
-        rows[run, valid:] = rows[run, valid - 1] if valid else 0.0
+    for rows in (record.u, record.memory, record.wrench):
+        if rows is not None:
+            rows[run, valid:] = rows[run, valid - 1] if valid else 0.0
     if record.physics is not None and record.start is not None:
         last = record.physics[run, valid - 1] if valid else record.start[run]
         record.physics[run, valid:] = last

@@ -6,30 +6,25 @@ times as long.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.simulation.edits import BodyEdit, Edit, InputEdit
-
-if TYPE_CHECKING:
-    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # A compiler refuses a body that moves and weighs less.
 _LEAST = mujoco.mjMINVAL
 # What follows from other fields only when a model is compiled, and from what.
 _SPRINGS, _LENGTHS = "tendon_lengthspring", "tendon_length0"
 
-# Edits that can be written, and all the fields that they may change.
-_WRITABLE = (BodyEdit, InputEdit)
+# All the fields that edits which can be written may change.
 _FIELDS = ("body_mass", "body_inertia", "body_ipos", "body_pos", "site_pos", "actuator_gear")
 
 # A field of mjModel, which of its rows, and what is there.
@@ -71,25 +66,24 @@ class Template:
             found += new
         return found
 
-    def batch(self, changes: Sequence[Sequence[Change]], threads: int) -> Batch:
-        """Simulations of the model, each with changes of its own.
+    def copy(self) -> mujoco.MjModel:
+        """A compiled model to write changes into."""
+        return copy.copy(self.model)
+
+    def write(self, changes: Sequence[Change], model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Make a copy the edited model, whatever has been written into it before.
 
         Args:
-            changes: Of each simulation, by ``changes``.
-            threads: 0 for all cores.
+            changes: By ``changes``.
+            model: By ``copy``.
+            data: Of that model, to compute in.
         """
-        batch = Batch(self.model, len(changes), threads)
-        fields: dict[str, Array] = {}
-        for i, own in enumerate(changes):
-            for name, row, value in own:
-                if name not in fields:
-                    fields[name] = batch.expand(name)
-                fields[name][i][row] = value
-        batch.set_const()
-        if len(self._springs):
-            rest = batch.expand(_LENGTHS)[:, self._springs]
-            batch.expand(_SPRINGS)[:, self._springs] = rest[..., None]
-        return batch
+        for name in _FIELDS:
+            getattr(model, name)[:] = getattr(self.model, name)
+        for name, row, value in changes:
+            getattr(model, name)[row] = value
+        mujoco.mj_setConst(model, data)
+        model.tendon_lengthspring[self._springs] = model.tendon_length0[self._springs, None]
 
     def written(self, edits: Sequence[Edit]) -> mujoco.MjModel | None:
         """The edited model, the same object each time, to be read at once.
@@ -102,18 +96,13 @@ class Template:
         if changes is None:
             return None
         model, data = self._scratch
-        for name in _FIELDS:
-            getattr(model, name)[:] = getattr(self.model, name)
-        for name, row, value in changes:
-            getattr(model, name)[row] = value
-        mujoco.mj_setConst(model, data)
-        model.tendon_lengthspring[self._springs] = model.tendon_length0[self._springs, None]
+        self.write(changes, model, data)
         return model
 
     @cached_property
     def _scratch(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """What fields are written into."""
-        model = self.spec.compile()
+        model = self.copy()
         return model, mujoco.MjData(model)
 
     @cached_property
@@ -182,35 +171,3 @@ class Template:
             looks = (*body.geoms, *body.cameras, *body.lights)
             if not looks and not any(part.frame for part in (*body.sites, *body.bodies)):
                 yield body.name
-
-
-def batch_of(
-    plants: Sequence[MujocoPlant], size: int, threads: int
-) -> tuple[Batch, list[mujoco.MjModel]]:
-    """A simulation of each plant, and the models they have their sizes, names and options from.
-
-    Plants that differ in what can be written into one compiled model share it; if one of them
-    cannot, each is compiled.
-
-    Args:
-        plants: Of one system.
-        size: Room in mjData.userdata, in numbers.
-        threads: 0 for all cores.
-    """
-    different = dict.fromkeys(plants)
-    if len(different) == 1:
-        model = plants[0].model_with_userdata(size)
-        return Batch(model, len(plants), threads), [model] * len(plants)
-    writable = all(isinstance(edit, _WRITABLE) for plant in different for edit in plant.edits)
-    templates = {plant.template(size) for plant in different} if writable else set()
-    if len(templates) == 1:
-        (template,) = templates
-        found = {plant: template.changes(plant.edits) for plant in different}
-        changes = [each for plant in plants if (each := found[plant]) is not None]
-        if len(changes) == len(plants):
-            return template.batch(changes, threads), [template.model] * len(plants)
-    compiled = {plant: plant.model_with_userdata(size) for plant in different}
-    models = [compiled[plant] for plant in plants]
-    batch = Batch(models[0], len(plants), threads)
-    batch.set_models(models)
-    return batch, models

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Disturbance, wrench_table
+from grosmc_mj.simulation.disturbances import Disturbance, packed, push
 from grosmc_mj.simulation.engines.python_engine import ClosedLoop
 from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.prepare import prepare
@@ -172,12 +172,14 @@ class Live:
         self._owed = 0.0 if self.note else self._owed - count * h
         if count == 0:
             return
-        instants = (self._loop.steps + np.arange(count)) * h
+        steps = range(self._loop.steps, self._loop.steps + count)
         bodies = problem.system.bodies
-        table = wrench_table(self._run.disturbances, bodies, instants)
-        for i, now in enumerate(instants.tolist()):
-            pushed = self.push.wrench(now)
-            status = self._loop.advance(pushed if table is None else table[i] + pushed)
+        pushes, values = packed(self._run.disturbances, bodies, steps, h)
+        wrench = np.zeros(6 * len(bodies))
+        for i, step in enumerate(steps):
+            now = step * h
+            push(pushes, values, i, now, wrench)
+            status = self._loop.advance_under(wrench + self.push.wrench(now))
             if status is not Status.COMPLETED:
                 ended = (status, problem.system, problem.controller, self.time, self._loop.x)
                 self.note, self._owed = why_ended(*ended), 0.0

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import enum
 import os
+import signal
 import subprocess
 import sys
+import time
 import types
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -31,7 +33,6 @@ from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.engines.compilation import array_at, compile_c, fingerprint
-from grosmc_mj.simulation.engines.control_callback import installed
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -350,7 +351,101 @@ def test_physics_state_replays_the_run(system):
         np.testing.assert_array_equal(np.concatenate([data.qpos, data.qvel]), run.state[i + 1])
 
 
-# The process-wide callback
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_a_run_is_a_plain_loop_of_mj_step_under_the_held_input(system, integrator):
+    """From the start on, with the plant's own model, as drawn."""
+    body, _ = EDITED[system]
+    plant = physics(system, integrator).edited(BodyEdit(body, 1.5, 1.2))
+    options: dict[str, Any] = {"disturbances": WRENCHES[system], "control_period": 3e-3}
+    run = simulate(plant, controller(system, "grosmc"), start(system), duration=0.5, **options)
+    assert run.wrench is not None
+    model, n = plant.model, plant.system.degrees_of_freedom
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = run.state[0, :n], run.state[0, n:]
+    bodies, found = [model.body(name).id for name in plant.system.bodies], [run.state[0]]
+    for i in range(500):
+        data.ctrl[0] = run.command[i]
+        data.xfrc_applied[bodies] = run.wrench[i].reshape(-1, 6)
+        mujoco.mj_step(model, data)
+        found.append(np.concatenate([data.qpos, data.qvel]))
+    np.testing.assert_array_equal(run.state, found)
+    # One input for each control period: the law is asked at its start only.
+    np.testing.assert_array_equal(run.command, np.repeat(run.command[::3], 3)[:500])
+
+
+# Errors of MuJoCo's, which end a process that calls it by its address
+
+
+OUT_OF_MEMORY = """
+import sys
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ModelError
+from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.simulation.simulate import simulate
+from test_engines import Nothing, seen_position
+
+boxes = "".join(f"<geom type='box' size='.04 .04 .04' pos='{i / 10} 0 0'/>" for i in range(64))
+plant = Robot.from_mjcf(
+    "<mujoco><size memory='40k'/><worldbody><geom type='plane' size='9 9 1'/><body pos='0 0 .1'>"
+    f"<joint name='fall' type='slide' axis='0 0 1'/>{boxes}</body></worldbody>"
+    "<actuator><motor name='fall' joint='fall'/></actuator></mujoco>"
+).plant
+law = Controller("pushing", seen_position, Nothing())
+options = {"engine": sys.argv[1], "threads": int(sys.argv[2])}
+assert simulate(plant, law, [[0.0, 0.0], [1.0, 0.0]], duration=0.01, **options).state.any()
+for _ in range(3):
+    try:
+        simulate(plant, law, [[0.0, 0.0], [1.0, 0.0]], duration=0.5, **options)
+    except ModelError as error:
+        print("said:", error)
+print(simulate(plant, law, [1.0, 0.0], duration=0.01, **options).status.name)
+"""
+
+
+@pytest.mark.parametrize(("engine", "threads"), [("native", 1), ("native", 2), ("python", 1)])
+def test_an_error_of_mujoco_s_is_one_of_the_model_and_ends_no_process(engine, threads):
+    """A body that falls on the floor with more contacts than its memory holds."""
+    command = [sys.executable, "-c", OUT_OF_MEMORY, engine, str(threads)]
+    root, here = Path(__file__).resolve().parents[2], Path(__file__).resolve().parent
+    path = os.pathsep.join(map(str, (root, here, here.parent)))
+    ran = subprocess.run(
+        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stderr == ""
+    *said, last = ran.stdout.splitlines()
+    assert len(said) == 3
+    assert all("said: MuJoCo cannot step the model: mj_stackAlloc" in each for each in said)
+    assert last == "COMPLETED"
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("kind", ["corrected", "RK4"])
+def test_ctrl_c_ends_a_long_run(kind, threads):
+    """Of minutes, after which the next run is as ever."""
+    plant, ctl, x0 = plant_of("servo", kind), controller("servo", "lqr"), start("servo")
+    options: dict[str, Any] = {"record": False, "threads": threads}
+
+    def press(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = simulate(plant, ctl, [x0, x0], duration=0.1, **options)
+    was = signal.signal(signal.SIGALRM, press)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.5)
+        began = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            simulate(plant, ctl, [x0, x0], duration=90_000.0, **options)
+        # 0.2 s, and a busy machine.
+        assert time.monotonic() - began < 5
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, was)
+    assert difference(simulate(plant, ctl, [x0, x0], duration=0.1, **options), before) == 0
+
+
+# Somebody else's callback
 
 
 @pytest.fixture
@@ -364,12 +459,6 @@ def foreign_callback() -> Iterator[Callable[[Any, Any], None]]:
     mujoco.set_mjcb_control(callback)
     yield callback
     mujoco.set_mjcb_control(None)
-
-
-def test_foreign_callback_is_refused_and_left_in_place(foreign_callback):
-    with pytest.raises(SetupError, match="already installed"), installed(None):
-        pass
-    assert mujoco.get_mjcb_control() is foreign_callback
 
 
 def test_native_run_refuses_to_silence_a_foreign_callback(foreign_callback):
@@ -390,25 +479,7 @@ def test_foreign_callback_does_not_steer_the_python_engine(foreign_callback):
     np.testing.assert_array_equal(steered, simulate(plant, ctl, engine="python", **run).state)
 
 
-def test_callback_is_removed_after_a_run_and_after_an_error():
-    simulate(physics("servo"), controller("servo", "lqr"), start("servo"), duration=0.01)
-    assert mujoco.get_mjcb_control() is None
-
-    def callback(model: Any, data: Any) -> None:
-        """Never called."""
-
-    def fail() -> None:
-        with installed(callback):
-            assert mujoco.get_mjcb_control() is callback
-            raise KeyError("inside")
-
-    with pytest.raises(KeyError, match="inside"):
-        fail()
-    assert mujoco.get_mjcb_control() is None
-
-
 def test_runs_on_several_threads_do_not_meet():
-    """The callback is process-wide: a second run waits, a Python-engine run is left alone."""
     cases: list[tuple[str, Engine]] = [(s, e) for s in SYSTEMS for e in ENGINES] * 2
 
     def run(case: tuple[str, Engine]) -> Trajectory:
@@ -461,6 +532,18 @@ def test_law_is_compiled_anew_when_a_function_that_it_calls_changes():
         for make, expected in ((helper_with, k), (other_helper, k + 1)):
             ctl = Controller("helped", law_with(make(k)), Nothing())
             assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == expected
+
+
+def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(tmp_path, monkeypatch):
+    plants = [physics("servo"), physics("servo").analytic()]
+    for k in (5.0, 6.0):
+        ctl = Controller("alone", law_with(helper_with(k)), Nothing())
+        for plant in plants:
+            assert simulate(plant, ctl, [0, 0], duration=1e-3).command[0] == k
+        # The second time, after all that they share.
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (entry,) = tmp_path.rglob("*.nbi")
+    assert entry.name.startswith("sample-")
 
 
 def test_law_that_has_travelled_is_compiled_where_it_arrives(tmp_path, monkeypatch):

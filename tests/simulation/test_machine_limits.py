@@ -16,7 +16,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.simulation.edits import BodyEdit, Edit, JointEdit
-from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
 from grosmc_mj.simulation.machine import (
     LuGre,
     MachinePart,
@@ -246,22 +245,6 @@ def test_a_plant_with_states_of_its_own_has_no_derivative_but_its_rigid_one_has(
     assert rigid == pytest.approx(plant.analytic().derivative([0.0, 1.0], 1.0))
     with pytest.raises(ModelError, match=r"ask its \.rigid plant"):
         plant.linearization()
-
-
-def test_arrays_of_an_mjdata_are_found_whatever_else_a_model_has() -> None:
-    text = (
-        "<mujoco><size nuserdata='7'/><worldbody><body name='m' mocap='true'/>"
-        "<body><joint name='j'/><geom size='1'/></body></worldbody>"
-        "<actuator><position joint='j' timeconst='1' delay='0.1' nsample='3'/></actuator></mujoco>"
-    )
-    import ctypes
-
-    data = mujoco.MjData(mujoco.MjModel.from_xml_string(text))
-    names = ("qpos", "qvel", "ctrl", "userdata", "xfrc_applied", "qfrc_inverse")
-    found: Any = mjdata_dtype(*names).fields
-    for name in names:
-        at = ctypes.c_uint64.from_address(data._address + found[name][1]).value
-        assert at == getattr(data, name).ctypes.data
 
 
 MISTAKES: list[tuple[str, list[Edit], str]] = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import mujoco
@@ -13,8 +14,8 @@ from hypothesis import strategies as st
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
+from grosmc_mj.simulation.engines.steppers import Steppers
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.template import batch_of
 
 NAMES = [name for name in SYSTEMS if name in ("servo", "cart_pendulum", "arm", "two_link_arm")]
 SCALES = st.floats(0.1, 10.0)
@@ -59,30 +60,42 @@ def families(draw: Any) -> list[MujocoPlant]:
     return plants
 
 
+def as_run(plants: list[MujocoPlant]) -> Iterator[mujoco.MjModel]:
+    """What one thread's runs of these plants compute with, one after the other."""
+    steppers = Steppers(1e-3)
+    return (steppers.of(plant).model for plant in plants)
+
+
 @settings(max_examples=40)
 @given(families())
 def test_a_written_model_is_the_compiled_one_bit_for_bit(plants: list[MujocoPlant]) -> None:
-    batch, _ = batch_of(plants, 16, 1)
-    for index, plant in enumerate(plants):
-        compiled = plant.model_with_userdata(16)
-        assert differences(batch.get_model(index), compiled) == []
+    """Whatever has been written into it before."""
+    plants = [*plants, plants[0]]
+    for plant, model in zip(plants, as_run(plants), strict=True):
+        compiled = plant.edited(*plant.edits).undrawn_model
+        assert differences(model, compiled) == []
         # Read before anything is compiled, and afterwards.
-        assert numbers(plant.edited(*plant.edits)) == numbers(plant)
-        written = plant.template(0).written(plant.edits)
+        again = plant.edited(*plant.edits)
+        before = numbers(again)
+        assert again.undrawn_model is not None
+        assert numbers(again) == before
+        written = plant.template.written(plant.edits)
         assert written is not None
-        assert differences(written, plant.model_with_userdata(0)) == []
+        assert differences(written, compiled) == []
 
 
 def test_a_family_is_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its runs share one mjModel and one mjData."""
     nominal = MujocoPlant.load("cart_pendulum")
-    nominal.template(16)
-    plants = [nominal.edited(BodyEdit("pole", scale, scale)) for scale in (1.0, 1.5, 2.0)]
+    assert nominal.template is nominal.edited().template
+    plants = [nominal.edited(BodyEdit("pole", scale, scale)) for scale in (0.5, 1.5, 2.0)]
     monkeypatch.setattr(MujocoPlant, "_compiled", lambda *_: pytest.fail("compiled"))
-    batch, models = batch_of([*plants, plants[0]], 16, 1)
-    assert [batch.get_model(i).body("pole").mass[0] for i in range(4)] == pytest.approx(
-        [0.2, 0.3, 0.4, 0.2], rel=1e-12
-    )
-    assert len({id(model) for model in models}) == 1
+    steppers, used = Steppers(1e-3), set[int]()
+    for plant, mass in zip(plants, (0.1, 0.3, 0.4), strict=True):
+        stepper = steppers.of(plant)
+        assert stepper.model.body("pole").mass[0] == pytest.approx(mass, rel=1e-12)
+        used.add(stepper.data._address)
+    assert len(used) == 1
 
 
 PLAIN = MujocoPlant.load("cart_pendulum")
@@ -126,13 +139,13 @@ MASSLESS, SENSED = with_a_massless_body(), with_a_geom_that_is_sensed()
 def test_what_only_a_compiler_can_tell_is_left_to_it(
     plant: MujocoPlant, edits: tuple[Edit, ...]
 ) -> None:
-    template = plant.template(0)
+    template = plant.template
     assert template.changes(edits) is None
     assert template.written(edits) is None
 
 
 def test_masses_of_what_has_geoms_can_be_written() -> None:
-    assert SENSED.template(0).changes((BodyEdit("pole", 2.0),)) is not None
+    assert SENSED.template.changes((BodyEdit("pole", 2.0),)) is not None
 
 
 @pytest.mark.parametrize("numbers", [{"frictionloss": 0.1}, {"range": [-1.0, 1.0]}], ids=str)
@@ -144,13 +157,11 @@ def test_a_model_with_constraints_is_compiled(numbers: dict[str, Any]) -> None:
         setattr(joint, name, value)
     joint.limited = int("range" in numbers)
     plant = MujocoPlant(PLAIN.system, spec)
-    assert plant.template(0).changes((BodyEdit("pole", 2.0),)) is None
+    assert plant.template.changes((BodyEdit("pole", 2.0),)) is None
 
 
-def test_a_batch_with_one_that_must_be_compiled_compiles_all() -> None:
+def test_what_must_be_compiled_runs_beside_what_is_written() -> None:
     damped = PLAIN.edited(JointEdit("hinge", damping=1.0))
-    plants = [PLAIN.edited(BodyEdit("pole", 2.0)), damped]
-    batch, models = batch_of(plants, 16, 1)
-    assert models[0] is not models[1]
-    for index, plant in enumerate(plants):
-        assert differences(batch.get_model(index), plant.model_with_userdata(16)) == []
+    plants = [PLAIN.edited(BodyEdit("pole", 2.0)), damped, PLAIN, PLAIN.edited(BodyEdit("pole"))]
+    for plant, model in zip(plants, as_run(plants), strict=True):
+        assert differences(model, plant.edited(*plant.edits).undrawn_model) == []

@@ -107,7 +107,7 @@ def _machine(plant: Plant) -> bool:
     """
     if not isinstance(plant, MujocoPlant) or not plant.parts:
         return False
-    _ = plant.any_model
+    _ = plant.undrawn_model
     return True
 
 

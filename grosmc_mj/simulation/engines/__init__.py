@@ -1,1 +1,1 @@
-"""What steps a closed loop: Python's own loop, and MuJoCo's with a compiled law."""
+"""What steps a closed loop: one kernel, compiled or as plain Python."""

@@ -25,13 +25,12 @@ from typing import Any, ClassVar
 
 import numba
 import numpy as np
-from numba.core import types
+from numba.core import cgutils, types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
-    NullCache,
     _CacheLocator,
 )
 from numba.core.ccallback import CFunc
@@ -39,7 +38,6 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import np_cfarray
 
 from grosmc_mj.files import private_cache
-from grosmc_mj.jitable import Function, compiled_of, jitable
 
 _numbers: Any = iter(partial(secrets.randbits, 64), None)
 FunctionIdentity._unique_ids = _numbers
@@ -78,6 +76,21 @@ def _array_at(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
 # Inside compiled code: the C-ordered array of a shape and dtype at an address or pointer. It is
 # ``numba.carray``, of which each use with other types takes a function and 0.05 s to compile.
 array_at: Any = intrinsic(_array_at)
+
+
+def function_at(signature: Any) -> Any:
+    """Inside compiled code: the C function of this signature whose address an integer holds."""
+    kind = types.FunctionType(signature)
+
+    def typed(typing_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            function = cgutils.create_struct_proxy(kind)(context, builder)
+            function.c_addr = builder.inttoptr(arguments[0], function.c_addr.type)
+            return function._getvalue()
+
+        return kind(address), generate
+
+    return intrinsic(typed)
 
 
 def fingerprint(function: Callable[..., Any]) -> str:
@@ -216,15 +229,15 @@ class _FingerprintCache(FunctionCache):
             super()._save_overload(sig, data)
 
 
-def compile_c(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Compile a function of the given numba argument types, returning nothing, to a C function.
+def compile_c(function: Callable[..., Any], *arguments: Any, returns: Any = types.void) -> Any:
+    """Compile a function of the given numba argument types to a C function.
 
     Division by zero gives an infinity, as in C: no exception can leave a C callback.
 
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    compiled: Any = CFunc(function, (arguments, types.void), {}, {"error_model": "numpy"})
+    compiled: Any = CFunc(function, (arguments, returns), {}, {"error_model": "numpy"})
     # Without a folder that could hold a cache, compile each time.
     if _cache() is not None:
         compiled._cache = _FingerprintCache(function)
@@ -243,22 +256,6 @@ def _without_collector() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
-
-
-def shared(function: Function) -> Function:
-    """A jitable function that is compiled once for all that call it, in any process.
-
-    What is large and called by many: a law, which loops on equations and MuJoCo's callback have
-    in common. With a memory of another layout it is another one.
-
-    Raises:
-        SetupError: If the folder of the cache is not the user's own.
-    """
-    function = jitable(function)
-    compiled = compiled_of(function)
-    if compiled is not None and isinstance(compiled._cache, NullCache):
-        _kept_on_disk(compiled)
-    return function
 
 
 def compile_python(function: Callable[..., Any]) -> Any:

@@ -1,42 +1,29 @@
-"""mjData: where it keeps its arrays, for compiled code, and one to compute in."""
+"""MuJoCo's C library, and an mjData to compute in."""
 
 from __future__ import annotations
 
-import ctypes
 import threading
 from functools import cache, lru_cache
-from typing import Any
+from pathlib import Path
 
 import mujoco
-import numpy as np
+
+from grosmc_mj.errors import SetupError
 
 
 @cache
-def mjdata_dtype(*names: str) -> np.dtype[Any]:
-    """mjData as a structure whose members are the addresses of these of its arrays.
+def mujoco_library() -> Path:
+    """MuJoCo's C library, which its Python package has loaded.
 
-    The offsets are read off a live mjData, so that they are those of the installed MuJoCo.
-
-    Args:
-        names: Such as ``qpos``.
+    Raises:
+        SetupError: If it is not where that has it.
     """
-    model = mujoco.MjModel.from_xml_string(
-        "<mujoco><size nuserdata='1'/><worldbody><body><joint name='j'/><geom size='1'/></body>"
-        "</worldbody><actuator><motor joint='j'/></actuator></mujoco>"
-    )
-    data = mujoco.MjData(model)
-    wanted = {getattr(data, name).ctypes.data: name for name in names}
-    last, offsets, offset, word = data.cfrc_ext.ctypes.data, {}, 0, 0
-    # Every array's pointer is a field of the struct, so the search for the last ends inside it.
-    while word != last:
-        word = ctypes.c_uint64.from_address(data._address + offset).value
-        if word in wanted:
-            # An empty array, and the buffer of all, share the address of the array after them.
-            offsets[wanted[word]] = offset
-        offset += 8
-    offsets = dict(sorted(offsets.items(), key=lambda item: item[1]))
-    formats = [np.int64] * len(offsets)
-    return np.dtype({"names": list(offsets), "formats": formats, "offsets": list(offsets.values())})
+    folder = Path(mujoco.__file__).parent
+    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
+    found = [file for name in names for file in sorted(folder.glob(name))]
+    if not found:
+        raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
+    return found[0]
 
 
 def scratch(model: mujoco.MjModel) -> mujoco.MjData:

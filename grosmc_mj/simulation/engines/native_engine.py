@@ -3,22 +3,46 @@
 from __future__ import annotations
 
 import os
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
 
 import numpy as np
 
+from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.jitable import is_own
+from grosmc_mj.jitable import is_own, jitable
 from grosmc_mj.own_law import innermost
-from grosmc_mj.records import pack
-from grosmc_mj.simulation.engines.inputs import ask
-from grosmc_mj.simulation.engines.native_analytic import analytic_kernel
-from grosmc_mj.simulation.engines.native_batch import NativeBatch
-from grosmc_mj.simulation.engines.native_pushes import packed
-from grosmc_mj.simulation.engines.python_engine import run_python
-from grosmc_mj.simulation.law_errors import FailedInCompiledCodeError, compiling
-from grosmc_mj.simulation.problem import FAILED, Problem, Record, refuse_failed
-from grosmc_mj.simulation.quiet import callback_errors_ignored
+from grosmc_mj.plants import System
+from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.engines.compilation import array_at, compile_c
+from grosmc_mj.simulation.engines.inputs import ask, written_inputs
+from grosmc_mj.simulation.engines.kernel import (
+    ANSWERED,
+    LAW,
+    CompiledLoop,
+    c_address,
+    guard,
+    kernel,
+)
+from grosmc_mj.simulation.engines.python_engine import ClosedLoop
+from grosmc_mj.simulation.engines.steppers import (
+    Stepper,
+    Steppers,
+    kernel_run,
+    refuse_foreign_callback,
+)
+from grosmc_mj.simulation.law_errors import LawError, compiling
+from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.quiet import warnings_counted_only
+from grosmc_mj.simulation.trajectory import Status
+
+# What is noted of a law that has raised an error, in place of a ``Status``.
+_FAILED = -1
+# How long compiled code runs until Python can act on Ctrl-C [s], and its first timesteps.
+_PAUSE, _FIRST = 0.2, 100
 
 
 def run_native(problem: Problem) -> Record:
@@ -27,67 +51,136 @@ def run_native(problem: Problem) -> Record:
     Raises:
         ArgumentError: If the law says that it can't be compiled, by an attribute ``python_only``.
         LawError: If it fails, with file and line where the Python engine finds them.
+        ModelError: If MuJoCo cannot step the model.
+        SetupError: If somebody else's callback is installed.
     """
     controller = problem.controller
     if getattr(controller.law, "python_only", False):
         raise ArgumentError(
             f"{controller.name} runs in Python only: use engine='python', not 'native'"
         )
+    refuse_foreign_callback()
     if is_own(innermost(controller.law)):
         # Compiled code would take a truth value for a number, and says nothing of other kinds.
         memory, _kept_alive = controller.begin()
         with np.errstate(all="ignore"):
             ask(controller, 0.0, problem.x0[0].copy(), memory, np.zeros(len(problem.system.inputs)))
-    try:
-        if problem.plants[0].kind == "physics":
-            return NativeBatch(problem).run()
-        return _run_analytic(problem)
-    except FailedInCompiledCodeError as failed:
+    record = _Runs(problem).run()
+    failed = np.flatnonzero(record.status == _FAILED)
+    if len(failed):
         # Python says where.
-        run_python(problem.alone(failed.run))
-        raise
-
-
-def _run_analytic(problem: Problem) -> Record:
-    """Run analytic plants: one compiled call a simulation, which releases Python's lock."""
-    with compiling(problem.controller):
-        kernel = analytic_kernel(problem)
-    record = Record.empty(problem)
-    pushed, bodies = problem.pushed_in_compiled_code, problem.system.bodies
-    rows = {name: row for row, name in enumerate(bodies)}
-    pushes = packed(problem.disturbances if pushed else [()], rows)
-
-    def run_one(run: int) -> None:
-        plant, controller = problem.plants[run], problem.controllers[run]
-        wrench = None if pushed else problem.wrench(run)
-        memory, _kept_alive = controller.begin()
-        arrays = (
-            problem.x0[run].copy(),
-            pack(memory),
-            pack(controller.parameters),
-            pack(plant.parameters),
-            np.zeros(6 * len(bodies)) if wrench is None else np.ascontiguousarray(wrench),
-            pushes[min(run, len(pushes) - 1)],
-            record.x[run],
-            record.u[run],
-            record.memory[run],
-            np.array([0, FAILED], np.int64),
+        with np.errstate(all="ignore"), warnings_counted_only():
+            ClosedLoop(problem, int(failed[0])).advance(problem.steps)
+        raise LawError(
+            f"{controller.name} raised an error in compiled code: run it with engine='python' to "
+            "see where"
         )
-        # ``arrays`` keeps the memory alive that the kernel gets by address.
-        kernel(
-            problem.steps,
-            problem.stride,
-            int(wrench is not None),
-            pushes.shape[1],
-            int(problem.record),
-            problem.timestep,
-            problem.control_period,
-            *(array.ctypes.data for array in arrays),
-        )
-        record.valid[run], record.status[run] = arrays[-1].astype(np.int64)
-
-    threads = problem.threads or os.cpu_count() or 1
-    with ThreadPoolExecutor(threads) as pool, callback_errors_ignored():
-        list(pool.map(run_one, range(len(problem.x0))))
-    refuse_failed(problem, record.status)
     return record
+
+
+class _Runs:
+    """All simulations of a problem, which threads take one after the other."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem, self._stopped = problem, threading.Event()
+        with compiling(problem.controller):
+            self._law = _compiled_law(
+                problem.system,
+                problem.controller.law,
+                problem.memory_dtype,
+                record_dtype(problem.controller.parameters),
+            )
+        several = dict.fromkeys(problem.controllers)
+        self._numbers = {controller: pack(controller.parameters) for controller in several}
+        # Plants of one model after each other: a thread has one at a time.
+        places = [id(_model_of(plant)) for plant in problem.plants]
+        self._order = iter(np.argsort(places, kind="stable").tolist())
+        self._first = Steppers(problem.timestep)
+        stepper = self._first.of(problem.plants[0])
+        # Compiled here, and not by several threads.
+        kernel()
+        stepper.addresses()
+        self._record = Record.empty(problem, stepper.size)
+
+    def run(self) -> Record:
+        """Run them all, until an error or Ctrl-C."""
+        threads = min(self._problem.threads or os.cpu_count() or 1, len(self._problem.x0))
+        steppers = [self._first, *(Steppers(self._problem.timestep) for _ in range(threads - 1))]
+        pool = ThreadPoolExecutor(threads)
+        with warnings_counted_only(), pool:
+            try:
+                list(pool.map(self._work, steppers))
+            finally:
+                self._stopped.set()
+        return self._record
+
+    def _work(self, steppers: Steppers) -> None:
+        """Run one simulation after the other, in one thread."""
+        with guard() as own:
+            try:
+                for number in self._order:
+                    if self._stopped.is_set():
+                        return
+                    self._run_one(number, steppers.of(self._problem.plants[number]), own)
+            except BaseException:
+                self._stopped.set()
+                raise
+
+    def _run_one(self, number: int, stepper: Stepper, own: Any) -> None:
+        """Run one simulation, with a pause now and then."""
+        problem, record = self._problem, self._record
+        controller = problem.controllers[number]
+        memory, _kept_alive = controller.begin()
+        step, model, data = stepper.addresses()
+        physics = record.physics
+        loop = kernel_run(
+            problem, number, record, stepper, memory,
+            p=self._numbers[controller], law=self._law.address, step=step, model=model, data=data,
+            read=c_address("mj_getState"), width=8 * stepper.size,
+            states=0 if physics is None else physics[number].ctypes.data,
+        )  # fmt: skip
+        compiled, first, steps = CompiledLoop(loop), 0, _FIRST
+        while first < problem.steps and not self._stopped.is_set():
+            last, began = min(first + steps, problem.steps), time.perf_counter()
+            if not compiled.advance(first, last, own):
+                break
+            spent = max(time.perf_counter() - began, _PAUSE / 50)
+            steps = max(1, int((last - first) * _PAUSE / spent))
+            first = last
+        record.valid[number], record.status[number] = loop.end - (0, ANSWERED)
+        if record.status[number] == _FAILED:
+            self._stopped.set()
+
+
+def _model_of(plant: Any) -> Any:
+    """What plants have in common that a thread moves by one mjData."""
+    if plant.kind != "physics":
+        return None
+    return plant.template if plant.changes is not None else plant.undrawn_model
+
+
+@cache
+def _compiled_law(
+    system: System, law: Law, memory_dtype: np.dtype[Any], numbers_dtype: np.dtype[Any]
+) -> Any:
+    """A sample of a law as a C function, which the kernel calls."""
+    law, singular, inputs = jitable(law), system.singular, written_inputs(len(system.inputs))
+    answered, failed = ANSWERED, ANSWERED + _FAILED
+    undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
+    singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
+    undefined_input = ANSWERED + Status.UNDEFINED_INPUT.value
+
+    def sample(t: float, x: Any, memory: Any, p: Any, u: Any) -> int:
+        if singular(x):
+            return singular_plant
+        remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
+        numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
+        try:
+            finite = inputs(u, law(t, x, remembered, numbers))
+        except Exception:
+            return failed
+        if remembered.undefined != 0.0:
+            return undefined_law
+        return answered if finite else undefined_input
+
+    return compile_c(sample, *LAW.args, returns=LAW.return_type)

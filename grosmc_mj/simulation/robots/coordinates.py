@@ -163,7 +163,7 @@ class RobotCoordinates(OutputCoordinates):
         joint friction, limits and contacts are in it as they answer to the input u, (m,), none by
         default. How their answer changes with u is not in the gain, which is M*^-1.
         """
-        model, n = plant.model_with_userdata(0), self.inputs
+        model, n = plant.undrawn_model, self.inputs
         data, M = scratch(model), np.zeros((n, n))
         data.qpos[:], data.qvel[:] = x[:n], x[n:]
         if w is not None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
@@ -22,9 +21,8 @@ from numba.core import types
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import SetupError
 from grosmc_mj.simulation.engines.compilation import array_at, pointer
-from grosmc_mj.simulation.engines.mjdata import mjdata_dtype, scratch
+from grosmc_mj.simulation.engines.mjdata import mujoco_library, scratch
 from grosmc_mj.simulation.machine.writing import write_inertia
 from grosmc_mj.simulation.models.files import compile_spec
 from grosmc_mj.vectors import each
@@ -56,17 +54,24 @@ class InWorkspace:
     """A nominal plant without numbers of its own: the run's workspace has its model."""
 
 
+# What compiled code finds of it: the addresses of both, of the joints' armature and of arrays.
+_ARRAYS = ("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
+_ARRAYS = (*_ARRAYS, "cinert", "xpos", "xmat", "subtree_com")
+WORKSPACE = np.dtype([(name, np.int64) for name in ("model", "data", "armature", *_ARRAYS)])
+
+
 class NominalData:
     """The nominal model and an mjData of it, for one run of a law."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model, self._data = model, mujoco.MjData(model)
+        arrays = [getattr(self._data, name).ctypes.data for name in _ARRAYS]
         armature = model.dof_armature.ctypes.data
-        self._addresses = np.array([model._address, self._data._address, armature], np.int64)
+        self._addresses = np.array([model._address, self._data._address, armature, *arrays])
 
     @property
     def address(self) -> float:
-        """Where the addresses of both and of the joints' armature are."""
+        """Where the ``WORKSPACE`` is."""
         return float(self._addresses.ctypes.data)
 
 
@@ -75,7 +80,7 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     Bodies that do not move against each other are one, which leaves the dynamics as they are
     and makes them fast. An mjData has 0.44 MB whatever its model, most of it for statistics of
-    MuJoCo's solver: 4096 runs take 1.8 GB.
+    MuJoCo's solver; a thread has one at a time.
 
     Args:
         spec: The robot, not changed.
@@ -128,15 +133,13 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
         and the accelerations a, (n,).
     """
     load_mujoco()
-    data_dtype = mjdata_dtype("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
     entries = each(n, _total)
 
     @numba.njit
     def torque(workspace: float, x: Any, a: Any) -> tuple[float, ...]:
-        addresses = array_at(np.int64(workspace), (3,), np.int64)
-        m, d = pointer(addresses[0]), pointer(addresses[1])
-        armature = array_at(addresses[2], (n,), np.float64)
-        arrays = array_at(d, (1,), data_dtype)[0]
+        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+        m, d = pointer(arrays.model), pointer(arrays.data)
+        armature = array_at(arrays.armature, (n,), np.float64)
         qpos = array_at(arrays.qpos, (n,), np.float64)
         qvel = array_at(arrays.qvel, (n,), np.float64)
         qacc = array_at(arrays.qacc, (n,), np.float64)
@@ -169,9 +172,4 @@ def load_mujoco() -> None:
     Raises:
         SetupError: If the library is not where its Python package has it.
     """
-    folder = Path(mujoco.__file__).parent
-    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
-    found = [file for name in names for file in sorted(folder.glob(name))]
-    if not found:
-        raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
-    llvmlite.binding.load_library_permanently(str(found[0]))
+    llvmlite.binding.load_library_permanently(str(mujoco_library()))

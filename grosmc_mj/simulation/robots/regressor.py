@@ -18,8 +18,8 @@ import numpy as np
 from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.engines.compilation import array_at, pointer
-from grosmc_mj.simulation.engines.mjdata import mjdata_dtype
 from grosmc_mj.simulation.robots.dynamics import (
+    WORKSPACE,
     inertia,
     load_mujoco,
     mj_com_pos,
@@ -92,15 +92,13 @@ def reference_torques(n: int) -> Torque:
         A function (workspace, x, r, a), as ``inverse_dynamics``; returns (n,).
     """
     load_mujoco()
-    data_dtype = mjdata_dtype("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
     entries = each(n, lambda i, row: row[i])
 
     @numba.njit
     def torque(workspace: float, x: Any, r: Any, a: Any) -> Any:
-        addresses = array_at(np.int64(workspace), (3,), np.int64)
-        m, d = pointer(addresses[0]), pointer(addresses[1])
-        armature = array_at(addresses[2], (n,), np.float64)
-        arrays = array_at(d, (1,), data_dtype)[0]
+        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+        m, d = pointer(arrays.model), pointer(arrays.data)
+        armature = array_at(arrays.armature, (n,), np.float64)
         qpos = array_at(arrays.qpos, (n,), np.float64)
         qvel = array_at(arrays.qvel, (n,), np.float64)
         qacc = array_at(arrays.qacc, (n,), np.float64)
@@ -143,14 +141,12 @@ def body_regressor(n: int, body: int, root: int, bodies: int) -> Torque:
         (n * (10 + n),), whose columns are those of ``torques_of_body``.
     """
     load_mujoco()
-    names = ("qpos", "qvel", "qacc", "qfrc_inverse", "cinert", "xpos", "xmat", "subtree_com")
-    data_dtype, columns = mjdata_dtype(*names), INERTIAL + n
+    columns = INERTIAL + n
 
     @numba.njit
     def regressor(workspace: float, x: Any, r: Any, a: Any) -> Any:
-        addresses = array_at(np.int64(workspace), (3,), np.int64)
-        m, d = pointer(addresses[0]), pointer(addresses[1])
-        arrays = array_at(d, (1,), data_dtype)[0]
+        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+        m, d = pointer(arrays.model), pointer(arrays.data)
         qpos = array_at(arrays.qpos, (n,), np.float64)
         qvel = array_at(arrays.qvel, (n,), np.float64)
         qacc = array_at(arrays.qacc, (n,), np.float64)

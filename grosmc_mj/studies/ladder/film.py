@@ -57,10 +57,10 @@ def _rigid(result: RunResult) -> RunResult:
     plant, run = result.true, result.trajectory
     assert isinstance(plant, MujocoPlant)
     assert run.physics is not None
-    n, model = plant.system.degrees_of_freedom, plant.any_model
+    n, model = plant.system.degrees_of_freedom, plant.undrawn_model
     columns = [0, *range(1, 1 + n), *range(1 + model.nq, 1 + model.nq + n)]
     rigid = plant.rigid
-    size = mujoco.mj_stateSize(rigid.any_model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    size = mujoco.mj_stateSize(rigid.undrawn_model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     assert len(columns) == size
     seen = np.ascontiguousarray(run.physics[:, columns])
     return replace(result, true=rigid, trajectory=replace(run, physics=seen))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-import mujoco
 import numba
 import numpy as np
 import pytest
@@ -18,19 +17,17 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import (
     Constant,
     Disturbance,
     Profile,
     Pulse,
     SineFrom,
-    course,
+    packed,
+    push,
 )
 from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.engines import native_batch
-from grosmc_mj.simulation.engines.native_engine import run_native
-from grosmc_mj.simulation.engines.native_pushes import packed
+from grosmc_mj.simulation.engines import native_engine
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.simulate import simulate
@@ -96,17 +93,24 @@ def assert_equal(a: Trajectory, b: Trajectory) -> None:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
-def test_compiled_course_is_that_of_the_profile_bit_by_bit() -> None:
+def test_compiled_wrenches_are_those_of_the_profiles_bit_by_bit() -> None:
     """Python's sin and numba's are the same libm's; edges fall on the same instants."""
+    own = Disturbance("link", OTHER, math.cos)
+    items = [*(Disturbance("hub", PUSH, each) for each in PROFILES), own, *LISTS["arm"]]
+    bodies, time = ("hub", "link"), np.arange(1000) * 1e-3
+    pushes, values = packed(items, bodies, range(1000), 1e-3)
+    assert values.shape == (1, 1000)
 
     @numba.njit
-    def compiled(pushes: Any, t: float) -> Any:
-        return [course(p[1], t, p[2], p[3], p[4]) for p in pushes]
+    def compiled(pushes: Any, values: Any, time: Any, found: Any) -> None:
+        for i in range(len(time)):
+            push(pushes, values, i, time[i], found[i])
 
-    lists = [[Disturbance("rotor", PUSH, profile) for profile in PROFILES]]
-    pushes = packed(lists, {"rotor": 1})[0]
-    for t in (np.arange(1000) * 1e-3).tolist():
-        assert compiled(pushes, t) == [profile(t) for profile in PROFILES]
+    found, expected = np.ones((1000, 12)), np.ones((1000, 12))
+    for i, t in enumerate(time.tolist()):
+        push(pushes, values, i, t, expected[i])
+    compiled(pushes, values, time, found)
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("stride", [1, 3])
@@ -133,7 +137,7 @@ def test_compiled_pushes_give_the_bits_of_the_table_and_of_python(
 
 
 def test_runs_of_a_batch_have_their_own_numbers_and_as_many_as_they_like() -> None:
-    """Among them none at all, and two integrators, whose steps have 4 calls and 1."""
+    """Among them none at all, and two integrators."""
     scales = [0.5, 1.0, 1.5, 2.0, 2.5]
     plants = [
         physics("cart_pendulum", ("RK4", "implicitfast")[i % 2]).edited(BodyEdit("pole", a, a))
@@ -163,16 +167,35 @@ def test_runs_of_a_batch_have_their_own_numbers_and_as_many_as_they_like() -> No
         np.testing.assert_array_equal(run, alone.state)
 
 
-@pytest.mark.parametrize("rows", [1, 100])
+@pytest.mark.parametrize("record", [False, True])
 def test_a_run_is_cut_into_pieces_without_a_seam(
-    rows: int, monkeypatch: pytest.MonkeyPatch
+    record: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Between two calls xfrc_applied and the count of the instants stay."""
-    options: dict[str, Any] = {"duration": 0.25, "record": False, "control_period": 3e-3}
+    """Where Python is asked for Ctrl-C, the held input and the wrench stay."""
+    options: dict[str, Any] = {"duration": 0.25, "record": record, "control_period": 3e-3}
     options = {**options, "x0": [1.0, 0.0], "disturbances": LISTS["servo"]}
     whole = simulate(physics("servo"), grosmc("servo"), **options)
-    monkeypatch.setattr(native_batch, "_UNRECORDED_ROWS", rows)
+    monkeypatch.setattr(native_engine, "_FIRST", 2)
+    monkeypatch.setattr(native_engine, "_PAUSE", 1e-5)
     assert_equal(whole, simulate(physics("servo"), grosmc("servo"), **options))
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_the_wrench_is_zero_outside_its_window(engine: Any) -> None:
+    """MuJoCo keeps xfrc_applied until it is written again; the next run begins without."""
+    pulse = Disturbance("rotor", (0, 0, 0, 0, 0.1, 0), Pulse(0.01, 0.02))
+    still = Controller("none", metered, Gain(0.0), Meter)
+    options: dict[str, Any] = {"duration": 0.03, "engine": engine, "threads": 1}
+    run = simulate(physics("servo"), still, np.zeros((2, 2)), disturbances=[[pulse], []], **options)
+    assert run.wrench is not None
+    acts = np.flatnonzero(run.wrench[0, :, 4])
+    np.testing.assert_array_equal(acts, np.arange(10, 20))
+    speed = run.state[0, :, 1]
+    assert speed[10] == 0 != speed[11]
+    free = simulate(physics("servo"), still, run.state[0, 20], **{**options, "duration": 0.01})
+    np.testing.assert_array_equal(run.state[0, 20:], free.state)
+    assert not run.wrench[1].any()
+    assert not run.state[1].any()
 
 
 @dataclass(frozen=True)
@@ -203,20 +226,6 @@ def test_a_run_that_diverges_under_its_disturbance_has_its_step_and_cause(integr
     assert 0.1 < runs[0].valid_until[2] < runs[0].valid_until[0] < 0.4
     for other in runs[1:]:
         assert_equal(runs[0], other)
-
-
-@pytest.mark.parametrize("plant", [physics("servo"), physics("servo").analytic()])
-def test_an_unrecorded_run_makes_no_table(plant: Plant) -> None:
-    problem, _ = prepare(
-        [plant] * 3,
-        grosmc("servo"),
-        [1.0, 0.0],
-        duration=0.01,
-        disturbances=LISTS["servo"],
-        record=False,
-    )
-    run_native(problem)
-    assert "wrenches" not in vars(problem)
 
 
 @pytest.mark.parametrize("record", [False, True])
@@ -280,27 +289,6 @@ def test_a_known_profile_without_a_value_at_the_end_is_refused_before_the_run() 
             disturbances=[Disturbance("rotr", PUSH)],
             record=False,
         )
-
-
-def test_mujoco_asks_for_the_wrench_after_it_has_asked_for_control() -> None:
-    """Else a wrench that the callback writes would act one timestep later."""
-    model = physics("servo").model
-    data = mujoco.MjData(model)
-
-    def callback(_model: mujoco.MjModel, theirs: mujoco.MjData) -> None:
-        theirs.xfrc_applied[1, 4] = 0.7
-
-    mujoco.set_mjcb_control(callback)
-    try:
-        mujoco.mj_forward(model, data)
-    finally:
-        mujoco.set_mjcb_control(None)
-    by_callback = data.qacc.copy()
-    mujoco.mj_resetData(model, data)
-    data.xfrc_applied[1, 4] = 0.7
-    mujoco.mj_forward(model, data)
-    assert by_callback[0] != 0
-    np.testing.assert_array_equal(by_callback, data.qacc)
 
 
 # What a law remembers
