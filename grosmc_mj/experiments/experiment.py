@@ -169,9 +169,14 @@ class Experiment:
             for name in named:
                 require_known(kind, name, valid)
         if 0 < self.file.run.duration <= table.after:
-            raise ArgumentError(f"after {table.after:g} s the run has ended")
+            raise ArgumentError(
+                f"after = {table.after:g} s must be before the end of a run at "
+                f"{self.file.run.duration:g} s"
+            )
         if table.settles_within is not None and table.band is None:
-            require_initial_error(designed[0], self.case.x0)
+            require_initial_error("settles_within", designed[0], self.case.x0)
+        if table.overshoot_below is not None:
+            require_initial_error("overshoot_below", designed[0], self.case.x0)
         return limits(table, designed, self.plant_names, self.case.duration)
 
     def checked(self) -> Experiment:

@@ -193,20 +193,26 @@ def initial_error(law: Controller, x0: Sequence[float]) -> float:
     return float(np.linalg.norm(z[list(error.output_rows)]))
 
 
-def require_initial_error(law: Controller, x0: Sequence[float]) -> None:
-    """Refuse ``settles_within`` for runs that start at their reference.
+def require_initial_error(kind: str, law: Controller, x0: Sequence[float]) -> None:
+    """Refuse a limit that is a share of the error at the start for runs that start without one.
 
     Args:
-        law: One of the laws that must settle.
+        kind: ``settles_within`` without a band, or ``overshoot_below``.
+        law: One of the laws that must keep it.
         x0: Start, (n,).
 
     Raises:
         ArgumentError: If the error at the start, of which the band is a share, is zero to rounding.
     """
     if initial_error(law, x0) <= _ROUNDING:
+        share = (
+            f"its band is {100 * SETTLING_BAND:g} %"
+            if kind == "settles_within"
+            else "it is a share"
+        )
         raise ArgumentError(
-            f"settles_within: its band is {100 * SETTLING_BAND:g} % of the error at the start, and "
-            "runs start without error: ask for stays_within with after instead, or start elsewhere"
+            f"{kind}: {share} of the error at the start, and runs start without error: ask for "
+            "stays_within with after instead, or start elsewhere"
         )
 
 

@@ -134,7 +134,7 @@ REFUSED = [
     ('input_below = "1 A"\nafter = "1 s"', "after is for stays_within and rms_below"),
     ('overshoot_below = "5 %"', "overshoot_below"),
     ("final_error_below = 3", 'has no unit: write "3 rad"'),
-    ('rms_below = "1 mrad"\nafter = "7 s"', "after 7 s the run has ended"),
+    ('rms_below = "1 mrad"\nafter = "7 s"', "after = 7 s must be before the end of a run at 6 s"),
 ]
 
 
@@ -143,6 +143,26 @@ def test_what_cannot_be_required_is_refused(tmp_path: Path, required: str, said:
     with pytest.raises(ArgumentError) as caught:
         experiment(tmp_path, required).checked()
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("required", ["overshoot_below = 0.1", 'settles_within = "4 s"'])
+def test_a_share_of_no_error_at_the_start_is_refused(tmp_path: Path, required: str) -> None:
+    with pytest.raises(ArgumentError, match="and runs start without error: ask for stays_within"):
+        experiment(tmp_path, required, start='{ "rotor angle" = "1 rad" }').checked()
+
+
+def test_only_numbers_that_a_table_gives_are_assumed(tmp_path: Path) -> None:
+    for text, said in (
+        ('delay = "1 ms"\nassumed = ["jitter"]', "computing: assumed: the table gives no jitter"),
+        ('delay = "1 ms"\nassumed = ["nonsense"]', "nonsense"),
+    ):
+        with pytest.raises(ArgumentError, match=said):
+            experiment(tmp_path, 'input_below = "1 A"', more=f"[computing]\n{text}").checked()
+    plain = experiment(tmp_path, 'input_below = "1 A"', more='[computing]\ndelay = "1 ms"')
+    marked = experiment(
+        tmp_path, 'input_below = "1 A"', more='[computing]\ndelay = "1 ms"\nassumed = ["delay"]'
+    )
+    assert plain.case.loop == marked.case.loop
 
 
 def test_several_outputs_have_no_one_overshoot() -> None:

@@ -27,7 +27,7 @@ class LadderCommand(Command):
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
     delay; jitter; missed samples; actuator; motor; friction; backlash; flexibility; loads; stops.
-    One is added on top of the others, and then each alone to the nominal plant. On every rung all
+    One is added on top of the others, and then each alone to the sampled plant. On every rung all
     that the target requires is judged, the same for every law, and what the chapter claims of the
     law, as far as the target's file has it as a [[claim]]. Shown and not judged: how far a law that
     follows the nominal optimum is from it, how the error swings in the end, how much the input

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_args, get_type_hints
 from pydantic import create_model
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import Mistakes
+from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.loop.loop import Loop
@@ -218,6 +218,9 @@ def in_model(name: str, owner: str, system: System) -> str:
 
 def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, float]:
     """The numbers that a table gives, in the units of the system."""
+    for name in table.assumed:  # pyright: ignore[reportAttributeAccessIssue]
+        if name not in table.model_fields_set:
+            raise ArgumentError(f"assumed: the table gives no {name}")
     return numbers_of(table, _UNITS[kind], lambda name: unit_of(kind, of, name, system))
 
 
