@@ -45,7 +45,7 @@ def slow(*values: Any) -> Any:
         slow("claims --explain arm-eq57", "All verdicts are as expected"),
         slow("doctor", "Films can"),
         slow("run servo/case1", "All 3 requirements are kept"),
-        slow("run arm --no-figures", "All 20 requirements are kept"),
+        slow("run servo/bench --no-figures", "All 20 requirements are kept"),
         slow("run cart_pendulum/case1 --no-figures", "All 5 requirements are kept"),
         slow("claims arm/case1 --premises", "1 of 8 premises of grosmc fail"),
         slow("claims two_link_arm --premises", "All 40 premises of grosmc hold"),

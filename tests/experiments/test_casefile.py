@@ -164,7 +164,11 @@ WRONG = [
     ('"1 s"', '"1e12 s"', "from 1e-09 to 1e+09 s"),
     ('"1 s"', '"1 s**2**9**9**9"', "is no unit"),
     ('"10 mrad"', '"10 mrad"\nafter = "1 s"', "after is for stays_within"),
-    ('deviation_below = "10 mrad"', 'stays_within = "1 rad"\nafter = "2 s"', "before the end of a run"),
+    (
+        'deviation_below = "10 mrad"',
+        'stays_within = "1 rad"\nafter = "2 s"',
+        "before the end of a run",
+    ),
     ('deviation_below = "10 mrad"', 'stays_within = "1 rad"\nafter = "-1 s"', "not be negative"),
     ('"10 mrad"', '"10 mm"', 'requirement 1: deviation_below: "10 mm" cannot be converted to rad'),
     ('"10 mrad"', '"0 rad"', "must be positive"),
