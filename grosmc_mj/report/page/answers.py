@@ -138,11 +138,7 @@ def _answer(document: Document) -> Answer | None:
         case StoredClaims():
             return _claims(content)
         case StoredLadder():
-            rows = [each for each in breaks([document]) if each.rung]
-            laws = dict.fromkeys(each.law for each in content.standings)
-            words = f"{len(rows)} of {len(laws)} laws break on the way to the machine as built"
-            words += so_far(content.complete)
-            return Answer(f"Ladder of {target}", _verdict(content.complete, not rows), words)
+            return _ladder(target, content)
         case StoredTolerances():
             return _tolerances(target, content)
         case StoredCampaignResults():
@@ -278,13 +274,24 @@ def rate_text(rate: Any) -> str:
     return f"{said} [{100 * rate.low:.4g} to {100 * rate.high:.4g} %]"
 
 
+def _ladder(target: str, content: StoredLadder) -> Answer:
+    """How many laws keep everything on the last rung, under each condition."""
+    climbed = [each for each in content.standings if each.together]
+    top = climbed[-1].rung if climbed else ""
+    counts, all_kept = [], bool(climbed)
+    for condition in dict.fromkeys(each.condition for each in climbed):
+        rows = [each for each in climbed if (each.rung, each.condition) == (top, condition)]
+        kept = sum(each.kept for each in rows)
+        counts.append(f"{condition} {kept} of {len(rows)}")
+        all_kept = all_kept and kept == len(rows)
+    words = f"laws that keep everything at {top}: {', '.join(counts)}{so_far(content.complete)}"
+    return Answer(f"Ladder of {target}", _verdict(content.complete, all_kept), words)
+
+
 def _of_ladder(target: str, content: StoredLadder) -> Iterator[Break]:
-    """The first rung on which each law breaks, under the condition where that is the earliest."""
-    rungs = list(dict.fromkeys(each.rung for each in content.standings if each.together))
-    conditions = dict.fromkeys(each.condition for each in content.standings)
+    """The first rung on which each law breaks, under the first condition."""
     for law in dict.fromkeys(each.law for each in content.standings):
-        found = [breaking(content.standings, law, each) for each in conditions]
-        first = min((x for x in found if x), key=lambda x: rungs.index(x.rung), default=None)
+        first = breaking(content.standings, law, content.standings[0].condition)
         if first is None:
             tried = "every rung" if content.complete else "every rung so far"
             yield Break(target, law, "", f"stands on {tried}", content.complete)

@@ -234,6 +234,20 @@ def test_an_interrupted_ladder_is_marked(tmp_path: Path) -> None:
     assert ">stands so far<" in text
 
 
+def test_the_last_rung_alone_decides_a_ladder_s_answer(tmp_path: Path) -> None:
+    """The law of the example fails on friction and keeps all at the stops, but not under a load."""
+    ladder = DOCUMENTS["ladder"]
+    loaded = [{**each, "condition": "case1", "kept": False} for each in ladder["standings"]]
+    for standings, verdict, words in (
+        (ladder["standings"], "kept", "nominal 1 of 1"),
+        ([*ladder["standings"], *loaded], "not kept", "nominal 1 of 1, case1 0 of 1"),
+    ):
+        (tmp_path / "ladder.json").write_text(json.dumps({**ladder, "standings": standings}))
+        (answer,) = answers(read_results([tmp_path]).documents)
+        assert answer.verdict == verdict
+        assert answer.words == f"laws that keep everything at stops: {words}"
+
+
 def test_values_of_claims_are_by_plant(tmp_path: Path) -> None:
     _, text = page_of(write_documents(tmp_path, "validation"))
     head = re.search(
