@@ -175,7 +175,10 @@ def _slips() -> Iterator[str]:
     yield ""
     yield "## Slips"
     yield ""
-    yield "What is meant is plain and nothing turns on it. What the ledger judges is not here."
+    yield (
+        "The meaning is plain and no result depends on it. Statements that the ledger judges are "
+        "not here."
+    )
     yield ""
     yield from markdown_table(words("where", "written", "meant"), slips())
 
@@ -202,7 +205,7 @@ def _causes(findings: Sequence[Finding]) -> Iterator[str]:
     """Why claims are not supported: a line a cause."""
     causes = by_cause(findings)
     yield ""
-    yield f"What is not supported has {len(causes)} causes, the chapter's first."
+    yield f"Statements that are not supported have {len(causes)} causes, the chapter's first."
     yield ""
     rows = []
     for cause, own in causes.items():

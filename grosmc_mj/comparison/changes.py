@@ -10,7 +10,7 @@ from typing import NamedTuple
 from grosmc_mj.chapter.expected_results import tolerance_of
 from grosmc_mj.comparison.figures import Figure, direction
 
-# What is noted of a figure that the new results do not have.
+# Note on a figure that the new results do not have.
 GONE = "gone"
 
 

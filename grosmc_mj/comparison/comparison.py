@@ -46,7 +46,7 @@ class ResultComparison(NamedTuple):
 
     @property
     def worse(self) -> list[Change]:
-        """What got worse beyond noise, and what is gone."""
+        """Figures that are worse beyond noise, or gone."""
         return [change for change in self.changes if change.effect is Effect.WORSE]
 
 

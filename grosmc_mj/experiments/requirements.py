@@ -268,7 +268,10 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
         return metrics[limit.metric].value, metrics[limit.metric].note
     found = folded(*noted(run, comparison, result.case.onset, windows([limit])))
     measured = float(found[limit.metric][0])
-    return (measured, "") if math.isfinite(measured) else (None, "there is no error at the start")
+    if math.isfinite(measured):
+        return measured, ""
+    never = limit.kind == "settles_within"
+    return None, "not reached" if never else "there is no error at the start"
 
 
 def transient(duration: float, onsets: Iterable[tuple[float, float]]) -> float:

@@ -57,7 +57,7 @@ class StudiedLaw:
 
     @property
     def follows_optimum(self) -> bool:
-        """Whether its nominal loop is that of the optimum: then the distance from it says much."""
+        """Whether its nominal loop is the optimum's, see ``Design``."""
         return self.controller.designed.follows_optimum
 
     def made(self, experiment: Experiment, plant: PlantName) -> Controller:
@@ -108,12 +108,11 @@ def limits_in(
     return required(told, {made.name})
 
 
-def told_by(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
-    """The limits that a run in a loop tells of.
+def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
+    """The limits that a run in a loop can be judged by.
 
-    An input is judged as the built loop's actuators give it. A loop with others says nothing of
-    it: what an ideal actuator gives beyond their range is no failure of the task, as long as the
-    task is done with them.
+    The input limit is judged only with the actuators of the built loop. An input beyond their range
+    that an ideal actuator gives does not fail the task.
 
     Args:
         limits: All of a law.

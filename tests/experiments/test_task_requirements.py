@@ -127,6 +127,15 @@ def test_a_band_of_its_own_is_not_the_usual_one(tmp_path: Path) -> None:
     assert wide["settles_within"][1] < settled
 
 
+def test_a_band_that_is_never_reached_says_so(tmp_path: Path) -> None:
+    """Poles at 3 rad/s leave 1 % of the step after 1.5 s, not a millionth."""
+    case = experiment(tmp_path, 'settles_within = "1 s"\nband = "1e-6 rad"', duration="1.5")
+    (limit,) = case.limits
+    judgement = judge(limit, case.run("physics", "pd"))
+    assert not judgement.kept
+    assert (judgement.measured, judgement.note) == (None, "not reached")
+
+
 REFUSED = [
     ('band = "1 rad"\ninput_below = "1 A"', "band is for settles_within, which is not there"),
     ('settles_within = "1 s"\nband = "1 m"', '"1 m" cannot be converted to rad'),

@@ -180,8 +180,10 @@ def test_rungs_say_which_of_their_numbers_nobody_has_published() -> None:
     assert found["flexibility"].assumed == ("shaft: stiffness, damping",)
     assert found["sensors"].assumed == found["motor"].assumed == ()
     assert (found["jitter"].title, found["motor"].title) == ("jitter*", "motor")
-    assert "jitter (computing: jitter), missed samples" in assumed_text(list(found.values()))
-    assert assumed_text([found["motor"]]) == ""
+    assert "jitter (computing: jitter), missed samples" in assumed_text(
+        {name: rung.assumed for name, rung in found.items()}
+    )
+    assert assumed_text({"motor": found["motor"].assumed}) == ""
 
 
 def test_teeth_come_before_what_gives_way_and_make_room_for_it() -> None:

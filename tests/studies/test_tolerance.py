@@ -20,7 +20,7 @@ from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.processes import Processes
 from grosmc_mj.report.document import json_text
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.studies.studied import told_by
+from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.tolerance import measure
 from grosmc_mj.studies.tolerance.answers import (
     amount_text,
@@ -427,11 +427,13 @@ def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there() -> None:
     limits, built = studied.limits(law, nominal), studied.bench
     kinds = {limit.kind for limit in limits}
     assert "input_below" in kinds
-    assert {limit.kind for limit in told_by(limits, built, built)} == kinds
-    assert {limit.kind for limit in told_by(limits, Loop(), built)} == kinds - {"input_below"}
+    assert {limit.kind for limit in judgeable_in(limits, built, built)} == kinds
+    assert {limit.kind for limit in judgeable_in(limits, Loop(), built)} == kinds - {"input_below"}
     (actuator,) = built.actuators
     stronger = replace(built, actuators=(replace(actuator, limit=8.0),))
-    assert {limit.kind for limit in told_by(limits, stronger, built)} == kinds - {"input_below"}
+    assert {limit.kind for limit in judgeable_in(limits, stronger, built)} == kinds - {
+        "input_below"
+    }
     # Of a file whose loop has no actuator with a range the limit is the file's own.
-    assert {limit.kind for limit in told_by(limits, Loop(), None)} == kinds
-    assert {limit.kind for limit in told_by(limits, Loop(), Loop())} == kinds
+    assert {limit.kind for limit in judgeable_in(limits, Loop(), None)} == kinds
+    assert {limit.kind for limit in judgeable_in(limits, Loop(), Loop())} == kinds

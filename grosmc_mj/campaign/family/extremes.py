@@ -17,7 +17,7 @@ from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.loop import Loop, relooped
 from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
-# What a part of a machine has to go with: a start too, with a stop.
+# Uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
 _OF_MACHINES = ("body", "joint", "start", *MACHINE_UNITS)
 # To which share a scale is found.
 _FINE = 1e-3

@@ -100,7 +100,9 @@ def findings(campaign: Campaign, folder: Folder, confidence: float) -> Findings:
     causes: dict[str, list[Sensitivity]] = {}
     worst: dict[str, list[int]] = {}
     for law, own in columns.items():
-        settles = any(law in each.of and each.metric == "settled" for each in campaign.requirements)
+        settles = any(
+            law in each.of and each.kind == "settles_within" for each in campaign.requirements
+        )
         worst[law] = own["id"][_worst(own, settles=settles)].tolist()
         if law not in campaign.judged:
             continue

@@ -245,8 +245,9 @@ def _order(
     """The least margin in parts of its limit, without the bound that a run's length gives it.
 
     The margin of a settling time is that of the transient's end T where a run never settles. Then
-    it is less the error left in the last tenth of T over the nominal error at the start,
-    (limit - T) / limit - max|e| / |e(0)|, so that the larger error is the worse one.
+    it is less the error left in the last tenth of T over the nominal error at the start, or over
+    the band if that is wider: (limit - T) / limit - max|e| / max(|e(0)|, band). So the larger error
+    is the worse one.
     """
     own = [each for each in campaign.requirements if controller in each.of]
     start = initial_error(campaign.laws[controller], campaign.experiment.case.x0)

@@ -29,7 +29,7 @@ class Verdict(Enum):
 
 
 class Kind(Enum):
-    """What sort of statement is judged; each sort has a table of its own.
+    """Sort of a statement; each sort has a table of its own.
 
     Claims are counted by the sentence of the chapter that they rest on, the others one by one.
     """

@@ -26,7 +26,7 @@ DWELL = 0.1
 
 
 class Windows(NamedTuple):
-    """What is measured of an error besides its usual metrics.
+    """Error windows and settling bands that are measured besides the usual metrics.
 
     Attributes:
         after: From when on largest and RMS errors are wanted [s].

@@ -22,9 +22,9 @@ from grosmc_mj.studies.studied import (
     StudiedLaw,
     chosen_laws,
     conditions_of,
+    judgeable_in,
     laws_of,
     limits_of,
-    told_by,
 )
 
 # The case of a system whose loop and machine are those that one can buy.
@@ -143,7 +143,7 @@ def standing(
     except GrosmcError as error:
         return Standing(law, rung, together, condition, math.inf, "", {}, impossible=str(error))
     limits = limits_of(studied.experiment, law, condition, [rung.plant])
-    limits = told_by(limits, rung.loop, studied.machine.case.loop)
+    limits = judgeable_in(limits, rung.loop, studied.machine.case.loop)
     judged = [judge(limit, result) for limit in limits]
     shares = {each.limit.key: each.share for each in judged if each.limit.value}
     worst = max(shares, key=lambda key: shares[key], default="")

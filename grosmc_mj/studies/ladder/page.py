@@ -10,7 +10,7 @@ from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.tables import number, numbers, words
 from grosmc_mj.studies.ladder.answers import STANDS, cell_text, deviation_text
 from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
-from grosmc_mj.studies.ladder.report import shown_unit
+from grosmc_mj.studies.ladder.report import assumed_text, shown_unit
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
@@ -36,7 +36,10 @@ def _ladder(document: Mapping[str, Any]) -> str:
         rows = [[law, *(_cell(found[law, rung]) for rung in rungs)] for law in laws]
         lines = markdown_table([*words("law"), *numbers(*titles)], rows)
         parts.append("\n".join([title, "", *lines]))
-    parts += [*_under_load(document), *_deviations(document), *_assumed(document)]
+    parts += [*_under_load(document), *_deviations(document)]
+    if assumed := assumed_text({rung["name"]: rung["assumed"] for rung in document["climbing"]}):
+        # A star would begin a list.
+        parts.append(f"\\{assumed}")
     return "\n\n".join([*parts, *_claims(document)])
 
 
@@ -83,16 +86,6 @@ def _deviations(document: Mapping[str, Any]) -> list[str]:
     lines = markdown_table([*words("law"), *numbers(*rungs)], rows)
     title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it:"
     return ["\n".join([title, "", *lines])]
-
-
-def _assumed(document: Mapping[str, Any]) -> list[str]:
-    """Which rungs rest on numbers that nobody has published."""
-    told = [
-        f"{rung['name']} ({'; '.join(rung['assumed'])})"
-        for rung in document["climbing"]
-        if rung["assumed"]
-    ]
-    return [f"\\* rests on numbers that are assumed: {', '.join(told)}."] if told else []
 
 
 def _claims(document: Mapping[str, Any]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -147,10 +147,10 @@ def ladder_table(title: str, rows: Sequence[Standing], rungs: Sequence[Rung]) ->
     return table(title, [*names("law"), *numbers(*(rung.title for rung in rungs))], cells)
 
 
-def assumed_text(rungs: Sequence[Rung]) -> str:
-    """Which numbers of the machine nobody has published; empty if there is none."""
-    told = [f"{rung.name} ({'; '.join(rung.assumed)})" for rung in rungs if rung.assumed]
-    return f"* rests on numbers that are assumed: {', '.join(told)}." if told else ""
+def assumed_text(assumed: Mapping[str, Sequence[str]]) -> str:
+    """Which numbers nobody has published, by the rung that adds them; empty if there is none."""
+    rungs = [f"{name} ({'; '.join(numbers)})" for name, numbers in assumed.items() if numbers]
+    return f"* rests on numbers that are assumed: {', '.join(rungs)}." if rungs else ""
 
 
 def deviation_table(rows: Sequence[Standing], rungs: Sequence[Rung]) -> Table:

@@ -233,8 +233,8 @@ def quickest(experiment: Experiment, law: str, numbers: Mapping[str, Any]) -> di
         return quickness(experiment, law, {**numbers, **weak, quick: number})
 
     least = found(best)
-    while better := next((n for n in neighbours(best) if found(n) < least), None):
-        best, least = better, found(better)
+    while better := next(((q, n) for n in neighbours(best) if (q := found(n)) < least), None):
+        least, best = better
     if strong is None:
         return {quick: best}
 

@@ -19,7 +19,7 @@ from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.loop.layout import Room
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.studies.studied import told_by
+from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.tolerance.setting import Condition, Setting, StudiedLaw
 
 
@@ -198,8 +198,9 @@ class Trials:
             shares = {each.key: margins[each.key] / each.value for each in asked}
             for i, index in enumerate(np.flatnonzero(own).tolist()):
                 run = runs[index]
-                told = [each.key for each in told_by(asked, run.trial.loop, self.setting.bench)]
-                least = min(told, key=lambda key: (shares[key][i], key), default="")
+                own_limits = judgeable_in(asked, run.trial.loop, self.setting.bench)
+                keys = [limit.key for limit in own_limits]
+                least = min(keys, key=lambda key: (shares[key][i], key), default="")
                 margin = float(shares[least][i]) if least else 1.0
                 result = TrialResult(margin >= 0, margin, least, run.number)
                 if not completed[index]:

@@ -33,7 +33,7 @@ _PLANTS, _STATES = 12, 40
 _KICKED, _KICK = 4.0, 0.02
 # Of the declared region's largest rate.
 _SHARES = (0.1, 0.25, 0.5)
-# What the plant's accelerations leave of an inequality without exception [unit of s/s].
+# Rounding of the plant's accelerations, up to which an inequality counts as met [unit of s/s].
 _ROUNDING = WORDS["rounding"]["at_most"]
 # What |s| of the arm shall fall by, without d(t) [rad/s^2]; the chapter declares nothing.
 _ARM_RATE = 1.0

@@ -145,7 +145,7 @@ def _answer(console: Console, studied: Ladder, rows: Sequence[Standing], *, full
             if some := [row for row in own if row.together is together]:
                 wide.print(ladder_table(title, some, rungs))
         wide.print(deviation_table([r for r in own if r.together], studied.climbing))
-    if assumed := assumed_text(studied.climbing):
+    if assumed := assumed_text({rung.name: rung.assumed for rung in studied.climbing}):
         console.print(assumed, style="dim", markup=False)
     if full:
         console.print(LEGEND, style="dim", markup=False)
