@@ -1,4 +1,15 @@
-from . import campaign, control, environments, errors, films, plants, simulation
+from . import (
+    campaign,
+    control,
+    environments,
+    errors,
+    films,
+    loop,
+    machine,
+    physics,
+    plants,
+    simulation,
+)
 from .campaign.family.campaign import Campaign
 from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
@@ -10,11 +21,11 @@ from .control.task import Realization, Task
 from .errors import GrosmcError
 from .experiments.catalogue import chapter_controller
 from .experiments.experiment import Experiment, judge
+from .physics.edits import AddedMass, BodyEdit, JointEdit
+from .physics.mujoco_plant import MujocoPlant
 from .plants import AnalyticPlant, affine_plant
+from .robots.robot import Robot
 from .simulation.disturbances import Disturbance, Pulse
-from .simulation.edits import AddedMass, BodyEdit, JointEdit
-from .simulation.mujoco_plant import MujocoPlant
-from .simulation.robots.robot import Robot
 from .simulation.simulate import simulate
 from .simulation.trajectory import Trajectory, load_trajectory
 
@@ -50,7 +61,10 @@ __all__ = [
     "judge",
     "linearized_lqr",
     "load_trajectory",
+    "loop",
     "lqr",
+    "machine",
+    "physics",
     "plants",
     "regulating_grosmc",
     "simulate",

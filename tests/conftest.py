@@ -21,8 +21,8 @@ import grosmc_mj
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # SymPy and numba make millions of small objects that live on: looking through them as often as
 # Python does by itself takes a tenth of the time of a derivation or a compilation.

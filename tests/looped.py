@@ -12,10 +12,10 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.loop import Actuator, Loop, in_loop
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.loop import Actuator, Loop, in_loop
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 

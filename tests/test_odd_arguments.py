@@ -15,8 +15,8 @@ import pytest
 import sympy as sp
 
 import grosmc_mj as gm
+from grosmc_mj.physics.files import load_spec
 from grosmc_mj.plants import SERVO
-from grosmc_mj.simulation.models.files import load_spec
 
 # What somebody may give by mistake: other kinds, shapes and sizes.
 ODD: dict[str, Any] = {
@@ -162,35 +162,35 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             | {"case": "nominal"},
         ),
         "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
-        "linearize": (gm.simulation.linearize, {"plant": servo(), "x": None, "u": 0.0}),
-        "Computing": (gm.simulation.Computing, {"delay": 1e-3, "jitter": 0.0, "missed": 0.1}),
+        "linearize": (gm.physics.linearize, {"plant": servo(), "x": None, "u": 0.0}),
+        "Computing": (gm.loop.Computing, {"delay": 1e-3, "jitter": 0.0, "missed": 0.1}),
         "Sensor": (
-            gm.simulation.Sensor,
+            gm.loop.Sensor,
             {"of": "rotor angle", "resolution": 1e-3, "noise": 1e-3, "bias": 0.0, "drift": 0.0}
             | {"delay": 0.0, "period": 0.0},
         ),
         "Estimator": (
-            gm.simulation.Estimator,
+            gm.loop.Estimator,
             {"of": "rotor speed", "law": "eso", "bandwidth": 50.0, "time_constant": None}
             | {"slope": None, "load": None, "settled": True},
         ),
         "Actuator": (
-            gm.simulation.Actuator,
+            gm.loop.Actuator,
             {"of": "current", "delay": 0.0, "resolution": 0.0, "limit": 1.0, "rate_limit": 10.0}
             | {"lag": 1e-3, "order": 1, "dead_zone": 0.0},
         ),
         "Loop": (
-            gm.simulation.Loop,
-            {"computing": gm.simulation.Computing(), "sensors": (), "estimators": ()}
+            gm.loop.Loop,
+            {"computing": gm.loop.Computing(), "sensors": (), "estimators": ()}
             | {"actuators": (), "seed": 0},
         ),
         "in_loop": (
-            gm.simulation.in_loop,
-            {"controller": lqr_law(), "loop": gm.simulation.Loop(), "system": SERVO}
+            gm.loop.in_loop,
+            {"controller": lqr_law(), "loop": gm.loop.Loop(), "system": SERVO}
             | {"control_period": 1e-3, "timestep": 1e-3, "predict": False, "run": 0}
             | {"known": None},
         ),
-        "load_model": (gm.simulation.load_model, {"name": "servo"}),
+        "load_model": (gm.physics.load_model, {"name": "servo"}),
         "find_switching": (gm.control.find_switching, {"name": "sign"}),
         "setpoints": (lambda degree: gm.control.setpoints(degree), {"degree": 2}),
         "reference": (
@@ -252,36 +252,36 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"joint": "hinge", "damping": 1.0, "friction": None, "armature": None},
         ),
         "Transmission": (
-            built(gm.simulation.Transmission),
+            built(gm.machine.Transmission),
             {"joint": "shaft", "inertia": 0.01, "stiffness": 100.0, "damping": 0.01}
             | {"backlash": 1e-3, "friction": 0.01, "added": True},
         ),
         "LuGre": (
-            built(gm.simulation.LuGre),
+            built(gm.machine.LuGre),
             {"joint": "shaft", "coulomb": 0.1, "static": 0.2, "stiffness": 100.0}
             | {"damping": 0.1, "stribeck": 0.05},
         ),
         "Stop": (
-            built(gm.simulation.Stop),
+            built(gm.machine.Stop),
             {"joint": "shaft", "low": -1.0, "high": 1.0, "restitution": 0.3, "duration": 0.02},
         ),
         "Motor": (
-            built(gm.simulation.Motor),
+            built(gm.machine.Motor),
             {"input": "current", "constant": 0.01, "resistance": 2.0, "inductance": 1e-2}
             | {"ratio": 70.0, "efficiency": 0.6, "voltage": 24.0, "current": 4.0}
             | {"inertia": 1e-6, "cogging": 1e-3, "cogging_periods": 12.0, "added": True}
             | {"thermal_resistance": 5.0, "heat_capacity": 2.0, "bandwidth": 0.0},
         ),
         "SwingingLoad": (
-            built(gm.simulation.SwingingLoad),
+            built(gm.machine.SwingingLoad),
             {"body": "rotor", "mass": 0.1, "length": 0.2, "damping": 0.01, "at": (0, 0, 0.1)},
         ),
         "SlidingLoad": (
-            built(gm.simulation.SlidingLoad),
+            built(gm.machine.SlidingLoad),
             {"body": "rotor", "mass": 0.1, "stiffness": 10.0, "damping": 0.1, "at": (0, 0, 0.1)},
         ),
         "Wall": (
-            built(gm.simulation.Wall),
+            built(gm.machine.Wall),
             {"body": "rotor", "radius": 0.1, "at": (0, 0, 0.1), "point": (0, 0, -1.0)}
             | {"normal": (0, 0, 1), "restitution": 0.2, "duration": 0.02},
         ),
@@ -364,9 +364,11 @@ ODD_CALLS = [
 
 def test_every_public_name_is_called() -> None:
     """Errors, results and what the others are made of are not called by a user."""
-    packages = {"campaign", "control", "environments", "errors", "films", "plants", "simulation"}
-    public = {*gm.__all__, *gm.control.__all__, *gm.simulation.__all__, *gm.films.__all__}
-    made = {"GrosmcError", "Status", "TIME", "Trajectory"}
+    packages = {"campaign", "control", "environments", "errors", "films"}
+    packages |= {"loop", "machine", "physics", "plants", "simulation"}
+    folders = (gm, gm.control, gm.films, gm.loop, gm.machine, gm.physics, gm.simulation)
+    public = {name for folder in folders for name in folder.__all__}
+    made = {"GrosmcError", "MachinePart", "Status", "TIME", "Trajectory", "relooped", "room_of"}
     like = {"Setpoints", "write_film", "Experiment", "Campaign", "MujocoPlant", "Robot"}
     assert public - packages - made - like <= set(CALLS)
 

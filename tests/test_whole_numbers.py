@@ -16,9 +16,9 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.references import setpoints
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import make_executor
+from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.plants.operating_point import equilibrium
-from grosmc_mj.simulation.loop import Loop, in_loop
 from grosmc_mj.simulation.simulate import simulate
 
 

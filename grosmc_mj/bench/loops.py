@@ -13,8 +13,8 @@ from grosmc_mj.bench.timing import Throughput, TimedLoop, measured
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.films.offscreen.backends import without_graphics
-from grosmc_mj.simulation.loop import Loop, in_loop
-from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.loop import Loop, in_loop
+from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 
 _STEPS = {1: 50_000, 1024: 500}
 

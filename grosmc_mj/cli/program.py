@@ -47,8 +47,8 @@ def execute(arguments: Sequence[str]) -> int:
     if not command.simulates:
         return command.execute()
     _import_mujoco()
+    from grosmc_mj.physics.quiet import warnings_counted_only
     from grosmc_mj.report.document import carried_out
-    from grosmc_mj.simulation.quiet import warnings_counted_only
 
     carried_out(PROGRAM, arguments)
     with warnings_counted_only():

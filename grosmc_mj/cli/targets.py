@@ -9,7 +9,7 @@ from grosmc_mj.errors import ArgumentError, shown
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+    from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 # In the help of commands that take all three.
 TARGET = "SYSTEM|SYSTEM/CASE|FILE.toml"
@@ -78,7 +78,7 @@ def plant_with_equations(target: str) -> MujocoPlant:
         ArgumentError: If there is no such case or file, or its plant lacks one of them.
     """
     from grosmc_mj.experiments.catalogue import find_experiments
-    from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+    from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
     plant = find_experiments(target)[0].nominal.plant
     if not isinstance(plant, MujocoPlant):

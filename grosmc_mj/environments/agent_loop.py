@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import memory_of
-from grosmc_mj.simulation.loop.in_loop import loop_of, relooped
+from grosmc_mj.loop.in_loop import loop_of, relooped
 from grosmc_mj.vectors import algebra, each
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.environments.signals import input_label
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.simulation.engines.steppers import PhysicsStepper, stepper_of
+from grosmc_mj.simulation.steppers import PhysicsStepper, stepper_of
 
 
 class CasePhysics(Physics):

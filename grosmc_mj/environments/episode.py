@@ -19,12 +19,12 @@ from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.loop.in_loop import loop_of
+from grosmc_mj.loop.loop import LARGEST_SEED
+from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import Plant, find_system
-from grosmc_mj.simulation.engines.steppers import Stepper, refuse_foreign_callback
-from grosmc_mj.simulation.loop.in_loop import loop_of
-from grosmc_mj.simulation.loop.loop import LARGEST_SEED
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.quiet import warnings_counted_only
+from grosmc_mj.simulation.steppers import Stepper
 
 # The law whose index gives the reward.
 INDEX_LAW = "grosmc"

@@ -16,7 +16,7 @@ from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.environments.signals import input_label
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.simulation.engines.steppers import PhysicsStepper, stepper_of
+from grosmc_mj.simulation.steppers import PhysicsStepper, stepper_of
 
 # Named arrays; Gymnasium's own types say no more than Any.
 Named = dict[str, Any]

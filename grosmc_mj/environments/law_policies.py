@@ -10,9 +10,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
+from grosmc_mj.loop.in_loop import loop_of
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.engines.inputs import ask
-from grosmc_mj.simulation.loop.in_loop import loop_of
+from grosmc_mj.simulation.inputs import ask
 
 
 class LawPolicy:

@@ -13,11 +13,11 @@ from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTa
 from grosmc_mj.experiments.file.tables.parts import in_model, loop_of_file, machine_of_file
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
+from grosmc_mj.loop import Loop
+from grosmc_mj.machine import MachinePart
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
-from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
-from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.simulation.machine import MachinePart
 
 
 @dataclass(frozen=True)

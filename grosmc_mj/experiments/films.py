@@ -24,10 +24,10 @@ from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
 from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.report.document import origin, write_json
 from grosmc_mj.report.palette import law_styles
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
+from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
 
 if TYPE_CHECKING:

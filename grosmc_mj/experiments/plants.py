@@ -15,6 +15,8 @@ from grosmc_mj.experiments.case import edits_of, states_of
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.tables.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.user_code import blamed, load_named
+from grosmc_mj.physics.edits import Edit
+from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import (
     SYSTEMS,
     AnalyticPlant,
@@ -25,9 +27,7 @@ from grosmc_mj.plants import (
     equilibrium,
     find_system,
 )
-from grosmc_mj.simulation.edits import Edit
-from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.robots.robot import Robot
 
 PlantName = Literal["printed", "corrected", "physics"]
 

@@ -20,8 +20,8 @@ from grosmc_mj.experiments.metrics.recorded import (
     measure,
 )
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.mujoco_plant import Integrator
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

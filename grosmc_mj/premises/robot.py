@@ -19,6 +19,8 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.physics.edits import shrunk
+from grosmc_mj.physics.quiet import warnings_counted_only
 from grosmc_mj.premises.audit import (
     ROUNDING,
     Audit,
@@ -31,10 +33,8 @@ from grosmc_mj.premises.audit import (
     reading_of,
 )
 from grosmc_mj.premises.balance import Points, balance
-from grosmc_mj.simulation.edits import shrunk
-from grosmc_mj.simulation.quiet import warnings_counted_only
-from grosmc_mj.simulation.robots.coordinates import RobotCoordinates
-from grosmc_mj.simulation.robots.dynamics import bias, inertia
+from grosmc_mj.robots.coordinates import RobotCoordinates
+from grosmc_mj.robots.dynamics import bias, inertia
 
 # The balance is computed at so many instants of a run; torques and angles at all.
 _INSTANTS = 400

@@ -13,10 +13,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import DivergenceError, UndefinedLawError
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.engines.native_engine import run_native
-from grosmc_mj.simulation.engines.python_engine import run_python
+from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import Disturbances, prepare
 from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 
 Engine = Literal["native", "python"]

@@ -18,9 +18,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.columns import SignalColumn, arrow_table, read_columns, write_columns
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.machine.unseen import UnseenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
-from grosmc_mj.simulation.machine.unseen import UnseenState
 from grosmc_mj.versions import versions
 
 

@@ -14,7 +14,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judgeable, limits, required, transient
-from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.loop import Loop
 
 # Cases whose edits and disturbances a target without any is studied under.
 _LOADED = ("case1", "case2")

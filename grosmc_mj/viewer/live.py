@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.machine.unseen import starts
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
-from grosmc_mj.simulation.engines.python_engine import ClosedLoop
-from grosmc_mj.simulation.machine.unseen import starts
 from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.simulation.python_engine import ClosedLoop
 from grosmc_mj.simulation.trajectory import Status, why_ended
 
 # How long one press of a key pushes, in the plant's time [s].

@@ -19,9 +19,9 @@ from grosmc_mj.bench.loops import benchmark
 from grosmc_mj.bench.machines import benchmark_machines
 from grosmc_mj.bench.tables import tables_text, throughput_table
 from grosmc_mj.bench.timing import Throughput
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.report.markdown import replace_marked
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 
 @pytest.mark.slow
@@ -92,8 +92,8 @@ def test_every_machine_is_measured_with_all_its_parts(monkeypatch: pytest.Monkey
 def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
     """With motors at their joints and what swings straight below its hinge."""
     plant = gm.MujocoPlant.load("cart_pendulum").edited(
-        gm.simulation.Transmission("slider", 0.1, stiffness=1e4),
-        gm.simulation.SwingingLoad("cart", 0.1, 0.2),
+        gm.machine.Transmission("slider", 0.1, stiffness=1e4),
+        gm.machine.SwingingLoad("cart", 0.1, 0.2),
     )
     x0 = np.array([[0.1, -0.2, 0.3, 0.0]] * 2)
     law = gm.Experiment.load("cart_pendulum/nominal").law("physics", "lqr")

@@ -14,7 +14,7 @@ from campaign_cases import AMPLITUDE, BOTH, INERTIA, LQR, campaign, case, servo,
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import family_of
 from grosmc_mj.errors import NEXT, ArgumentError
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 NAMES = ("rotor mass scale", "load amplitude", "shaft damping")
 DAMPING = '[[uncertain]]\njoint = "shaft"\ndamping = [0, 1]\n'

@@ -17,7 +17,7 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification, specification_of
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.experiments.file.shipped import campaign_files
-from grosmc_mj.simulation.models.files import load_model
+from grosmc_mj.physics.files import load_model
 
 # Of 256 arms drawn with seed 7, those of which GROSMC keeps more under implicitfast at 1 ms.
 NEAR_A_LIMIT = (5, 33, 95, 146, 197)

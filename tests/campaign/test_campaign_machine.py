@@ -15,7 +15,7 @@ from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.shard import evaluate_all
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.simulation.machine import Motor
+from grosmc_mj.machine import Motor
 
 MACHINE = """
 [[transmission]]

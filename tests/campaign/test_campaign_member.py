@@ -9,9 +9,9 @@ from campaign_cases import BOTH, LQR, campaign, case, servo
 
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.campaign.runs.shard import plants_of
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
-from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 EDITED = """
 [[edit]]

@@ -21,8 +21,8 @@ from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, Win
 from grosmc_mj.experiments.metrics.recorded import Comparison, compare_with_optimum, measure, noted
 from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
 from grosmc_mj.experiments.requirements import judge_all
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 

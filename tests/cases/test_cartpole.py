@@ -12,10 +12,10 @@ import pytest
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.tables.laws import ControllerTable
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.linearization import linearize
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.linearization import linearize
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 

@@ -16,8 +16,8 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.films.marks import trace_site
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 

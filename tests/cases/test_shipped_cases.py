@@ -7,8 +7,8 @@ import pytest
 
 from grosmc_mj.experiments.experiment import Experiment, judge
 from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.premises.audit import ROUNDING, run_audit
-from grosmc_mj.simulation.linearization import linearize
 
 _OWN = ["pid", "looked_up", "from_positions", "transfer_function"]
 

@@ -65,11 +65,11 @@ from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import switching_rate
 from grosmc_mj.report.document import json_text
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # No force makes an unmatched error, and algebra has no plant.

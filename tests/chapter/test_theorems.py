@@ -23,8 +23,8 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse
-from grosmc_mj.simulation.edits import BodyEdit
 
 LAB = Laboratory(Settings())
 

@@ -23,9 +23,9 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.references import TIME, Setpoint, Setpoints, reference, setpoints
 from grosmc_mj.control.task import FeedbackParameters
 from grosmc_mj.errors import PremiseError
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import ARM, CART_PENDULUM, SERVO, AnalyticPlant, Signal, System, find_system
 from grosmc_mj.plants.equations import Equations
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # x' as a function of x, u and the wrench, in mpmath's numbers.
 Field = Callable[[list[Any], list[Any]], list[Any]]

@@ -43,10 +43,10 @@ from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoint
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, System
 from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.cart_pendulum import pole_torque
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # gamma1 is a supremum over a grid of directions of z that are at most pi/40 from any other, so
 # it is short of the true one by at most 1 - cos(pi/40) of itself.

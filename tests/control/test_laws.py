@@ -23,8 +23,8 @@ from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import sgn
 from grosmc_mj.control.task import FeedbackParameters, NoNumbers
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Variant
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.vectors import norm
 

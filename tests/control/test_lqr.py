@@ -19,7 +19,7 @@ from grosmc_mj.control.surface import surface_matrix
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 CHAIN_A, CHAIN_B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
 I2 = np.eye(2)

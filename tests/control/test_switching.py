@@ -41,9 +41,9 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics.recorded import crossings
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings, Surface
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.balance import balance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.studies.switching import measure as chattering
 from grosmc_mj.studies.switching.figure import write_chattering_figure

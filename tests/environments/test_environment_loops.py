@@ -8,8 +8,8 @@ import pytest
 from grosmc_mj.environments.episode import Episode, EpisodeSetup
 from grosmc_mj.environments.signals import seen_state, state_names
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.simulation.engines.steppers import stepper_of
-from grosmc_mj.simulation.loop import Computing
+from grosmc_mj.loop import Computing
+from grosmc_mj.simulation.steppers import stepper_of
 
 gymnasium = pytest.importorskip("gymnasium")
 

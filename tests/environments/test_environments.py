@@ -34,9 +34,9 @@ from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.machine import Stop
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.simulation.machine import Stop
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 pytestmark = pytest.mark.slow

@@ -21,8 +21,8 @@ from grosmc_mj.environments.gymnasium_ids import IDS
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
 gymnasium = pytest.importorskip("gymnasium")

@@ -18,9 +18,9 @@ from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files, starter
 from grosmc_mj.experiments.file.tables.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
+from grosmc_mj.physics.files import load_model
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
-from grosmc_mj.simulation.models.files import load_model
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SOUND = """
 title = "sound"

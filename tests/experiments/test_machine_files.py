@@ -13,8 +13,7 @@ import pytest
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.simulation.edits import BodyEdit, InputEdit, JointEdit
-from grosmc_mj.simulation.machine import (
+from grosmc_mj.machine import (
     LuGre,
     MachinePart,
     Motor,
@@ -24,7 +23,8 @@ from grosmc_mj.simulation.machine import (
     Transmission,
     Wall,
 )
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 HEAD = """
 [plant]

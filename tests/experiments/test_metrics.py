@@ -25,10 +25,10 @@ from grosmc_mj.experiments.metrics.recorded import (
 )
 from grosmc_mj.experiments.requirements import Limit, judge, margins_of
 from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 H = 1e-3

@@ -9,7 +9,7 @@ import pytest
 
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.simulation.edits import AddedMass
+from grosmc_mj.physics.edits import AddedMass
 
 MAGLEV = """
 [plant]

@@ -23,9 +23,9 @@ from grosmc_mj.films.film import FREE_CAMERA, Film, Format, Take
 from grosmc_mj.films.layout import Layout
 from grosmc_mj.films.marks import add_trace
 from grosmc_mj.films.storyboard import storyboard
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
 from grosmc_mj.report.palette import DISTURBANCE, red_green_blue
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The part of the picture that what moves may fill, and its width over its height.

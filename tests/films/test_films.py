@@ -135,8 +135,8 @@ def ghosted(backend: str) -> Shot:
 def geared_film() -> Film:
     """A cart behind a belt, with a load that swings below it."""
     parts = (
-        gm.simulation.Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3),
-        gm.simulation.SwingingLoad("cart", 0.2, 0.3),
+        gm.machine.Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3),
+        gm.machine.SwingingLoad("cart", 0.2, 0.3),
     )
     case = replace(find_case("cart_pendulum", "nominal"), edits=parts)
     return film_of([run_case(case, "physics", "lqr", Settings())], LOOK)

@@ -24,9 +24,9 @@ from grosmc_mj.films.layout import Layout
 from grosmc_mj.films.marks import add_trace, trace_site
 from grosmc_mj.films.plots import distances, loads
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.simulation.machine import Transmission
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.machine import Transmission
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.robot import Robot
 
 pytestmark = pytest.mark.slow
 

@@ -17,11 +17,11 @@ from hand_written import HAND_WRITTEN, arm_coriolis, arm_inertia, pendulum_coeff
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, SYSTEMS, AnalyticPlant, Signal, System, Variant, find_system
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 POINTS = 300
 ROUNDING = 1e-14

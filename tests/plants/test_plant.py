@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from grosmc_mj.errors import ArgumentError, ModelError
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.files import load_spec, model_path
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS, Plant
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.models.files import load_spec, model_path
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.robots.robot import Robot
 
 
 def kinds(system: str) -> list[Plant]:

@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
+from grosmc_mj.physics.files import load_model, load_spec
 from grosmc_mj.plants import (
     ARM,
     CART_PENDULUM,
@@ -30,7 +31,6 @@ from grosmc_mj.plants import (
     find_system,
 )
 from grosmc_mj.plants.cart_pendulum import pole_torque
-from grosmc_mj.simulation.models.files import load_model, load_spec
 
 SERVO_NUMBERS = ServoParameters(J=5.77e-2, B=8.8e-3, Kt=0.667)
 PENDULUM_NUMBERS = CartPendulumParameters(M=1.0, m=0.2, L=0.5, g=9.8)

@@ -9,8 +9,8 @@ import pytest
 
 from grosmc_mj.control.gains import authority
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit, shrunk
 from grosmc_mj.premises.robot import robot_audit
-from grosmc_mj.simulation.edits import AddedMass, BodyEdit, JointEdit, shrunk
 
 MODEL = """
 <mujoco model="three"><option timestep="0.001" integrator="RK4"/><compiler angle="radian"/>

@@ -27,6 +27,8 @@ from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.premises.audit import (
     Audit,
@@ -38,8 +40,6 @@ from grosmc_mj.premises.audit import (
 )
 from grosmc_mj.premises.balance import Balance, balance, switching_rate
 from grosmc_mj.report.document import json_text
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm")
 # Edits that change mass and, where the chapter does, length.

@@ -26,16 +26,16 @@ from grosmc_mj.experiments import catalogue
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.machine import Stop, Transmission
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.files import load_spec
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.premises.robot import is_robots, robot_audit
 from grosmc_mj.report.document import json_text
+from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.edits import AddedMass, BodyEdit, Edit, JointEdit
-from grosmc_mj.simulation.machine import Stop, Transmission
-from grosmc_mj.simulation.models.files import load_spec
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.robots.robot import Robot
 
 PYTHON = Settings(engine="python")
 # Two links in the vertical plane, with limits of torques and of one joint.

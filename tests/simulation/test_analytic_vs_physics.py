@@ -15,10 +15,10 @@ from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import SYSTEMS, AnalyticPlant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.studies.agreement.measure import (
     AGREEMENT_BOUND,

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import CartPendulumParameters
 from grosmc_mj.plants.cart_pendulum import pole_torque
 from grosmc_mj.simulation.disturbances import (
@@ -25,8 +27,6 @@ from grosmc_mj.simulation.disturbances import (
     packed,
     push,
 )
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 
 OpenLoop = Callable[[float | tuple[float, float]], Controller]

@@ -24,16 +24,16 @@ import pytest
 from shipped import controller_names, find_case
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.compilation import array_at, compile_c, fingerprint
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.jitable import jitable
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.engines.compilation import array_at, compile_c, fingerprint
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -381,7 +381,7 @@ OUT_OF_MEMORY = """
 import sys
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ModelError
-from grosmc_mj.simulation.robots.robot import Robot
+from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 from test_engines import Nothing, seen_position
 
@@ -645,8 +645,8 @@ def test_fingerprint_follows_every_number_that_numba_freezes(make):
 def test_fingerprint_is_the_same_in_another_process():
     """Or nothing would ever be found in the cache on disk."""
     program = """
-from grosmc_mj.simulation.engines.compilation import compile_c, fingerprint
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.compilation import compile_c, fingerprint
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.experiments.catalogue import chapter_controller
 plant = MujocoPlant.load("arm").analytic()
 print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
@@ -669,7 +669,7 @@ COMPILE_SLOWLY = """
 import sys, time
 import numba, numpy as np
 from numba.core.caching import IndexDataCacheFile as Cache
-from grosmc_mj.simulation.engines.compilation import array_at, compile_c
+from grosmc_mj.compilation import array_at, compile_c
 
 def slow(method, seconds):
     return lambda *arguments: (time.sleep(seconds), method(*arguments))[1]
@@ -741,7 +741,7 @@ def test_processes_that_compile_at_once_do_not_swap_their_laws(tmp_path):
 COMPILE_NAMESAKES = """
 import math, sys
 import numba, numpy as np
-from grosmc_mj.simulation.engines.compilation import array_at, compile_c
+from grosmc_mj.compilation import array_at, compile_c
 
 def law_of(k):
     # Too long to be inlined: it is called by its name.

@@ -18,7 +18,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
 from grosmc_mj.experiments.metrics.running import metered
-from grosmc_mj.simulation.loop import Loop, in_loop
+from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.studies.region.loop import guarded
 

@@ -17,6 +17,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation import native_engine
 from grosmc_mj.simulation.disturbances import (
     Constant,
     Disturbance,
@@ -26,9 +29,6 @@ from grosmc_mj.simulation.disturbances import (
     packed,
     push,
 )
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.engines import native_engine
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory

@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiments
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 

@@ -22,10 +22,10 @@ from grosmc_mj.errors import (
     UndefinedLawError,
 )
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.physics.files import load_spec
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
-from grosmc_mj.simulation.models.files import load_spec
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -88,7 +88,7 @@ def test_what_of_a_machine_no_law_sees_is_saved_by_name(ending: str, tmp_path: P
 def test_a_batch_of_unlike_machines_keeps_what_each_one_has() -> None:
     """The current of a motor of twice the torque constant is a half for the same force."""
     plain, law = gm.MujocoPlant.load("servo"), result("servo/nominal", duration=0.01).controller
-    motors = [gm.simulation.Motor("current", k, 1.0, bandwidth=100.0) for k in (0.1, 0.2)]
+    motors = [gm.machine.Motor("current", k, 1.0, bandwidth=100.0) for k in (0.1, 0.2)]
     batch = gm.simulate([plain.edited(each) for each in motors], law, [0.5, 0.0], duration=0.1)
     first, second = batch[0], batch[1]
     weak, strong = (run.to_arrow()["current winding"].to_numpy() for run in (first, second))

@@ -34,11 +34,11 @@ from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.metrics.recorded import settling_time
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.linearization import linearize
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.linearization import linearize
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.studies.cart.measure import (

@@ -18,8 +18,8 @@ from grosmc_mj import cli, executors
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.processes import Processes
+from grosmc_mj.loop import Loop
 from grosmc_mj.report.document import json_text
-from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.tolerance import measure
 from grosmc_mj.studies.tolerance.answers import (

@@ -25,8 +25,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.films.camera import aim, visible_height
-from grosmc_mj.simulation.disturbances import Disturbance, Pulse
-from grosmc_mj.simulation.machine import (
+from grosmc_mj.machine import (
     LuGre,
     MachinePart,
     SlidingLoad,
@@ -34,7 +33,8 @@ from grosmc_mj.simulation.machine import (
     SwingingLoad,
     Transmission,
 )
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.viewer import viewer
@@ -588,7 +588,7 @@ with without_graphics():
     import mujoco
 from grosmc_mj.viewer.live import Live, LiveRun
 from grosmc_mj.viewer.viewer import open_window, play
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.cases.cart_pendulum.cart import holding_lqr
 plant = MujocoPlant.load("cart_pendulum")
 live = Live(LiveRun(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), 1.0))

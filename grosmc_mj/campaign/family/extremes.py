@@ -13,9 +13,9 @@ from grosmc_mj.campaign.family.sampling import inside
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, MistakesError
 from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, MACHINE_UNITS
+from grosmc_mj.loop import Loop, relooped
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.loop import Loop, relooped
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 
 # Uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
 _OF_MACHINES = ("body", "joint", "start", *MACHINE_UNITS)

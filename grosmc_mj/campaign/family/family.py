@@ -29,12 +29,12 @@ from grosmc_mj.experiments.file.tables.parts import (
 from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.loop.loop import TIMES, time_as_run
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant
 from grosmc_mj.report.tables import shown_unit
 from grosmc_mj.simulation.disturbances import Pulse
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.loop.loop import TIMES, time_as_run
-from grosmc_mj.simulation.models.files import body_names, joint_names
 
 # How far a family is scaled at most, by searches and promises.
 LARGEST_SCALE = 8.0

@@ -13,7 +13,7 @@ from grosmc_mj.errors import ArgumentError, Mistakes, SetupError, shown, unknown
 from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
-from grosmc_mj.simulation.mujoco_plant import Integrator
+from grosmc_mj.physics.mujoco_plant import Integrator
 
 # The package's own campaigns, one for each system.
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.

@@ -13,8 +13,8 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.runs.shard import Outcomes, plants_of, run_on
 from grosmc_mj.errors import ModelError
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.studies.agreement.lacking import FACTOR, LEAST_BAND, lacking
 
 # Runs of the sample, and on how many of its plants accelerations are compared.

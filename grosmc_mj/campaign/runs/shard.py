@@ -22,9 +22,9 @@ from grosmc_mj.experiments.requirements import (
     margins_of,
     windows,
 )
+from grosmc_mj.loop import relooped, room_of
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.plant import Kind
-from grosmc_mj.simulation.loop import relooped, room_of
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 

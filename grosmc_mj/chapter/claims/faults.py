@@ -15,10 +15,10 @@ from grosmc_mj.experiments.laboratory import Fault
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.jitable import jitable
+from grosmc_mj.physics.edits import BodyEdit, apply_edits
+from grosmc_mj.physics.files import compile_spec
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.edits import BodyEdit, apply_edits
-from grosmc_mj.simulation.models.files import compile_spec
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.vectors import each
 
 

@@ -120,7 +120,7 @@ def _say_cases(console: Console, experiments: Sequence[Experiment]) -> None:
 
 def _say_names(console: Console, experiment: Experiment) -> None:
     """What case files call the parts of a plant, with the tables that ask for them."""
-    from grosmc_mj.simulation.models.files import body_names, joint_names
+    from grosmc_mj.physics.files import body_names, joint_names
 
     plant = experiment.plant(experiment.nominal.truest)
     system = plant.system

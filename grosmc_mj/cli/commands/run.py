@@ -257,7 +257,7 @@ def _at_rest(experiment: Experiment) -> list[str]:
 
 def _in_loop(experiment: Experiment) -> list[str]:
     """What lies between the laws and the plant, and of what the numbers are then."""
-    from grosmc_mj.simulation.loop.words import loop_words
+    from grosmc_mj.loop.words import loop_words
 
     if (loop := experiment.case.loop) is None:
         return []

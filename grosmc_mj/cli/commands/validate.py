@@ -90,8 +90,8 @@ class ValidateCommand(Command):
         from grosmc_mj.chapter.document import document
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.physics.mujoco_plant import MujocoPlant
         from grosmc_mj.report.document import write_json
-        from grosmc_mj.simulation.mujoco_plant import MujocoPlant
         from grosmc_mj.studies.agreement.measure import agreements, disagreements
 
         started, seed = time.perf_counter(), 0

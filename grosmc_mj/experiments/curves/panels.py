@@ -12,9 +12,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.loop.layout import rate_positions
+from grosmc_mj.machine.unseen import UnseenState
 from grosmc_mj.report.tables import prefixed
-from grosmc_mj.simulation.loop.layout import rate_positions
-from grosmc_mj.simulation.machine.unseen import UnseenState
 
 # Of what no law sees on a machine the most telling, and at most so many.
 _TELLING, _TOLD = ("twist", "winding", "load", "temperature", "bristle"), 3

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.compilation import compile_python
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.engines.compilation import compile_python
 
 # The usual 2 % band, of the initial error.
 SETTLING_BAND = 0.02

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.studies.agreement.measure import AGREEMENT_BOUND, acceleration_difference
 
 # How near to a limit a margin by the equations is not believed, in parts of the limit: it is

@@ -11,10 +11,10 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
 _RATE_BOUND, _INPUT_BOUND, _WRENCH_BOUND = 5.0, 5.0, 2.0

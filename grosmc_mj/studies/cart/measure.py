@@ -20,9 +20,9 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.recorded import Metric, settling_time
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.linearization import linearize
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.linearization import linearize
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 SYSTEM = "cart_pendulum"

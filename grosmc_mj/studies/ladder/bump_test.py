@@ -12,8 +12,8 @@ from typing import NamedTuple
 import mujoco
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.simulation.machine import Motor, Stop
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.machine import Motor, Stop
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 # Levels [V] and the time at each [s], of the laboratory's own test.
 _LOW, _HIGH, _HALF = 0.5, 3.5, 1.25

@@ -12,7 +12,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.studies.ladder.answers import first_failed, of_law
 from grosmc_mj.studies.ladder.measure import Ladder, Standing, run_of
 from grosmc_mj.studies.ladder.rungs import Rung

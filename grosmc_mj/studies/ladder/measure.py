@@ -13,7 +13,7 @@ from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements import judge
 from grosmc_mj.experiments.runs import RunResult, run_on
-from grosmc_mj.simulation.loop import in_loop
+from grosmc_mj.loop import in_loop
 from grosmc_mj.studies.ladder.claims import shares_of_claims
 from grosmc_mj.studies.ladder.oscillation import Oscillation, chatter, oscillation
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of

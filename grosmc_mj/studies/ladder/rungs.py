@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.simulation.loop import Computing, Loop
-from grosmc_mj.simulation.machine import (
+from grosmc_mj.loop import Computing, Loop
+from grosmc_mj.machine import (
     LuGre,
     MachinePart,
     Motor,

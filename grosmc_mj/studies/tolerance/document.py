@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from grosmc_mj.loop import Loop
 from grosmc_mj.report.document import origin
-from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.tolerance.answers import disagreements
 from grosmc_mj.studies.tolerance.imperfections import WHOLE, Amount, Imperfection
 from grosmc_mj.studies.tolerance.measure import Tolerance

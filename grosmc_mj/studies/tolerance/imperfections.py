@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, unit_of
+from grosmc_mj.loop import Loop
+from grosmc_mj.loop.loop import TIMES, time_as_run
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.simulation.loop.loop import TIMES, time_as_run
 from grosmc_mj.studies.tolerance.search import MOST
 
 # Called that: all of them at once, in the bench's proportions.

@@ -11,7 +11,7 @@ from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit
-from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.loop import Loop
 from grosmc_mj.studies.studied import (
     Condition,
     StudiedLaw,

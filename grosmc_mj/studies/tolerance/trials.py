@@ -15,8 +15,8 @@ from grosmc_mj.experiments.metrics.definitions import Recording
 from grosmc_mj.experiments.metrics.running import metered, said_by
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, costs_wanted, margins_of, windows
-from grosmc_mj.simulation.loop import Loop, in_loop
-from grosmc_mj.simulation.loop.layout import Room
+from grosmc_mj.loop import Loop, in_loop
+from grosmc_mj.loop.layout import Room
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.studied import judgeable_in

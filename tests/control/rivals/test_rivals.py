@@ -22,9 +22,9 @@ from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc, observer
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError, PremiseError
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 

@@ -22,9 +22,9 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.premises.audit import audit
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 
 _SYSTEM = "arm"

@@ -22,9 +22,9 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics.definitions import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.report.palette import LABELS
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.cart.measure import (
     ALONE,

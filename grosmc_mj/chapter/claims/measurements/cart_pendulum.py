@@ -13,10 +13,10 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, settling_time
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
 from grosmc_mj.premises.balance import balances_along
-from grosmc_mj.simulation.edits import BodyEdit
-from grosmc_mj.simulation.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 
 _SYSTEM = "cart_pendulum"

@@ -20,11 +20,11 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
 from grosmc_mj.premises.audit import per_second
 from grosmc_mj.premises.balance import balances
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
-from grosmc_mj.simulation.edits import BodyEdit
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 

@@ -27,9 +27,9 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
-from grosmc_mj.simulation.edits import BodyEdit
 
 _SYSTEM = "two_link_arm"
 _OTHERS = ("lqr", "pd")

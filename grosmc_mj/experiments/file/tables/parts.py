@@ -15,10 +15,10 @@ from pydantic import create_model
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
+from grosmc_mj.loop.loop import Loop
+from grosmc_mj.loop.parts import Actuator, Computing, Estimator, Sensor
+from grosmc_mj.machine import MachinePart
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.loop.loop import Loop
-from grosmc_mj.simulation.loop.parts import Actuator, Computing, Estimator, Sensor
-from grosmc_mj.simulation.machine import MachinePart
 
 
 def table_of(part: MachinePart | type[MachinePart]) -> str:

@@ -1,0 +1,255 @@
+"""Types that check themselves: numbers and arrays with bounds and a unit, dataclasses of them.
+
+A number stands once, as a field ``delay: Annotated[float, Range(0, unit="s")]``. ``checked`` makes
+a dataclass of such fields whose mistakes are errors of this package, ``checked_call`` does the same
+for the arguments of a function. Unit and bounds are read back by ``range_of``.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, wraps
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
+
+import numpy as np
+import pydantic
+from pydantic_core import PydanticCustomError, core_schema
+
+from grosmc_mj.arguments import real, reals, whole
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown
+
+Made = TypeVar("Made")
+Returned = TypeVar("Returned")
+
+
+class _Check:
+    """An annotation that pydantic calls with the given value; it returns the value to keep."""
+
+    def __call__(self, value: Any) -> Any:
+        """The value to keep; a ``PydanticCustomError`` if it is refused."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_plain_validator_function(self)
+
+
+def refused(wanted: str) -> PydanticCustomError:
+    """The error of a value that is not what it must be, in words that follow "must be"."""
+    return PydanticCustomError("refused", "{wanted}", {"wanted": wanted})
+
+
+@dataclass(frozen=True)
+class Range(_Check):
+    """Bounds and unit of a real number.
+
+    Attributes:
+        low: Smallest value.
+        high: Largest value; infinite for none, and then infinity itself is refused.
+        unit: Such as ``s``; empty for a pure number.
+        above: Whether ``low`` itself is refused.
+        below: Whether ``high`` itself is refused.
+        infinite: Whether infinity is a value, which stands for no limit.
+        whole: Whether it must be a whole number.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+    above: bool = False
+    below: bool = False
+    infinite: bool = False
+    whole: bool = False
+
+    def __call__(self, value: Any) -> float | int:
+        """The number, if it is within."""
+        number = whole(value) if self.whole else real(value)
+        if number is None or not self.holds(number):
+            raise refused(self.wanted)
+        return number
+
+    def holds(self, number: float) -> bool:
+        """Whether a number is within the bounds; NaN is not."""
+        over = number > self.low if self.above else number >= self.low
+        under = number < self.high if self.below else number <= self.high
+        return over and under and (self.infinite or math.isfinite(number))
+
+    @property
+    def wanted(self) -> str:
+        """What the number must be, in words."""
+        kind = "a whole number " if self.whole else ""
+        if self.low == -math.inf:
+            bounds = "finite" if self.high == math.inf else f"{self._end} {self.high:g}"
+        elif self.high == math.inf:
+            sign = "positive" if self.above else "not negative"
+            above = f"above {self.low:g}" if self.above else f"{self.low:g} or more"
+            bounds = sign if self.low == 0 else above
+            if not self.infinite and not self.whole:
+                bounds = f"finite and {bounds}"
+        else:
+            start = f"above {self.low:g}" if self.above else f"from {self.low:g}"
+            bounds = f"{start} to {'below ' if self.below else ''}{self.high:g}"
+        unit = f" {self.unit}" if self.unit and any(c.isdigit() for c in bounds) else ""
+        return f"{kind}{bounds}{unit}"
+
+    @property
+    def _end(self) -> str:
+        return "below" if self.below else "at most"
+
+
+@dataclass(frozen=True)
+class Reals(_Check):
+    """An array of finite real numbers.
+
+    Attributes:
+        shape: Its shape; None in place of a size that is free, () for a number.
+        unit: Of its entries.
+        infinite: Whether infinite entries are values.
+    """
+
+    shape: tuple[int | None, ...]
+    unit: str = ""
+    infinite: bool = False
+
+    def __call__(self, value: Any) -> Array:
+        """The array as float64, a new one."""
+        array = reals(value)
+        fits = array.ndim == len(self.shape) and all(
+            wanted in (None, size) for wanted, size in zip(self.shape, array.shape, strict=True)
+        )
+        bad = np.any(np.isnan(array)) if self.infinite else not np.all(np.isfinite(array))
+        if not fits or bad:
+            sizes = " x ".join("n" if size is None else str(size) for size in self.shape)
+            raise refused(f"{sizes} {'' if self.infinite else 'finite '}numbers")
+        return array
+
+
+class _Name(_Check):
+    """A name that is not empty."""
+
+    def __call__(self, value: Any) -> str:
+        if not (isinstance(value, str) and value):
+            raise refused("a name")
+        return value
+
+
+class _Flag(_Check):
+    """A truth value."""
+
+    def __call__(self, value: Any) -> bool:
+        if not isinstance(value, (bool, np.bool_)):
+            raise refused("True or False")
+        return bool(value)
+
+
+Finite = Annotated[float, Range()]
+Positive = Annotated[float, Range(0, above=True)]
+NotNegative = Annotated[float, Range(0)]
+Seconds = Annotated[float, Range(0, unit="s")]
+Name = Annotated[str, _Name()]
+Flag = Annotated[bool, _Flag()]
+
+_CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True)
+
+
+@dataclass_transform(frozen_default=True)
+def checked(
+    error: type[GrosmcError] = ArgumentError,
+) -> Callable[[type[Made]], type[Made]]:
+    """Make a class a frozen dataclass whose fields check what they are given.
+
+    What goes wrong in its ``__post_init__`` must be an error of this package.
+
+    Args:
+        error: Raised for fields that are refused; all of them are told at once.
+    """
+
+    def decorate(kind: type[Made]) -> type[Made]:
+        made: Any = pydantic.dataclasses.dataclass(frozen=True, config=_CONFIG)(kind)
+        initialize = made.__init__
+        names = list(inspect.signature(made).parameters)
+
+        @wraps(initialize)
+        def initialize_checked(self: Any, *args: Any, **kwargs: Any) -> None:
+            try:
+                initialize(self, *args, **kwargs)
+            except pydantic.ValidationError as mistakes:
+                title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
+                owner = kwargs.get(names[0], owner)
+                label = f"{title} of {shown(owner)}: " if title else ""
+                raise translated(mistakes, names, error, label) from None
+
+        made.__init__ = initialize_checked
+        return made
+
+    return decorate
+
+
+def checked_call(function: Callable[..., Returned]) -> Callable[..., Returned]:
+    """The function, which checks its arguments by their types when it is called."""
+    validated = pydantic.validate_call(config=_CONFIG)(function)
+    names = list(inspect.signature(function).parameters)
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Returned:
+        try:
+            return validated(*args, **kwargs)
+        except pydantic.ValidationError as mistakes:
+            raise translated(mistakes, names, ArgumentError) from None
+
+    return call
+
+
+def translated(
+    mistakes: pydantic.ValidationError,
+    names: Sequence[str],
+    error: type[GrosmcError],
+    label: str = "",
+) -> Exception:
+    """pydantic's error as one of this package: every field that was refused, on one line.
+
+    Args:
+        mistakes: What pydantic raised.
+        names: Of the arguments, in their order.
+        error: Its class.
+        label: Begins the line.
+    """
+    found: list[Any] = mistakes.errors(include_url=False)
+    raised = next((item["ctx"]["error"] for item in found if item["type"] == "value_error"), None)
+    if raised is not None:
+        return raised
+    return error(label + "; ".join(_line(item, names) for item in found))
+
+
+def _line(mistake: Any, names: Sequence[str]) -> str:
+    """What is wrong with one field: its name, its value and what it must be."""
+    parts = [
+        names[p] if i == 0 and isinstance(p, int) and p < len(names) else str(p)
+        for i, p in enumerate(mistake["loc"])
+    ]
+    place, value = ".".join(parts), shown(mistake["input"])
+    match mistake["type"]:
+        case "refused":
+            return f"{place} = {value} must be {mistake['msg']}"
+        case "missing" | "missing_argument":
+            return f"{place} is missing"
+        case "unexpected_keyword_argument" | "unexpected_positional_argument":
+            return f"there is no argument {place}; valid: {', '.join(names)}"
+    return f"{place} = {value}: {mistake['msg'].replace('Input should be', 'must be')}"
+
+
+@cache
+def range_of(kind: type, field: str) -> Range | None:
+    """Bounds and unit of a field of a checked dataclass; None for one that is no number.
+
+    Args:
+        kind: The dataclass.
+        field: Name of the field.
+    """
+    hint = get_type_hints(kind, include_extras=True)[field]
+    return next(
+        (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Range)), None
+    )

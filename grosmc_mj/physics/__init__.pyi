@@ -1,0 +1,4 @@
+from .files import load_model
+from .linearization import linearize
+
+__all__ = ["linearize", "load_model"]

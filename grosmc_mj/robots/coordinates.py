@@ -1,0 +1,190 @@
+"""A robot's joint errors as what a law regulates, by MuJoCo's dynamics of a nominal model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
+from grosmc_mj.control.coordinates.chains import Chains
+from grosmc_mj.control.coordinates.torques import LinearTorques
+from grosmc_mj.jitable import jitable
+from grosmc_mj.physics.mjdata import scratch
+from grosmc_mj.plants import Plant
+from grosmc_mj.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
+from grosmc_mj.robots.regressor import torques_of_body
+from grosmc_mj.vectors import Vector, algebra, each, signed_difference
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobotCoordinates(OutputCoordinates):
+    """z = sign * (q - y_r, q' - y_r') of all joints, joint by joint.
+
+    In the terms of eqs. (43)-(46) every joint has relative degree 2, E = M(q)^-1 and K is
+    M^-1 (passive - h): the inverse of the decoupling matrix is the inertia matrix, and never
+    singular. The feedback (44) is the computed torque.
+
+    Attributes:
+        model: The nominal model of the dynamics, see ``nominal_model``.
+        carriers: The body of that model that each body of the robot moves with, by its name.
+    """
+
+    model: mujoco.MjModel
+    carriers: Mapping[str, int]
+
+    @cached_property
+    def linearization(self) -> Chains:
+        """Two integrators for each joint.
+
+        Raises:
+            PremiseError: If the reference has derivatives for others.
+        """
+        chains = Chains((2,) * self.inputs)
+        self.require_derivatives(chains.relative_degree, f"{self.inputs} joints")
+        return chains
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each joint's position."""
+        return tuple(signal.unit for signal in self.system.positions)
+
+    @cached_property
+    def _order(self) -> tuple[int, ...]:
+        """Where each entry of z is in the state x: q_1, q_1', q_2, ..."""
+        n = self.inputs
+        return tuple(row for joint in range(n) for row in (joint, joint + n))
+
+    @cached_property
+    def state(self) -> Callable[[float, Any, Any], Vector]:
+        """Jitable (t, x, p) -> z."""
+        reference, order = self.reference, self._order
+        arranged = each(self.size, lambda i, x: x[order[i]])
+        difference = signed_difference(self.size, float(self.sign), self._lower)
+
+        def error_state(t: float, x: Any, p: Any) -> Vector:
+            return difference(arranged(x), reference(t, p.reference))
+
+        return jitable(error_state)
+
+    @cached_property
+    def accelerations(self) -> Callable[[Any, Any], Vector]:
+        """Jitable (v, y_r) -> q'' = sign v + y_r'', (n,)."""
+        sign, places = float(self.sign), self._highest
+        return each(self.inputs, lambda i, v, y_r: sign * v[i] + y_r[places[i]])
+
+    @cached_property
+    def feedback(self) -> Feedback:
+        """Jitable (t, x, v, memory, p) -> u = M(q) (sign v + y_r'') + h(q, q') - passive.
+
+        It is defined everywhere, for a run that has its workspace: see ``Controller.begin``.
+        """
+        reference, torque = self.reference, inverse_dynamics(self.inputs)
+        nothing, accelerations = algebra(self.inputs).nothing, self.accelerations
+
+        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any) -> Vector:
+            if memory.workspace == 0.0:
+                memory.undefined = 1.0
+                return nothing
+            return torque(memory.workspace, x, accelerations(v, reference(t, p.reference)))
+
+        return jitable(feedback)
+
+    @cached_property
+    def driven(self) -> Feedback:
+        """Jitable (t, x, u, memory, p) -> v = sign (M^-1 (u - h + passive) - y_r'').
+
+        M is read off inverse dynamics, column by column: no law of ours needs it.
+        """
+        reference, torque, n = self.reference, inverse_dynamics(self.inputs), self.inputs
+        sign, places, operations = float(self.sign), self._highest, algebra(self.inputs)
+        solve, subtract, nothing = operations.solve, operations.subtract, operations.nothing
+        unit = each(n, lambda i, j: 1.0 if i == j else 0.0)
+        rates = each(n, lambda i, a, y_r: sign * (a[i] - y_r[places[i]]))
+
+        def driven(t: float, x: Any, u: Any, memory: Any, p: Any) -> Vector:
+            if memory.workspace == 0.0:
+                memory.undefined = 1.0
+                return nothing
+            h, M = torque(memory.workspace, x, nothing), np.empty(n * n)
+            for j in range(n):
+                column = torque(memory.workspace, x, unit(j))
+                for i in range(n):
+                    M[i * n + j] = column[i] - h[i]
+            return rates(solve(M, subtract(u, h)), reference(t, p.reference))
+
+        return jitable(driven)
+
+    def torques(self, body: str | None = None) -> LinearTorques:
+        """As for every coordinates: the inertia of one body is unknown, and loads on the joints.
+
+        Args:
+            body: Its name, or that of one that does not move against it; by default the body of
+                the last joint, the end of a serial arm.
+
+        Raises:
+            ArgumentError: If there is no such body, or it does not move.
+        """
+        if body is None:
+            return torques_of_body(self.model, int(self.model.jnt_bodyid[-1]))
+        require_known("body", body, self.carriers, where="adaptive: ")
+        return torques_of_body(self.model, self.carriers[body])
+
+    def workspace(self, p: Any) -> NominalData:
+        """An mjData of the nominal model, for one run."""
+        return NominalData(self.model)
+
+    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
+        """(alpha, E) of z_i'' = alpha_i + (E u)_i: (m,) and (m, m)."""
+        x, n = np.asarray(x, float), self.inputs
+        E = np.linalg.inv(inertia(self.model, x[:n]))
+        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised(t, p)[1::2]
+        return self.sign * alpha, self.sign * E
+
+    def moved(
+        self,
+        t: float,
+        x: Array,
+        p: Any,
+        plant: Plant,
+        w: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """As for every coordinates, of a plant in MuJoCo.
+
+        The drift is MuJoCo's own forward dynamics less what the input does to the free bodies:
+        joint friction, limits and contacts are in it as they answer to the input u, (m,), none by
+        default. How their answer changes with u is not in the gain, which is M*^-1.
+        """
+        model, n = plant.undrawn_model, self.inputs
+        data, M = scratch(model), np.zeros((n, n))
+        data.qpos[:], data.qvel[:] = x[:n], x[n:]
+        if w is not None:
+            rows = [model.body(name).id for name in self.system.bodies]
+            data.xfrc_applied[rows] = np.reshape(np.asarray(w, float), (-1, 6))
+        if u is not None:
+            data.ctrl[:] = u
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, M)
+        drift, gain = np.zeros(self.size), np.zeros((self.size, n))
+        gain[1::2] = np.linalg.inv(M)
+        # The torques of the motors, which are the inputs within their limits.
+        drift[0::2], drift[1::2] = x[n:], data.qacc - gain[1::2] @ data.qfrc_actuator
+        return self.sign * (drift - self.raised(t, p)), self.sign * gain
+
+    def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
+        """q and q' of each joint at every state of a trajectory, (N, n); returns (N, size)."""
+        return np.asarray(x, float)[:, self._order]
+
+    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
+        """The state with this error, (n,)."""
+        x = np.zeros(self.size)
+        x[list(self._order)] = self.placed(t, z, p)
+        return x

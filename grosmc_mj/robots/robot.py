@@ -1,0 +1,196 @@
+"""A robot from its MJCF alone: MuJoCo's own dynamics as the nominal model of the laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import mujoco
+from numpy.typing import ArrayLike
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.references import ReferenceFunction
+from grosmc_mj.control.task import AS_PRINTED, Realization, Task
+from grosmc_mj.errors import ModelError
+from grosmc_mj.physics.files import body_names, compile_spec, joint_names
+from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.physics.quiet import quiet_reading
+from grosmc_mj.plants import AnalyticPlant, Signal, System
+from grosmc_mj.plants.equations import NoEquations
+from grosmc_mj.robots.actuators import joint_unit
+from grosmc_mj.robots.coordinates import RobotCoordinates
+from grosmc_mj.robots.dynamics import InWorkspace, bias, inertia, nominal_model
+from grosmc_mj.robots.model import robot_spec
+
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A tree of n hinges and slides, all or some of which have a torque of their own.
+
+    Serial arms are such trees; branches do no harm, loops are refused. One with fewer torques than
+    joints is underactuated: its laws are designed for its linearization, with a ``StateTask``.
+
+    Attributes:
+        plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
+            is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
+        converted: What differs from the model as it was given, in sentences.
+        as_built: The same with what laws do not believe in: lags, delays, DC motors and couplings
+            of joints; None of a model without them.
+    """
+
+    plant: MujocoPlant
+    converted: tuple[str, ...] = ()
+    as_built: MujocoPlant | None = None
+    _coordinates: dict[ReferenceFunction, RobotCoordinates] = field(default_factory=dict)
+
+    @classmethod
+    def from_mjcf(
+        cls,
+        model: Any,
+        joints: Iterable[str] | None = None,
+        actuators: Iterable[str] | None = None,
+        timestep: float | None = None,
+        integrator: Integrator | None = None,
+    ) -> Robot:
+        """Read a robot.
+
+        Motors on joints are taken with their gear and limits; servos and inner controllers of DC
+        motors are replaced by torque control within their force range. Lags, delays, DC motors and
+        coupled joints are the plant's, see ``built``, and no law's. What else drives a joint, or
+        closes a loop, is refused.
+
+        Args:
+            model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
+            joints: The joints to move, in any order; all others are locked where the model has
+                them. All by default.
+            actuators: The actuators to use; all others are left out. All by default.
+            timestep: Physics timestep [s]; None for the model's own.
+            integrator: MuJoCo's integrator; None for the model's own.
+
+        Raises:
+            ModelError: If the model is no such robot, with the reason and what to do.
+        """
+        with quiet_reading():
+            spec, own, converted = robot_spec(model, joints, actuators)
+        plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
+        if own is None:
+            return cls(plant, converted)
+        return cls(plant, converted, replace(plant, spec=own))
+
+    @property
+    def built(self) -> MujocoPlant:
+        """The robot with its true actuators; the nominal one, if those are ideal."""
+        return self.plant if self.as_built is None else self.as_built
+
+    @property
+    def joints(self) -> int:
+        """n, the number of joints."""
+        return self.plant.system.degrees_of_freedom
+
+    @property
+    def underactuated(self) -> bool:
+        """Whether a joint has no torque of its own."""
+        return len(self.plant.system.inputs) < self.joints
+
+    @property
+    def limits(self) -> Array:
+        """Least and largest torque of each input [N m or N], (m, 2); infinite for none."""
+        return self.plant.input_limits.T
+
+    @cached_property
+    def nominal(self) -> mujoco.MjModel:
+        """The model of the dynamics that the laws believe in."""
+        return nominal_model(self.plant.spec)
+
+    @property
+    def _carriers(self) -> dict[str, int]:
+        """Which body of the nominal model each body that moves is a part of."""
+        full, found = self.plant.model, {}
+        for index in range(1, full.nbody):
+            carrier = full.body_weldid[index]
+            if carrier:  # not welded to the world
+                joint = full.body_jntadr[carrier]
+                found[full.body(index).name] = int(self.nominal.jnt_bodyid[joint])
+        return found
+
+    def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
+        """The errors of all joints from a reference in joint space.
+
+        One reference has one set of coordinates, so that its laws are compiled once.
+        """
+        if reference not in self._coordinates:
+            self._coordinates[reference] = RobotCoordinates(
+                self.plant.system, reference, model=self.nominal, carriers=self._carriers
+            )
+        return self._coordinates[reference]
+
+    def task(
+        self,
+        reference: ReferenceFunction,
+        parameters: Any,
+        Q: ArrayLike,
+        R: ArrayLike,
+        realization: Realization = AS_PRINTED,
+    ) -> Task:
+        """What ``tracking_grosmc``, ``linearized_lqr`` and ``computed_torque_pd`` design for.
+
+        Args:
+            reference: y_r(t) of every joint with two derivatives, joint by joint.
+            parameters: Its parameters.
+            Q: Weight of z = [e_1, e_1', e_2, ...], (2 n, 2 n).
+            R: Weight of v, the accelerations, (n, n) or a number.
+            realization: How a sliding mode law is sampled.
+
+        Raises:
+            ModelError: If it is underactuated.
+        """
+        if self.underactuated:
+            raise ModelError(
+                f"{self.plant.system.name} has {len(self.plant.system.inputs)} torques for "
+                f"{self.joints} joints, so its joints cannot all be led: take a StateTask"
+            )
+        nominal = AnalyticPlant(self.plant.system, InWorkspace())
+        return Task(nominal, self.coordinates(reference), parameters, Q, R, realization)
+
+    def inertia(self, q: ArrayLike) -> Array:
+        """M(q) of the nominal model with the joints' armature, (n, n)."""
+        return inertia(self.nominal, q)
+
+    def bias(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """h(q, q') - passive: Coriolis and gravity torques less springs' and damping's, (n,)."""
+        return bias(self.nominal, q, dq)
+
+
+def _system(spec: mujoco.MjSpec) -> System:
+    """Names and signals of a robot, read from its model."""
+    model = compile_spec(spec)
+    joints = joint_names(model)
+    torques = [joint_unit(model, i) for i in range(model.njnt)]
+    driven = [int(model.actuator_trnid[i, 0]) for i in range(model.nu)]
+    units = ["m" if unit == "N" else "rad" for unit in torques]
+    numbers = [str(i).translate(_SUBSCRIPTS) for i in range(1, model.njnt + 1)]
+    named = list(zip(joints, numbers, units, strict=True))
+    positions = [Signal(joint, f"q{i}", unit) for joint, i, unit in named]
+    rates = [Signal(f"{joint} rate", f"q̇{i}", f"{unit}/s") for joint, i, unit in named]
+    actuators = tuple(model.actuator(i).name for i in range(model.nu))
+    inputs = [
+        Signal(each, f"τ{numbers[joint]}", torques[joint])
+        for each, joint in zip(actuators, driven, strict=True)
+    ]
+    name = spec.modelname or "robot"
+    return System(
+        name=name,
+        title=name,
+        states=(*positions, *rates),
+        inputs=tuple(inputs),
+        equations=NoEquations(name),
+        # What no actuator drives is what a law has to hold through the others.
+        controlled=tuple(i for i in range(model.njnt) if i not in driven) or tuple(driven),
+        joints=joints,
+        actuators=actuators,
+        bodies=body_names(model),
+    )

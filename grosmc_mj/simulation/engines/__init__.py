@@ -1,1 +1,0 @@
-"""What steps a closed loop: one kernel, compiled or as plain Python."""

@@ -1,1 +1,0 @@
-"""MuJoCo's models: their files, and what is refused."""

@@ -1,0 +1,185 @@
+"""The fast engine: a whole run, or thousands, without coming back to Python."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.compilation import array_at, compile_c
+from grosmc_mj.control.laws import Law
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.jitable import is_own, jitable
+from grosmc_mj.own_law import innermost
+from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
+from grosmc_mj.plants import System
+from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.inputs import ask, written_inputs
+from grosmc_mj.simulation.kernel import (
+    ANSWERED,
+    LAW,
+    CompiledLoop,
+    c_address,
+    guard,
+    kernel,
+)
+from grosmc_mj.simulation.law_errors import LawError, compiling
+from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.python_engine import ClosedLoop
+from grosmc_mj.simulation.steppers import (
+    Stepper,
+    Steppers,
+    kernel_run,
+)
+from grosmc_mj.simulation.trajectory import Status
+
+# What is noted of a law that has raised an error, in place of a ``Status``.
+_FAILED = -1
+# How long compiled code runs until Python can act on Ctrl-C [s], and its first timesteps.
+_PAUSE, _FIRST = 0.2, 100
+
+
+def run_native(problem: Problem) -> Record:
+    """Run every simulation of the problem on all threads that it allows.
+
+    Raises:
+        ArgumentError: If the law says that it can't be compiled, by an attribute ``python_only``.
+        LawError: If it fails, with file and line where the Python engine finds them.
+        ModelError: If MuJoCo cannot step the model.
+        SetupError: If somebody else's callback is installed.
+    """
+    controller = problem.controller
+    if getattr(controller.law, "python_only", False):
+        raise ArgumentError(
+            f"{controller.name} runs in Python only: use engine='python', not 'native'"
+        )
+    refuse_foreign_callback()
+    if is_own(innermost(controller.law)):
+        # Compiled code would take a truth value for a number, and says nothing of other kinds.
+        memory, _kept_alive = controller.begin()
+        with np.errstate(all="ignore"):
+            ask(controller, 0.0, problem.x0[0].copy(), memory, np.zeros(len(problem.system.inputs)))
+    record = _Runs(problem).run()
+    failed = np.flatnonzero(record.status == _FAILED)
+    if len(failed):
+        # Python says where.
+        with np.errstate(all="ignore"), warnings_counted_only():
+            ClosedLoop(problem, int(failed[0])).advance(problem.steps)
+        raise LawError(
+            f"{controller.name} raised an error in compiled code: run it with engine='python' to "
+            "see where"
+        )
+    return record
+
+
+class _Runs:
+    """All simulations of a problem, which threads take one after the other."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem, self._stopped = problem, threading.Event()
+        with compiling(problem.controller):
+            self._law = _compiled_law(
+                problem.system,
+                problem.controller.law,
+                problem.memory_dtype,
+                record_dtype(problem.controller.parameters),
+            )
+        several = dict.fromkeys(problem.controllers)
+        self._numbers = {controller: pack(controller.parameters) for controller in several}
+        # Plants of one model after each other: a thread has one at a time.
+        places = [id(_model_of(plant)) for plant in problem.plants]
+        self._order = iter(np.argsort(places, kind="stable").tolist())
+        self._first = Steppers(problem.timestep)
+        stepper = self._first.of(problem.plants[0])
+        # Compiled here, and not by several threads.
+        kernel()
+        stepper.addresses()
+        self._record = Record.empty(problem, stepper.size)
+
+    def run(self) -> Record:
+        """Run them all, until an error or Ctrl-C."""
+        threads = min(self._problem.threads or os.cpu_count() or 1, len(self._problem.x0))
+        steppers = [self._first, *(Steppers(self._problem.timestep) for _ in range(threads - 1))]
+        pool = ThreadPoolExecutor(threads)
+        with warnings_counted_only(), pool:
+            try:
+                list(pool.map(self._work, steppers))
+            finally:
+                self._stopped.set()
+        return self._record
+
+    def _work(self, steppers: Steppers) -> None:
+        """Run one simulation after the other, in one thread."""
+        with guard() as own:
+            try:
+                for number in self._order:
+                    if self._stopped.is_set():
+                        return
+                    self._run_one(number, steppers.of(self._problem.plants[number]), own)
+            except BaseException:
+                self._stopped.set()
+                raise
+
+    def _run_one(self, number: int, stepper: Stepper, own: Any) -> None:
+        """Run one simulation, with a pause now and then."""
+        problem, record = self._problem, self._record
+        controller = problem.controllers[number]
+        memory, _kept_alive = controller.begin()
+        step, model, data = stepper.addresses()
+        physics = record.physics
+        loop = kernel_run(
+            problem, number, record, stepper, memory,
+            p=self._numbers[controller], law=self._law.address, step=step, model=model, data=data,
+            read=c_address("mj_getState"), width=8 * stepper.size,
+            states=0 if physics is None else physics[number].ctypes.data,
+        )  # fmt: skip
+        compiled, first, steps = CompiledLoop(loop), 0, _FIRST
+        while first < problem.steps and not self._stopped.is_set():
+            last, began = min(first + steps, problem.steps), time.perf_counter()
+            if not compiled.advance(first, last, own):
+                break
+            spent = max(time.perf_counter() - began, _PAUSE / 50)
+            steps = max(1, int((last - first) * _PAUSE / spent))
+            first = last
+        record.valid[number], record.status[number] = loop.end - (0, ANSWERED)
+        if record.status[number] == _FAILED:
+            self._stopped.set()
+
+
+def _model_of(plant: Any) -> Any:
+    """What plants have in common that a thread moves by one mjData."""
+    if plant.kind != "physics":
+        return None
+    return plant.template if plant.changes is not None else plant.undrawn_model
+
+
+@cache
+def _compiled_law(
+    system: System, law: Law, memory_dtype: np.dtype[Any], numbers_dtype: np.dtype[Any]
+) -> Any:
+    """A sample of a law as a C function, which the kernel calls."""
+    law, singular, inputs = jitable(law), system.singular, written_inputs(len(system.inputs))
+    answered, failed = ANSWERED, ANSWERED + _FAILED
+    undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
+    singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
+    undefined_input = ANSWERED + Status.UNDEFINED_INPUT.value
+
+    def sample(t: float, x: Any, memory: Any, p: Any, u: Any) -> int:
+        if singular(x):
+            return singular_plant
+        remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
+        numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
+        try:
+            finite = inputs(u, law(t, x, remembered, numbers))
+        except Exception:
+            return failed
+        if remembered.undefined != 0.0:
+            return undefined_law
+        return answered if finite else undefined_input
+
+    return compile_c(sample, *LAW.args, returns=LAW.return_type)

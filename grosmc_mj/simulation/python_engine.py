@@ -1,0 +1,119 @@
+"""The reference engine: the kernel as plain Python, over any callable law, easy to step through."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
+from grosmc_mj.records import pack
+from grosmc_mj.simulation.inputs import ask
+from grosmc_mj.simulation.kernel import ANSWERED, run
+from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.steppers import Steppers, kernel_run
+from grosmc_mj.simulation.trajectory import Status
+
+
+class ClosedLoop:
+    """A plant under a sampled law, which the caller advances.
+
+    Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing.
+
+    Args:
+        problem: What is run.
+        number: Which of its simulations.
+        record: Where its rows go; None for nowhere.
+        steppers: What moves plants.
+
+    Attributes:
+        steps: Timesteps done.
+        memory: The law's memory.
+        u: Command held in the last one, (m,).
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        number: int = 0,
+        record: Record | None = None,
+        steppers: Steppers | None = None,
+    ) -> None:
+        """Put the plant at its start."""
+        self._problem, self._controller = problem, problem.controllers[number]
+        self._stepper = stepper = (steppers or Steppers(problem.timestep)).of(
+            problem.plants[number]
+        )
+        self.steps, (self.memory, self._kept_alive) = 0, self._controller.begin()
+        kept = record or Record.empty(replace(problem, record=False), stepper.size)
+
+        def read(_model: Any, _data: Any, row: int, _which: int) -> None:
+            assert kept.physics is not None
+            stepper.read(kept.physics[number, row])
+
+        self._loop = kernel_run(
+            problem, number, kept, stepper, self.memory, step=stepper.advance, read=read,
+            law=self._sample, p=np.zeros(0), model=stepper.model, data=stepper.data,
+            states=0, width=min(1, stepper.size),
+        )  # fmt: skip
+        if record is None:  # as many steps as somebody likes
+            self._loop = self._loop._replace(keep=sys.maxsize)
+        self.u = self._loop.u
+
+    @property
+    def x(self) -> Array:
+        """State now, (n,)."""
+        return self._stepper.x
+
+    def physics(self) -> Array | None:
+        """mjSTATE_FULLPHYSICS as it is now; None on an analytic plant."""
+        return self._stepper.physics()
+
+    def advance(self, steps: int = 1) -> Status:
+        """Timesteps, with a new sample of the law where one is due, under the disturbances.
+
+        Returns:
+            Why the run cannot go on, or ``Status.COMPLETED`` for steps that were completed.
+        """
+        run(self.steps, self.steps + steps, self._loop)
+        ended = Status(int(self._loop.end[1]) - ANSWERED)
+        self.steps = self.steps + steps if ended is Status.COMPLETED else int(self._loop.end[0])
+        return ended
+
+    def advance_under(self, wrench: Array) -> Status:
+        """One timestep as ``advance``, but under a wrench, (6 * bodies,), and no disturbances."""
+        self._loop = self._loop._replace(pushes=self._loop.pushes[:0])
+        self._stepper.push(wrench)
+        return self.advance()
+
+    def _sample(self, t: float, x: Array, memory: Array, p: Array, u: Array) -> int:
+        """Ask the law for the input that is held from now on."""
+        if self._problem.system.singular(x):
+            return ANSWERED + Status.SINGULAR_PLANT.value
+        finite = ask(self._controller, t, x, self.memory, u)
+        memory[:] = pack(self.memory)
+        if self.memory.undefined:
+            return ANSWERED + Status.UNDEFINED_LAW.value
+        return ANSWERED if finite else ANSWERED + Status.UNDEFINED_INPUT.value
+
+
+def run_python(problem: Problem) -> Record:
+    """Run every simulation of the problem, one after the other.
+
+    Raises:
+        ModelError: If MuJoCo cannot step the model.
+        SetupError: If somebody else's callback is installed.
+    """
+    refuse_foreign_callback()
+    steppers = Steppers(problem.timestep)
+    record = Record.empty(problem, steppers.of(problem.plants[0]).size)
+    # A diverging run overflows quietly, as in C; its state tells.
+    with np.errstate(all="ignore"), warnings_counted_only():
+        for number in range(len(problem.x0)):
+            loop = ClosedLoop(problem, number, record, steppers)
+            ended = loop.advance(problem.steps)
+            record.status[number], record.valid[number] = ended.value, loop.steps
+    return record

@@ -1,0 +1,284 @@
+"""What moves a plant by a timestep: equations by RK4, an mjData by MuJoCo."""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.compilation import array_at, compile_c
+from grosmc_mj.jitable import jitable
+from grosmc_mj.machine.unseen import starts
+from grosmc_mj.plants import Plant, System
+from grosmc_mj.plants.runge_kutta import runge_kutta_step
+from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.kernel import ANSWERED, STEP, KernelRun, c_address, cannot_step
+from grosmc_mj.simulation.problem import Problem, Record
+
+# A state beyond this has diverged; MuJoCo's own bound.
+LARGEST = mujoco.mjMAXVAL
+_FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+
+class Stepper(ABC):
+    """What moves one simulation of a plant by a timestep, under the input and wrench that it holds.
+
+    Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing. The arrays
+    are views of what is moved, and mean what they do in ``kernel.KernelRun``.
+
+    Attributes:
+        model: What ``advance`` takes: an mjModel, or the numbers of equations.
+        data: What it moves: an mjData, or the arrays of equations.
+        size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
+    """
+
+    model: Any
+    data: Any
+    q: Array
+    v: Array
+    u: Array
+    warnings: NDArray[np.int32]
+    bodies: NDArray[np.int64]
+    forces: Array
+    size: int = 0
+
+    @property
+    def x(self) -> Array:
+        """State after the last step, (n,)."""
+        return np.concatenate([self.q, self.v])
+
+    @abstractmethod
+    def restart(self, x0: Array) -> None:
+        """Go to a start, (n,), with neither input nor wrench."""
+
+    @abstractmethod
+    def advance(self, model: Any, data: Any) -> None:
+        """One timestep."""
+
+    @abstractmethod
+    def addresses(self) -> tuple[int, int, int]:
+        """The same for compiled code: of a C function and of what it takes."""
+
+    def hold(self, u: Array) -> None:
+        """Hold an input from now on, (m,), which MuJoCo clamps to the actuators' range."""
+        self.u[:] = u
+
+    def push(self, w: Array) -> None:
+        """Apply a wrench from now on: [force, torque] of each body, flattened, (6 * bodies,)."""
+        self.forces[self.bodies] = w.reshape(-1, 6)
+
+    def step(self) -> bool:
+        """One timestep; False if the state diverged."""
+        self.advance(self.model, self.data)
+        return not self.warnings[::2].any()
+
+    def read(self, state: Array) -> None:  # noqa: B027  equations have none
+        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
+
+    def physics(self) -> Array | None:
+        """mjSTATE_FULLPHYSICS as it is now; None of equations."""
+        if not self.size:
+            return None
+        state = np.zeros(self.size)
+        self.read(state)
+        return state
+
+
+class EquationStepper(Stepper):
+    """Moves equations by RK4.
+
+    Args:
+        plant: As equations.
+        timestep: [s].
+    """
+
+    def __init__(self, plant: Plant, timestep: float) -> None:
+        self._system, self.model = plant.system, plant.parameters
+        self._block = np.zeros(1, _block_dtype(plant.system))
+        self._block["h"] = timestep
+        parts = {name: self._block[name][0] for name in self._block.dtype.names or ()}
+        self.data = SimpleNamespace(**{**parts, "h": timestep})
+        self.q, self.u, self.v = self.data.x, self.data.u, np.zeros(0)
+        self.warnings, self.forces = self.data.warnings, self.data.w.reshape(-1, 6)
+        self.bodies, self._step = np.arange(len(self.forces)), _step_of(plant.system)
+
+    def restart(self, x0: Array) -> None:
+        """Go to a start, (n,)."""
+        self.q[:], self.u[:], self.forces[:], self.warnings[:] = x0, 0.0, 0.0, 0
+
+    def advance(self, model: Any, data: Any) -> None:
+        """One step of RK4."""
+        try:
+            self._step(model, data)
+        except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
+            data.warnings[0] = 1
+
+    def addresses(self) -> tuple[int, int, int]:
+        """A compiled step, the numbers and the state."""
+        step = _compiled_step(self._system, record_dtype(self.model))
+        self._numbers = pack(self.model)
+        return step.address, self._numbers.ctypes.data, self._block.ctypes.data
+
+
+@cache
+def _block_dtype(system: System) -> np.dtype[Any]:
+    """What equations are moved in: timestep, state, input, wrenches and scratch space."""
+    n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
+    names = ("x", n), ("u", m), ("w", nw), ("slope", n), ("stage", n), ("total", n)
+    arrays = [(name, np.float64, (size,)) for name, size in names]
+    return np.dtype([("h", np.float64), *arrays, ("warnings", np.int32, (2,))])
+
+
+@cache
+def _step_of(system: System) -> Any:
+    """Jitable (p, d): one step of RK4 of the equations with numbers p in such a block d."""
+    rk4, n, largest = runge_kutta_step(system), len(system.states), LARGEST
+
+    @jitable
+    def step(p: Any, d: Any) -> None:
+        x = d.x
+        rk4(x, d.u, d.w, p, d.h, d.slope, d.stage, d.total)
+        for i in range(n):
+            if not abs(x[i]) < largest:
+                d.warnings[0] = 1
+
+    return step
+
+
+@cache
+def _compiled_step(system: System, numbers_dtype: np.dtype[Any]) -> Any:
+    """The same as a C function of the addresses of both."""
+    step, block_dtype = _step_of(system), _block_dtype(system)
+
+    def at(numbers: int, block: int) -> None:
+        step(array_at(numbers, (1,), numbers_dtype)[0], array_at(block, (1,), block_dtype)[0])
+
+    return compile_c(at, *STEP.args)
+
+
+class PhysicsStepper(Stepper):
+    """Moves an mjData by MuJoCo.
+
+    Args:
+        system: Names of the joints, and of the bodies that wrenches act on.
+        model: The compiled model.
+        data: What is moved; it may belong to somebody else.
+    """
+
+    def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._system, self.model, self.data, n = system, model, data, system.degrees_of_freedom
+        self.q, self.v, self.u = data.qpos[:n], data.qvel[:n], data.ctrl
+        counts = data.warning.number
+        # Between two counts is what MuJoCo notes of the last warning.
+        whole = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
+        self.warnings = np.ctypeslib.as_array(whole)
+        self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
+        self.forces, self.size = data.xfrc_applied, mujoco.mj_stateSize(model, _FULL)
+
+    def restart(self, x0: Array) -> None:
+        """Reset the mjData to a start, (n,)."""
+        mujoco.mj_resetData(self.model, self.data)
+        qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
+        self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
+
+    def advance(self, model: Any, data: Any) -> None:
+        """One step of MuJoCo."""
+        try:
+            mujoco.mj_step(model, data)
+        except mujoco.FatalError as error:
+            raise cannot_step(str(error)) from error
+
+    def addresses(self) -> tuple[int, int, int]:
+        """``mj_step`` itself, the mjModel and the mjData."""
+        return c_address("mj_step"), self.model._address, self.data._address
+
+    def read(self, state: Array) -> None:
+        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
+        mujoco.mj_getState(self.model, self.data, state, _FULL)
+
+
+class Steppers:
+    """Steppers of one thread: plants of one model share one mjModel and one mjData.
+
+    Args:
+        timestep: Of equations [s]; a model in MuJoCo has its own.
+    """
+
+    def __init__(self, timestep: float) -> None:
+        self._timestep, self._of, self._plant = timestep, None, None
+        self._stepper: Any = None
+
+    def of(self, plant: Any) -> Stepper:
+        """What moves one simulation of a plant, to be restarted first, until the next call."""
+        if plant.kind != "physics":
+            return EquationStepper(plant, self._timestep)
+        changes = plant.changes
+        shared = plant.undrawn_model if changes is None else plant.template
+        if shared is not self._of:
+            model = shared if changes is None else shared.copy()
+            self._stepper = PhysicsStepper(plant.system, model, mujoco.MjData(model))
+            self._of, self._plant = shared, None
+        if changes is not None and plant is not self._plant:
+            shared.write(changes, self._stepper.model, self._stepper.data)
+        self._plant = plant
+        return self._stepper
+
+
+def stepper_of(plant: Plant, timestep: float) -> Stepper:
+    """What moves one simulation of a plant, to be restarted first.
+
+    Args:
+        plant: Analytic or in MuJoCo.
+        timestep: Of an analytic plant [s]; a model in MuJoCo has its own.
+    """
+    return Steppers(timestep).of(plant)
+
+
+def kernel_run(
+    problem: Problem, number: int, record: Record, stepper: Stepper, memory: Any, **of_engine: Any
+) -> KernelRun:
+    """One run of a problem at its start, for the kernel.
+
+    Args:
+        problem: What is run.
+        number: Which of its simulations.
+        record: Where its rows go.
+        stepper: What moves its plant.
+        memory: Of its law.
+        of_engine: The fields of ``KernelRun`` in which the engines differ.
+    """
+    stepper.restart(problem.x0[number])
+    if record.start is not None:
+        stepper.read(record.start[number])
+    pushes, values = problem.pushes[min(number, len(problem.pushes) - 1)]
+    nothing = np.zeros((0, 6 * len(stepper.bodies)))
+    return KernelRun(
+        keep=0 if problem.record else problem.steps - 1,
+        stride=problem.stride,
+        h=problem.timestep,
+        period=problem.control_period,
+        x=stepper.x,
+        memory=pack(memory),
+        q=stepper.q,
+        v=stepper.v,
+        u=stepper.u,
+        warnings=stepper.warnings,
+        pushes=pushes,
+        values=values,
+        bodies=stepper.bodies,
+        w=np.zeros(6 * len(stepper.bodies)),
+        forces=stepper.forces,
+        xs=record.x[number],
+        us=record.u[number],
+        memories=record.memory[number],
+        wrenches=nothing if record.wrench is None else record.wrench[number],
+        end=np.array([problem.steps, ANSWERED]),
+        **of_engine,
+    )

@@ -1,0 +1,361 @@
+"""A machine's parts at their extremes, together, and in both engines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, GrosmcError, ModelError
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
+from grosmc_mj.machine import (
+    LuGre,
+    MachinePart,
+    Motor,
+    SlidingLoad,
+    Stop,
+    SwingingLoad,
+    Transmission,
+    Wall,
+)
+from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+
+
+def swung(edits: Sequence[Edit], timestep: float, integrator: Any = "RK4") -> Array:
+    """The rotor's angle under a slow sine, every 10 ms."""
+    model = MujocoPlant.load(
+        "servo", edits=tuple(edits), timestep=timestep, integrator=integrator
+    ).model
+    data, rows, every = mujoco.MjData(model), [], round(1e-2 / timestep)
+    for step in range(50 * every):
+        data.ctrl[0] = math.sin(20 * step * timestep)
+        mujoco.mj_step(model, data)
+        if step % every == 0:
+            rows.append(data.qpos[0])
+    return np.array(rows)
+
+
+def away(edits: Sequence[Edit], rigid: Sequence[Edit], h: float) -> float:
+    return float(np.abs(swung(edits, h) - swung(rigid, h)).max())
+
+
+def test_a_transmission_that_stiffens_is_the_rigid_joint_with_the_motors_armature() -> None:
+    rigid = [JointEdit("shaft", armature=0.01)]
+    # Damped so that only its giving way is left, of the first order in 1/k.
+    errors = [
+        away([Transmission("shaft", inertia=0.01, stiffness=k, damping=2 * math.sqrt(0.0085 * k))],
+             rigid, 1e-5)
+        for k in (1e3, 1e4, 1e5)
+    ]  # fmt: skip
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+    assert errors[1] / errors[2] == pytest.approx(10, rel=0.05)
+
+
+def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:
+    nominal = MujocoPlant.load("servo")
+    whole = [Transmission("shaft", inertia=0.05, stiffness=1e5, damping=40.0, added=False)]
+    assert away(whole, [], 1e-5) < 3e-4
+    plant = nominal.edited(*whole)
+    assert plant.rigid.analytic().parameters == nominal.analytic().parameters
+    assert plant.analytic().parameters == nominal.analytic().parameters
+    with pytest.raises(
+        ModelError, match=r"0\.06 is no part .* armature of 0 .* 0\.0577: give less"
+    ):
+        _ = nominal.edited(Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)).model
+
+
+@pytest.mark.parametrize("stiffness", [2e3, math.inf])
+def test_a_play_that_closes_is_none(stiffness: float) -> None:
+    def loose(b: float) -> list[Edit]:
+        return [Transmission("shaft", inertia=0.01, stiffness=stiffness, damping=0.5, backlash=b)]
+
+    closed: list[Edit] = [JointEdit("shaft", armature=0.01)]
+    if math.isfinite(stiffness):
+        closed = [Transmission("shaft", inertia=0.01, stiffness=stiffness, damping=0.5)]
+    errors = [away(loose(b), closed, 1e-4) for b in (4e-2, 1e-2)]
+    assert 0 < errors[1] < errors[0] / 2.5
+
+
+def test_friction_that_vanishes_is_none() -> None:
+    def rubbed(part: float) -> float:
+        friction = LuGre("shaft", 0.02 * part, stiffness=100.0 * part, damping=0.1 * part)
+        return away([friction], [], 1e-4)
+
+    assert rubbed(1.0) / rubbed(0.1) == pytest.approx(10, rel=0.3)
+
+
+PARTS: list[tuple[list[MachinePart], Any, float]] = [
+    ([Transmission("shaft", inertia=0.01, stiffness=500.0, damping=0.3)], "RK4", 1.8),
+    ([LuGre("shaft", 0.05, 0.07, stiffness=100.0, damping=0.5)], "RK4", 1.3),
+    ([Motor("current", 7.68e-3, 2.6, inductance=5e-2, ratio=10.0)], "RK4", 1.8),
+    ([Motor("current", 7.68e-3, 2.6, inductance=5e-2, ratio=10.0)], "implicitfast", 1.8),
+    ([Stop("shaft", -0.02, 0.02, 0.4)], "RK4", 1.3),
+]
+
+
+@pytest.mark.parametrize(("parts", "integrator", "order"), PARTS)
+def test_a_shorter_timestep_brings_each_part_nearer_to_its_limit(
+    parts: list[MachinePart], integrator: Any, order: float
+) -> None:
+    fine = swung(parts, 1e-5, integrator)
+    errors = [float(np.abs(swung(parts, h, integrator) - fine).max()) for h in (1e-3, 2.5e-4)]
+    assert errors[1] < max(errors[0] / order, 1e-10)
+
+
+def _numbers(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+def _some(draw: Any, joint: str, body: str, actuator: str) -> list[MachinePart]:
+    """Any parts of a machine."""
+    found: list[MachinePart] = []
+    if draw(st.booleans()):
+        stiff = draw(st.one_of(st.just(math.inf), _numbers(10.0, 1e6)))
+        play = draw(_numbers(1e-5, 0.1)) if math.isinf(stiff) or draw(st.booleans()) else 0.0
+        found.append(
+            Transmission(joint, draw(_numbers(1e-3, 1.0)), stiff, draw(_numbers(1e-3, 10)), play)
+        )
+    if draw(st.booleans()):
+        found.append(LuGre(joint, draw(_numbers(1e-3, 1.0)), 0.0, draw(_numbers(1.0, 1e5))))
+    if draw(st.booleans()):
+        found.append(
+            Motor(
+                actuator,
+                draw(_numbers(1e-3, 1.0)),
+                draw(_numbers(0.1, 20.0)),
+                inductance=draw(st.sampled_from([0.0, 1e-4, 1e-2])),
+                ratio=draw(_numbers(1.0, 100.0)),
+                voltage=draw(st.sampled_from([math.inf, 24.0])),
+                cogging=draw(st.sampled_from([0.0, 1e-3])),
+            )
+        )
+    if draw(st.booleans()):
+        found.append(Stop(joint, -1.0, 1.0, draw(st.floats(0.0, 0.95))))
+    if draw(st.booleans()):
+        found.append(SwingingLoad(body, draw(_numbers(1e-3, 1.0)), draw(_numbers(0.05, 1.0))))
+    if draw(st.booleans()):
+        found.append(SlidingLoad(body, draw(_numbers(1e-2, 1.0)), draw(_numbers(1.0, 1e3)), 1.0))
+    if draw(st.booleans()):
+        found.append(Wall(body, 0.05, at=(0.1, 0, 0), point=(0, 0, 0.1)))
+    return found
+
+
+SYSTEMS = {
+    "servo": ("shaft", "rotor", "current"),
+    "cart_pendulum": ("slider", "pole", "force"),
+    "arm": ("joint", "link", "torque"),
+    "two_link_arm": ("elbow", "payload", "elbow_torque"),
+}
+
+
+@given(st.data())
+@settings(max_examples=60, deadline=None)
+def test_any_machine_compiles_and_moves_alike_in_both_engines_or_says_its_timestep(
+    data: st.DataObject,
+) -> None:
+    name = data.draw(st.sampled_from(list(SYSTEMS)))
+    parts = _some(data.draw, *SYSTEMS[name])
+    integrator: Any = data.draw(st.sampled_from(["RK4", "implicitfast", "Euler"]))
+    plant = MujocoPlant.load(name, edits=tuple(parts), integrator=integrator)
+    try:
+        _ = plant.model
+    except ModelError as error:
+        assert "take" in str(error)  # noqa: PT017
+        return
+    experiment = find_experiment(name, "nominal")
+    law = experiment.law("physics", "lqr")
+    ends = []
+    for engine in ("native", "python"):
+        try:
+            run = simulate(
+                plant, law, experiment.case.x0, duration=0.02, control_period=1e-3,
+                engine=engine,
+            )  # fmt: skip
+        except GrosmcError as error:
+            ends.append(str(error))
+            continue
+        assert run.physics is not None
+        assert run.state.shape == (21, len(plant.system.states))
+        assert np.array_equal(run.physics[:, 1 : 1 + run.state.shape[1] // 2],
+                              run.state[:, : run.state.shape[1] // 2])  # fmt: skip
+        ends.append(run.physics.tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_batches_of_machines_are_their_single_runs() -> None:
+    law = find_experiment("servo", "nominal").law("physics", "grosmc")
+    plants = [
+        MujocoPlant.load(
+            "servo",
+            edits=(
+                Transmission("shaft", inertia=0.01, stiffness=k, damping=1.0, backlash=1e-3),
+                LuGre("shaft", 0.05),
+            ),
+        )
+        for k in (300.0, 500.0)
+    ]
+    starts = [[0.0, 0.0], [0.1, -0.2]]
+    both = simulate(plants, law, starts, duration=0.2, control_period=1e-3)
+    assert both.physics is not None
+    for i, (plant, x0) in enumerate(zip(plants, starts, strict=True)):
+        alone = simulate(plant, law, x0, duration=0.2, control_period=1e-3)
+        assert alone.physics is not None
+        assert np.array_equal(alone.physics, both.physics[i])
+        # The motor begins with its joint.
+        assert alone.physics[0].tolist() == [0.0, x0[0], x0[0], x0[1], x0[1], 0.0]
+    ended = simulate(plants, law, starts, duration=0.2, control_period=1e-3, record=False)
+    assert ended.physics is not None
+    assert np.array_equal(ended.physics[:, -1], both.physics[:, -1])
+
+
+def test_what_no_law_sees_is_named_with_its_unit() -> None:
+    plant = MujocoPlant.load(
+        "cart_pendulum",
+        edits=(
+            Transmission("slider", inertia=0.05, stiffness=1e4, damping=20.0),
+            LuGre("slider", 1.0, stiffness=1e3),
+            SwingingLoad("cart", 0.1, 0.2),
+        ),
+    )
+    found = {each.name: each.unit for each in plant.unseen}
+    assert found == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
+    law = find_experiment("cart_pendulum", "nominal").law("physics", "lqr")
+    run = simulate(plant, law, [0, 0.1, 0, 0], duration=0.05, control_period=1e-3)
+    assert run.physics is not None
+    twist = next(each for each in plant.unseen if each.name == "slider twist").of(run.physics)
+    assert twist[0] == 0
+    assert 0 < np.abs(twist).max() < 1e-2
+    assert run.state.shape[1] == 4
+
+
+def test_a_plant_with_states_of_its_own_has_no_derivative_but_its_rigid_one_has() -> None:
+    plant = MujocoPlant.load("servo", edits=(Transmission("shaft", inertia=0.01, stiffness=300.0),))
+    with pytest.raises(ModelError, match=r"states that x does not tell \(shaft twist\)"):
+        plant.derivative([0.0, 0.0])
+    rigid = plant.rigid.derivative([0.0, 1.0], 1.0)
+    assert rigid == pytest.approx(plant.analytic().derivative([0.0, 1.0], 1.0))
+    with pytest.raises(ModelError, match=r"ask its \.rigid plant"):
+        plant.linearization()
+
+
+MISTAKES: list[tuple[str, list[Edit], str]] = [
+    ("servo", [Transmission("shfat", 0.1, 1e3)], r"unknown joint 'shfat'.*did you mean|shaft"),
+    ("servo", [LuGre("shaft", 0.1), LuGre("shaft", 0.2)], r"'shaft' has two of a lugre"),
+    ("cart_pendulum", [Transmission("hinge", 0.1, 1e3)], r"no input drives joint 'hinge'"),
+    ("servo", [Motor("currant", 0.1, 1.0)], r"unknown input 'currant'"),
+    ("servo", [Transmission("shaft", 1e-4, 1e4)], r"take at most 0\.00\d+ s, or what is less"),
+    ("servo", [Motor("current", 0.1, 1.0, inductance=1e-5)], r"another integrator, or leave"),
+    ("servo", [Motor("current", 0.1, 1.0, added=False)], r"let them be added"),
+]
+
+
+@pytest.mark.parametrize(("name", "edits", "said"), MISTAKES)
+def test_what_cannot_be_is_told_in_one_line(name: str, edits: list[Edit], said: str) -> None:
+    with pytest.raises(ModelError, match=said) as told:
+        _ = MujocoPlant.load(name, edits=tuple(edits)).model
+    assert "\n" not in str(told.value)
+
+
+def test_an_implicit_integrator_that_slows_bristles_is_refused() -> None:
+    part = LuGre("shaft", 0.05, 0.07, damping=3.0)
+    with pytest.raises(ModelError, match=r"= 1\.05: take integrator RK4 or Euler"):
+        _ = MujocoPlant.load("servo", edits=(part,), integrator="implicitfast").model
+    assert MujocoPlant.load("servo", edits=(part,), integrator="Euler").model
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        Transmission("shaft", 0.05, backlash=0.1),
+        Stop("shaft", -1.0, 0.5, duration=0.01),
+        Wall("rotor", 0.02, point=(0, 0, 0), duration=0.01),
+    ],
+)
+def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachinePart) -> None:
+    with pytest.raises(ModelError, match=r"0\.001 s makes unstable: take at most (.*) s,") as told:
+        _ = MujocoPlant.load("servo", edits=(part,), timestep=1e-3, integrator="implicitfast").model
+    longest = float(str(told.value).split("at most ")[1].split()[0])
+    for integrator in ("implicitfast", "Euler"):
+        assert MujocoPlant.load(
+            "servo", edits=(part,), timestep=longest, integrator=integrator
+        ).model
+
+
+def test_what_leans_on_a_stop_rests_only_below_the_timestep_that_is_told() -> None:
+    part, speeds = Stop("shaft", -1.0, 0.5, duration=0.01), []
+    for h in (6e-4, 8e-4):
+        model = MujocoPlant.load("servo", edits=(part,), timestep=6e-4).model
+        model.opt.timestep, model.opt.integrator = h, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        data = mujoco.MjData(model)
+        data.qpos[0], data.ctrl[0] = 0.5, 1.0
+        mujoco.mj_step(model, data, round(1 / h))
+        speeds.append(abs(data.qvel[0]))
+    assert speeds[0] < 1e-6
+    assert speeds[1] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Transmission("j", 0.1), r"it is rigid: give a stiffness, a backlash or both"),
+        (lambda: Transmission("j", -0.1, 1.0), r"inertia = -0\.1 must be positive"),
+        (lambda: LuGre("j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
+        (lambda: Stop("j", 1.0, -1.0), r"low = 1 must be below high = -1"),
+        (lambda: Stop("j", -1.0, 1.0, 1.0), r"restitution = 1 must be below 1"),
+        (lambda: Motor("i", 0.1, math.nan), r"resistance = nan must be positive"),
+        (lambda: Motor("i", 0.1, 1.0, efficiency=1.5), r"efficiency = 1\.5 must be at most 1"),
+        (lambda: Motor("i", 0.1, 1.0, ratio=0.0), r"ratio = 0 must be at least 1e-15, or negative"),
+        (lambda: Motor("i", 0.1, 1.0, thermal_resistance=1.0), r"heating needs both"),
+        (lambda: SwingingLoad("b", 0.0, 1.0), r"mass = 0 must be positive"),
+        (lambda: SwingingLoad("b", 1e-16, 1.0), r"mass = 1e-16 must be at least 1e-15"),
+        (lambda: Wall("b", 0.1, normal=(0, 0, 0)), r"must point somewhere"),
+        (lambda: Wall("b", 0.1, at=(0, 0)), r"three finite numbers"),  # pyright: ignore[reportArgumentType]
+        (lambda: JointEdit("j", tilt=2.0), r"tilt = 2 must be less than a quarter"),
+    ],
+)
+def test_parts_refuse_numbers_that_nothing_has(make: Any, said: str) -> None:
+    with pytest.raises(ModelError, match=said):
+        make()
+
+
+@pytest.mark.parametrize("starts", [0.0, [-1.5, 0.0], [-2.1, -1.5]])
+def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
+    """MuJoCo would throw the rotor back by a force without bound: no run tells of that plant."""
+    plant = MujocoPlant.load("servo", edits=(Stop("shaft", -2.0, -1.0),))
+    law = chapter_controller("lqr", plant.analytic())
+    x0 = np.stack([starts, np.zeros_like(starts)], axis=-1)
+    with pytest.raises(ArgumentError, match="beyond its stops at -2 and -1 rad"):
+        simulate(plant, law, x0, duration=0.01)
+
+
+@pytest.mark.parametrize("start", [-2.0, -1.5, -1.0])
+def test_a_start_at_a_stop_or_between_the_stops_runs(start: float) -> None:
+    plant = MujocoPlant.load("servo", edits=(Stop("shaft", -2.0, -1.0),))
+    law = chapter_controller("lqr", plant.analytic())
+    run = simulate(plant, law, [start, 0.0], duration=0.1)
+    # What the law's torque presses into a stop, not what a stop throws back.
+    assert np.all(run.state[:, 0] > -2.02)
+    assert np.all(run.state[:, 0] < -0.98)
+
+
+def test_an_axis_that_leans_lets_a_load_fall() -> None:
+    weight = BodyEdit("payload", mass_scale=1.0)
+    upright = MujocoPlant.load("two_link_arm", edits=(weight,)).model
+    leaning = MujocoPlant.load(
+        "two_link_arm", edits=(weight, JointEdit("shoulder", tilt=0.1))
+    ).model
+    torques = []
+    for model in (upright, leaning):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        torques.append(data.qfrc_bias[0])
+    assert torques[1] == pytest.approx(math.cos(0.1) * torques[0], rel=1e-9)

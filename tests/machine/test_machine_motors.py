@@ -1,0 +1,227 @@
+"""DC motors: a current loop on a supply against Ohm's and Kirchhoff's laws; reversed motors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.machine import Motor
+from grosmc_mj.physics.edits import BodyEdit, Edit, InputEdit, JointEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+
+GEAR = 0.667
+K, R, L, N, V, BANDWIDTH = 7.68e-3, 2.6, 2e-3, 10.0, 6.0, 1e4
+HEAVY = BodyEdit("rotor", mass_scale=1e9)
+
+
+def servo(*edits: Edit, timestep: float = 1e-5, integrator: Any = "implicitfast") -> MujocoPlant:
+    free = JointEdit("shaft", damping=0.0)
+    return MujocoPlant.load("servo", edits=(free, *edits), timestep=timestep, integrator=integrator)
+
+
+def loop(**numbers: Any) -> Motor:
+    return Motor("current", K, R, **{"ratio": N, "bandwidth": BANDWIDTH, "voltage": V, **numbers})
+
+
+def asked(amperes: float) -> float:
+    """The input that asks for a current of the winding."""
+    return amperes * N * K / GEAR
+
+
+def run(plant: MujocoPlant, u: float, steps: int, held: float | None = None) -> Array:
+    """Speed, torque at the joint and current of the winding after each step."""
+    (winding,) = plant.unseen
+    model, rows = plant.model, []
+    data = mujoco.MjData(model)
+    data.ctrl[0] = u
+    for _ in range(steps):
+        if held is not None:
+            data.qvel[0] = held
+        mujoco.mj_step(model, data)
+        rows.append((data.qvel[0], data.qfrc_actuator[0], winding.scale * data.act[-1]))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("efficiency", [1.0, 0.7])
+@pytest.mark.parametrize("speed", [0.0, 20.0, 60.0, -30.0])
+def test_a_supply_holds_the_current_that_ohms_law_leaves_at_a_speed(
+    speed: float, efficiency: float
+) -> None:
+    plant = servo(HEAVY, loop(efficiency=efficiency))
+    _, torque, amperes = run(plant, asked(100.0), 400, held=speed)[-1]
+    holds = (V - K * N * speed) / R
+    assert amperes == pytest.approx(holds, rel=1e-6)
+    assert torque == pytest.approx(efficiency * N * K * holds, rel=1e-6)
+    # What the supply has enough voltage for is given whatever the speed.
+    small = 0.5 * min(holds, V / R)
+    share = asked(small * efficiency)
+    assert run(plant, share, 400, held=speed)[-1, 2] == pytest.approx(small, rel=1e-6)
+
+
+def test_no_demand_turns_a_motor_faster_than_its_supply_does() -> None:
+    light = servo(BodyEdit("rotor", mass_scale=0.01), loop(), timestep=1e-4)
+    speeds = run(light, asked(1e3), 50_000)[:, 0]
+    assert speeds[-1] == pytest.approx(V / (K * N), rel=1e-4)
+    assert speeds.max() <= V / (K * N) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.0, 30.0])
+def test_a_current_rises_by_the_voltage_over_the_inductance_at_most(speed: float) -> None:
+    plant = servo(HEAVY, loop(inductance=L))
+    amperes = run(plant, asked(1.0), 200, held=speed)[:, 2]
+    slopes = np.diff(amperes, prepend=0.0) / 1e-5
+    assert np.abs(slopes).max() <= V / L * (1 + 1e-9)
+    assert amperes[-1] == pytest.approx(1.0, rel=1e-3)
+    # Without the limit of a winding the loop's own lag is all that there is.
+    free = np.diff(run(servo(HEAVY, loop()), asked(1.0), 200, held=speed)[:, 2], prepend=0.0)
+    assert free.max() / 1e-5 > 2 * V / L
+
+
+def test_a_loop_as_slow_as_its_winding_is_kirchhoffs_law() -> None:
+    """Its pole is R/L: then no bound but the supply's acts, and V = L i' + R i + K w is exact."""
+    plant = servo(HEAVY, loop(inductance=L, bandwidth=R / L))
+    amperes = run(plant, asked(100.0), 300)[:, 2]
+    time = 1e-5 * np.arange(1, 301)
+    np.testing.assert_allclose(amperes, V / R * (1 - np.exp(-R / L * time)), rtol=1e-6)
+
+
+def test_a_quick_loop_is_ahead_of_kirchhoffs_law_by_what_docs_say_at_most() -> None:
+    """By (K w + R i)/V of the rise: the bound on the rate is that of a winding at rest."""
+    most, demand = V / L, 1.0
+    amperes = run(servo(HEAVY, loop(inductance=L)), asked(demand), 200)[:, 2]
+    time = 1e-5 * np.arange(1, 201)
+
+    def rise(_t: float, i: Array) -> Array:
+        return np.clip(BANDWIDTH * (demand - i), (-V - R * i) / L, (V - R * i) / L)
+
+    true = solve_ivp(rise, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12).y[0]
+    assert np.all(amperes >= true - 1e-6)
+    assert np.all(amperes - true <= R * demand / V * np.minimum(most * time, demand) + 1e-6)
+
+
+def test_a_supply_without_end_is_none() -> None:
+    plants = [servo(loop(voltage=voltage), timestep=1e-4) for voltage in (1e7, math.inf)]
+    first, second = (run(plant, 0.7, 2000) for plant in plants)
+    np.testing.assert_allclose(first, second, rtol=1e-6, atol=1e-9)
+
+
+def test_most_current_and_cogging_are_the_motors_own_on_a_supply() -> None:
+    plant = servo(HEAVY, loop(current=1.5))
+    assert run(plant, asked(100.0), 400)[-1, 1] == pytest.approx(1.5 * N * K, rel=1e-6)
+    bumpy = {"cogging": 2e-3, "cogging_periods": 4.0}
+    made = [servo(HEAVY, loop(voltage=voltage, **bumpy)) for voltage in (V, math.inf)]
+    torques = []
+    for plant in made:
+        data = mujoco.MjData(plant.model)
+        data.qpos[0] = 0.01
+        mujoco.mj_forward(plant.model, data)
+        torques.append(data.qfrc_actuator[0])
+    assert torques[0] == pytest.approx(N * 2e-3 * math.sin(4 * N * 0.01), rel=1e-9)
+    assert torques[0] == pytest.approx(torques[1], rel=1e-9)
+
+
+def test_a_driver_gives_its_current_however_warm_the_winding_is() -> None:
+    hot = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
+    plant = servo(HEAVY, loop(**hot), timestep=1e-3, integrator="implicitfast")
+    heat, winding = plant.unseen
+    data = mujoco.MjData(plant.model)
+    data.ctrl[0] = asked(1.0)
+    for _ in range(2000):
+        mujoco.mj_step(plant.model, data)
+    assert winding.scale * data.act[-1] == pytest.approx(1.0, rel=1e-6)
+    assert heat.scale * data.act[0] == pytest.approx(5.0 * R * 1.0**2, rel=1e-3)
+
+
+# --- motors the other way round ---
+
+KINDS = {
+    "voltage": Motor("current", K, R, L, ratio=N, voltage=V),
+    "current": Motor("current", K, R, ratio=N, bandwidth=500.0),
+    "both": loop(inductance=L, bandwidth=500.0),
+}
+
+
+def wave(plant: MujocoPlant, sign: float) -> tuple[Array, Array]:
+    """States and winding's current under an input that uses all of the supply."""
+    (winding,) = plant.unseen
+    model, rows, amperes = plant.model, [], []
+    data = mujoco.MjData(model)
+    for step in range(3000):
+        data.ctrl[0] = sign * 3 * math.sin(0.01 * step)
+        mujoco.mj_step(model, data)
+        rows.append((data.qpos[0], data.qvel[0], data.qfrc_actuator[0]))
+        amperes.append(winding.scale * data.act[-1])
+    return np.array(rows), np.array(amperes)
+
+
+@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
+def test_a_motor_that_turns_against_its_joint_has_its_current_mirrored(motor: Motor) -> None:
+    against = replace(motor, ratio=-motor.ratio)
+    rows, amperes = wave(servo(motor, timestep=1e-4), 1.0)
+    mirrored, other = wave(servo(against, timestep=1e-4), 1.0)
+    assert np.abs(rows[:, 0]).max() > 0.01
+    np.testing.assert_array_equal(mirrored, rows)
+    np.testing.assert_array_equal(other, -amperes)
+
+
+@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
+def test_a_negative_gear_is_the_mirrored_input(motor: Motor) -> None:
+    mirrored = wave(servo(motor, timestep=1e-4), -1.0)
+    turned = servo(InputEdit("current", gear=-GEAR), motor, timestep=1e-4)
+    for found, wanted in zip(wave(turned, 1.0), mirrored, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("gear", [GEAR, 2 * GEAR, -0.5 * GEAR])
+@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
+def test_the_current_is_the_joints_torque_over_the_torque_constant_at_any_gear(
+    motor: Motor, gear: float
+) -> None:
+    plant = servo(HEAVY, InputEdit("current", gear), motor, timestep=1e-4)
+    rows, amperes = wave(plant, 1.0)
+    assert np.abs(amperes).max() > 1
+    np.testing.assert_allclose(N * K * amperes, rows[:, 2], rtol=0, atol=1e-3 * rows[:, 2].max())
+
+
+CASE = """
+[plant]
+system = "servo"
+[run]
+duration = "0.2 s"
+control_period = "1 ms"
+timestep = "0.25 ms"
+[[controller]]
+law = "grosmc"
+[[motor]]
+input = "current"
+constant = "7.68e-3 N m/A"
+resistance = "2.6 ohm"
+inductance = "2 mH"
+ratio = -10
+voltage = "6 V"
+bandwidth = "500 rad/s"
+current = "4 A"
+"""
+
+
+def test_a_file_may_have_a_current_loop_on_a_supply_in_both_engines(tmp_path: Any) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(CASE, encoding="utf-8")
+    experiment = Experiment.load(file)
+    plant: Any = experiment.plant("physics")
+    assert "DC motor by current loop of 500 rad/s, within 6 V and 4 A" in str(plant.parts[0])
+    law = experiment.law("physics", "grosmc")
+    runs = [
+        simulate(plant, law, [0.1, 0.0], duration=0.2, control_period=1e-3, engine=engine)
+        for engine in ("native", "python")
+    ]
+    np.testing.assert_array_equal(runs[0].physics, runs[1].physics)

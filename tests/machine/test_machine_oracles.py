@@ -1,0 +1,242 @@
+"""Parts of a machine against closed forms: textbooks' frequencies, curves and energies."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.machine import LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
+from grosmc_mj.machine.bounces import restitution_of
+from grosmc_mj.machine.unseen import starts
+from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+
+J, GEAR = 0.0577, 0.667
+FREE = JointEdit("shaft", damping=0.0)
+
+
+def servo(*edits: Edit, timestep: float = 1e-4, integrator: str = "RK4") -> MujocoPlant:
+    return MujocoPlant.load(
+        "servo",
+        edits=(FREE, *edits),
+        timestep=timestep,
+        integrator=integrator,  # pyright: ignore[reportArgumentType]
+    )
+
+
+def stepped(
+    plant: MujocoPlant,
+    duration: float,
+    read: Callable[[mujoco.MjData], object],
+    u: Callable[[float], float] = lambda t: 0.0,
+    speed: float = 0.0,
+) -> Array:
+    """What is read after each step of an open loop."""
+    model = plant.model
+    data, rows = mujoco.MjData(model), []
+    data.qvel[:] = speed
+    for _ in range(round(duration / model.opt.timestep)):
+        data.ctrl[0] = u(data.time)
+        mujoco.mj_step(model, data)
+        rows.append(read(data))
+    assert not data.warning.number.any()
+    return np.array(rows, float)
+
+
+def sine_part(signal: Array, omega: float, h: float) -> complex:
+    """a - jb of the part a sin + b cos of the second half of a signal whose step i is at i h."""
+    half = len(signal) // 2
+    t = h * np.arange(1, len(signal) + 1)[half:]
+    basis = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones_like(t), t])
+    a, b, *_ = np.linalg.lstsq(basis, signal[half:], rcond=None)[0]
+    return complex(a, -b)
+
+
+def test_two_masses_have_their_resonance_and_antiresonance_within_half_a_percent() -> None:
+    motor, k = 0.01, 500.0
+    plant = servo(Transmission("shaft", inertia=motor, stiffness=k, damping=0.02))
+    resonance, antiresonance = math.sqrt(k * (1 / J + 1 / motor)), math.sqrt(k / J)
+    model, data = plant.model, mujoco.MjData(plant.model)
+    data.qpos[1] = 0.01
+    twist = []
+    for _ in range(10_000):
+        mujoco.mj_step(model, data)
+        twist.append(data.qpos[1] - data.qpos[0])
+    ups = np.flatnonzero((np.array(twist[:-1]) < 0) & (np.array(twist[1:]) >= 0))
+    # Crossings to a fraction of a step, by a line between their neighbours.
+    at = [i + twist[i] / (twist[i] - twist[i + 1]) for i in ups]
+    period = (at[-1] - at[0]) / (len(at) - 1) * model.opt.timestep
+    assert 2 * math.pi / period == pytest.approx(resonance, rel=5e-3)
+
+    def moved(omega: float) -> float:
+        motor_angle = stepped(plant, 6.0, lambda d: d.qpos[1], lambda t: math.sin(omega * t))
+        return sine_part(motor_angle, omega, 1e-4).real
+
+    # The motor stands still there, and is pushed the other way from one side to the other.
+    assert moved(antiresonance * 0.995) * moved(antiresonance * 1.005) < 0
+
+
+@pytest.mark.parametrize("v", [0.01, 0.03, 0.5, -0.5])
+def test_lugre_has_its_steady_curve(v: float) -> None:
+    part = LuGre("shaft", coulomb=0.1, static=0.15, stiffness=200.0, damping=0.5, stribeck=0.01)
+    plant = servo(BodyEdit("rotor", mass_scale=1e9), part)
+    forces = stepped(plant, max(1.0, 0.02 / abs(v)), lambda d: d.qfrc_actuator[0], speed=v)
+    g = 0.1 + 0.05 * math.exp(-((v / 0.01) ** 2))
+    assert forces[-1] == pytest.approx(-math.copysign(g, v), rel=1e-3)
+
+
+def test_lugre_breaks_away_as_its_differential_equation_does() -> None:
+    part = LuGre("shaft", coulomb=0.1, static=0.15, stiffness=200.0, damping=2.0, stribeck=0.01)
+    rate = 0.02
+
+    def lugre(t: float, x: Array) -> Array:
+        _q, v, z = x
+        g = 0.1 + 0.05 * math.exp(-((v / 0.01) ** 2))
+        dz = v - 200.0 * abs(v) * z / g
+        return np.array([v, (rate * t - 200.0 * z - 2.0 * dz) / J, dz])
+
+    # It creeps as bristles bend; what is faster than their v_s is away.
+    away: Any = lambda t, x: x[1] - 0.01  # noqa: E731
+    away.terminal = True
+    found: Any = solve_ivp(
+        lugre, (0, 10), [0, 0, 0], events=away, method="LSODA", rtol=1e-8, atol=1e-12
+    )
+    rows = stepped(
+        servo(part, timestep=5e-4), 8.0, lambda d: (d.qvel[0], d.time), lambda t: rate * t / GEAR
+    )
+    at = rows[np.argmax(rows[:, 0] > 0.01), 1]
+    assert at == pytest.approx(found.t[-1], rel=1e-3)
+    assert 0.95 * 0.15 < rate * at < 0.15
+
+
+def test_what_a_sliding_rotor_loses_is_the_heat_of_its_friction() -> None:
+    part = LuGre("shaft", coulomb=0.1, static=0.12, stiffness=500.0, damping=1.0)
+    rows = stepped(servo(part), 1.0, lambda d: (d.qvel[0], d.qfrc_actuator[0]), speed=2.0)
+    v, force = rows.T
+    heat = -float(np.sum((force[1:] + force[:-1]) / 2 * (v[1:] + v[:-1]) / 2)) * 1e-4
+    first, last = v[0], v[-1]
+    assert heat == pytest.approx(J / 2 * (first**2 - last**2), rel=2e-3)
+
+
+def test_a_motor_has_its_no_load_speed_its_stall_torque_and_its_time_constant() -> None:
+    K, R, L, N = 7.68e-3, 2.6, 2e-3, 10.0
+    volts = 6.0
+    u = volts * N * K / (R * GEAR)
+    part = Motor("current", K, R, inductance=L, ratio=N)
+    plant = servo(part, timestep=1e-5)
+    (current,) = plant.unseen
+    assert (current.name, current.unit) == ("current winding", "A")
+    rows = stepped(plant, 5e-3, lambda d: (d.act[0], d.qfrc_actuator[0]), lambda t: u)
+    amperes = current.scale * rows[:, 0]
+    # The rotor has hardly begun to turn.
+    reached = int(np.argmax(amperes >= (1 - math.exp(-1)) * volts / R)) * 1e-5
+    assert reached == pytest.approx(L / R, rel=0.01)
+    assert rows[-1, 1] == pytest.approx(GEAR * u, rel=5e-3)
+    quick = servo(BodyEdit("rotor", mass_scale=0.01), Motor("current", K, R, ratio=N))
+    speeds = stepped(quick, 5.0, lambda d: d.qvel[0], lambda t: u)
+    assert speeds[-1] == pytest.approx(volts / (N * K), rel=1e-3)
+
+
+def test_a_current_loop_follows_with_its_bandwidth() -> None:
+    part = Motor("current", 7.68e-3, 2.6, ratio=10.0, bandwidth=5e3)
+    plant = servo(part, timestep=1e-5)
+    torque = stepped(plant, 2e-3, lambda d: d.qfrc_actuator[0], lambda t: 1.0)
+    reached = int(np.argmax(torque >= (1 - math.exp(-1)) * GEAR)) * 1e-5
+    assert reached == pytest.approx(1 / 5e3, rel=0.06)
+    assert torque[-1] == pytest.approx(GEAR, rel=1e-4)
+    (current,) = plant.unseen
+    amperes = current.scale * stepped(plant, 2e-3, lambda d: d.act[0], lambda t: 1.0)
+    assert amperes[-1] == pytest.approx(GEAR / (10 * 7.68e-3), rel=1e-4)
+    # It makes up for the back-EMF: what turns is not braked.
+    assert stepped(plant, 0.1, lambda d: d.qvel[0], speed=3.0)[-1] == pytest.approx(3.0, rel=1e-6)
+
+
+def test_a_voltage_and_a_current_are_the_most_that_a_motor_gives() -> None:
+    limited = servo(Motor("current", 7.68e-3, 2.6, ratio=10.0, voltage=3.0))
+    most = 3.0 / 2.6 * 7.68e-3 * 10
+    assert stepped(limited, 1e-4, lambda d: d.qfrc_actuator[0], lambda t: 1e3) == pytest.approx(
+        most, rel=1e-4
+    )
+    limited = servo(Motor("current", 7.68e-3, 2.6, ratio=10.0, current=2.0))
+    most = 2.0 * 7.68e-3 * 10
+    assert stepped(limited, 1e-4, lambda d: d.qfrc_actuator[0], lambda t: 1e3) == pytest.approx(
+        most, rel=1e-4
+    )
+
+
+def test_a_motor_that_the_model_has_already_changes_nothing_while_it_is_cold_and_slow() -> None:
+    part = Motor("current", 7.68e-3, 2.6, ratio=10.0, efficiency=0.8, added=False)
+    brakes = JointEdit("shaft", damping=0.02)
+    plants = [
+        MujocoPlant.load("servo", edits=edits, timestep=1e-4)
+        for edits in ((brakes,), (brakes, part))
+    ]
+    rigid, driven = (
+        stepped(p, 1.0, lambda d: d.qpos[0], lambda t: math.sin(5 * t)) for p in plants
+    )
+    assert driven == pytest.approx(rigid, rel=1e-9, abs=1e-12)
+    assert part.emf_damping == pytest.approx(0.8 * (10 * 7.68e-3) ** 2 / 2.6)
+
+
+def test_a_winding_warms_up_to_its_thermal_resistance() -> None:
+    part = Motor("current", 7.68e-3, 2.6, ratio=10.0, thermal_resistance=5.0, heat_capacity=0.02)
+    held = servo(BodyEdit("rotor", mass_scale=1e9), part, timestep=1e-3)
+    (heat,) = held.unseen
+    volts = 6.0
+    u = volts * 10 * 7.68e-3 / (2.6 * GEAR)
+    rows = stepped(held, 2.0, lambda d: d.act[0], lambda t: u)
+    kelvin = heat.scale * rows[-1]
+    # Copper's resistance grows by 0.39 % a kelvin, and a voltage heats it less then.
+    assert heat.unit == "K"
+    assert kelvin == pytest.approx(5.0 * volts**2 / (2.6 * (1 + 0.0039 * kelvin)), rel=1e-3)
+
+
+@pytest.mark.parametrize("e", [0.05, 0.3, 0.6, 0.9])
+def test_a_stop_gives_back_its_restitution(e: float) -> None:
+    plant = servo(Stop("shaft", -1.0, 0.5, restitution=e))
+    rows = stepped(plant, 1.0, lambda d: d.qvel[0], speed=1.0)
+    assert -rows[-1] == pytest.approx(e, rel=0.02)
+
+
+def test_a_wall_gives_back_its_restitution() -> None:
+    part = Wall("pole", 0.02, at=(0, 0, 1), point=(0.5, 0, 0), normal=(-1, 0, 0), restitution=0.5)
+    model = MujocoPlant.load("cart_pendulum", edits=(part,), timestep=1e-4).model
+    model.opt.gravity[:] = 0
+    data, ball = mujoco.MjData(model), model.geom("bumper 1").id
+    data.qvel[0], touched, before = 1.0, False, 0.0
+    while not (touched and data.ncon == 0):
+        before = data.geom_xpos[ball, 0]
+        mujoco.mj_step(model, data)
+        touched = touched or data.ncon > 0
+        assert data.time < 1
+    # The pole turns as well: what counts is the ball's own speed.
+    assert (data.geom_xpos[ball, 0] - before) / 1e-4 == pytest.approx(-0.5, rel=0.02)
+    assert abs(data.qvel[1]) > 0.1
+
+
+def test_restitution_of_a_contact_falls_with_its_damping_and_meets_itself_at_one() -> None:
+    ratios = [0.0, 0.1, 0.5, 0.999999, 1.0, 1.000001, 2.0, 5.0]
+    found = [restitution_of(ratio) for ratio in ratios]
+    assert found[0] == 1.0
+    assert all(a > b for a, b in itertools.pairwise(found))
+    assert found[3] == pytest.approx(math.exp(-2), rel=1e-5)
+    assert found[5] == pytest.approx(math.exp(-2), rel=1e-5)
+
+
+def test_what_swings_has_the_period_of_a_pendulum_and_begins_below() -> None:
+    load = SwingingLoad("link", 1e-6, 0.3, at=(0.5, 0, 0))
+    plant = MujocoPlant.load("arm", edits=(load,), timestep=1e-4)
+    q, v = starts(plant.model, plant.system, np.array([[0.4, 0.0]]))
+    model, data = plant.model, mujoco.MjData(plant.model)
+    data.qpos[:], data.qvel[:] = q[0], v[0]
+    mujoco.mj_kinematics(model, data)
+    below = data.xipos[model.body("link swing").id] - data.xanchor[model.joint("link swing").id]
+    assert below == pytest.approx([0.0, 0.0, -0.3], abs=1e-12)

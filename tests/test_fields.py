@@ -1,0 +1,72 @@
+"""Fields that check themselves: every mistake is told by the field's name, value and bound."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import pytest
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, ModelError
+from grosmc_mj.fields import Name, Positive, Range, Reals, checked, checked_call, range_of
+
+
+@checked(ModelError)
+class Spring:
+    joint: Name
+    stiffness: Positive
+    play: Annotated[float, Range(0, 1, unit="rad", below=True)] = 0.0
+    limit: Annotated[float, Range(0, above=True, infinite=True)] = math.inf
+    turns: Annotated[int, Range(1, 9, whole=True)] = 1
+    kind: ClassVar[str] = "spring"
+
+    def __post_init__(self) -> None:
+        if self.play > self.stiffness:
+            raise ModelError("too soft")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"joint": ""}, "spring of '': joint = '' must be a name"),
+        ({"stiffness": 0}, "stiffness = 0 must be finite and positive"),
+        ({"stiffness": "1"}, "stiffness = '1' must be"),
+        ({"stiffness": True}, "stiffness = True must be"),
+        ({"stiffness": math.nan}, "stiffness = nan must be"),
+        ({"stiffness": math.inf}, "stiffness = inf must be finite"),
+        ({"play": 1.0}, "play = 1 must be from 0 to below 1 rad"),
+        ({"limit": -math.inf}, "limit = -inf must be positive"),
+        ({"turns": 1.0}, "turns = 1 must be a whole number from 1 to 9"),
+        ({"stiffness": -1, "play": -1}, "stiffness = -1 must be .*; play = -1 must be"),
+        ({"stiffness": 0.1, "play": 0.5}, "^too soft$"),
+        ({"stifness": 1.0}, "there is no argument stifness; valid: joint, stiffness"),
+    ],
+)
+def test_a_mistake_is_told_by_name_value_and_bound(arguments: dict[str, Any], message: str) -> None:
+    make: Any = Spring
+    with pytest.raises(ModelError, match=message):
+        make(**{"joint": "hinge", "stiffness": 1.0} | arguments)
+
+
+def test_numbers_of_any_kind_are_floats_and_the_value_is_a_dataclass() -> None:
+    spring = Spring("hinge", np.int64(3), np.float32(0.5))  # pyright: ignore[reportArgumentType]
+    assert type(spring.stiffness) is float
+    assert pickle.loads(pickle.dumps(spring)) == spring == replace(spring, turns=1)
+    assert range_of(Spring, "play") == Range(0, 1, unit="rad", below=True)
+    assert range_of(Spring, "joint") is None
+
+
+def test_a_function_checks_its_arguments() -> None:
+    @checked_call
+    def weigh(gain: Positive, matrix: Annotated[Array, Reals((None, 2))]) -> Array:
+        return gain * matrix
+
+    assert weigh(2, [[1, 2]]).tolist() == [[2.0, 4.0]]  # pyright: ignore[reportArgumentType]
+    with pytest.raises(
+        ArgumentError, match=r"gain = -1 must be .*; matrix = \[\[1, 2, 3\]\] must be"
+    ):
+        weigh(-1, [[1, 2, 3]])  # pyright: ignore[reportArgumentType]
