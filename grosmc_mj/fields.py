@@ -152,7 +152,7 @@ Seconds = Annotated[float, Range(0, unit="s")]
 Name = Annotated[str, _Name()]
 Flag = Annotated[bool, _Flag()]
 
-_CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True)
+_CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="forbid")
 
 
 @dataclass_transform(frozen_default=True)

@@ -65,8 +65,8 @@ def test_a_function_checks_its_arguments() -> None:
     def weigh(gain: Positive, matrix: Annotated[Array, Reals((None, 2))]) -> Array:
         return gain * matrix
 
-    assert weigh(2, [[1, 2]]).tolist() == [[2.0, 4.0]]  # pyright: ignore[reportArgumentType]
+    assert weigh(2, [[1, 2]]).tolist() == [[2.0, 4.0]]
     with pytest.raises(
         ArgumentError, match=r"gain = -1 must be .*; matrix = \[\[1, 2, 3\]\] must be"
     ):
-        weigh(-1, [[1, 2, 3]])  # pyright: ignore[reportArgumentType]
+        weigh(-1, [[1, 2, 3]])
