@@ -50,8 +50,8 @@ def test_its_servos_are_torques_within_their_limits() -> None:
     assert robot.plant.system.joints == arms.JOINTS
     np.testing.assert_array_equal(robot.limits[:, 1], [30.5] * 3 + [6.8] * 3)
     assert robot.plant.model.opt.timestep == 1e-3
-    assert sum("velocity servo (kv 500)" in line for line in robot.converted) == 6
-    assert "frictionloss" in robot.converted[-1]
+    assert sum("velocity servo (kv 500)" in line for line in robot.notes) == 6
+    assert "frictionloss" in robot.notes[-1]
 
 
 def test_the_nominal_dynamics_are_the_whole_models() -> None:

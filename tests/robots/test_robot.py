@@ -409,7 +409,7 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
     assert [signal.unit for signal in system.states] == ["rad", "rad", "m", "rad/s", "rad/s", "m/s"]
     np.testing.assert_array_equal(robot.limits, [[-30, 30], [-math.inf, math.inf], [-10, 20]])
     assert np.all(model.actuator_gear[:, 0] == 1)
-    text = "\n".join(robot.converted)
+    text = "\n".join(robot.notes)
     assert "position servo (kp 50, kv 5) is left out" in text
     assert "velocity servo (kv 9) is left out, torque control without limits" in text
     assert "gear -20" in text
@@ -419,7 +419,7 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
 def test_contacts_that_a_model_disables_are_none_that_the_law_misses() -> None:
     spec = mujoco.MjSpec.from_string(TREE)
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    assert "contacts" not in "\n".join(Robot.from_mjcf(spec).converted)
+    assert "contacts" not in "\n".join(Robot.from_mjcf(spec).notes)
 
 
 def test_a_converted_motor_moves_its_joint_as_the_geared_one_did() -> None:
@@ -443,8 +443,8 @@ def test_joints_that_are_not_named_are_locked() -> None:
     robot = Robot.from_mjcf(TREE, joints=["lift", "turn"])
     assert robot.plant.system.joints == ("turn", "lift")
     assert robot.plant.system.actuators == ("turn_servo", "lift_servo")
-    assert "locked where the model has them: joints push" in robot.converted
-    assert "left out: actuators push_force" in robot.converted
+    assert "locked where the model has them: joints push" in robot.notes
+    assert "left out: actuators push_force" in robot.notes
     q = [0.3, -0.2]
     locked = tree().inertia([*q, 0.0])[:2, :2]
     np.testing.assert_allclose(robot.inertia(q), locked, rtol=0, atol=1e-14)
@@ -582,7 +582,7 @@ def test_wrong_names_are_told_with_the_nearest() -> None:
 
 def test_a_joint_without_an_actuator_is_told_and_cannot_be_led() -> None:
     robot = Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
-    assert any("no actuator drives push" in said for said in robot.converted)
+    assert any("no actuator drives push" in said for said in robot.notes)
     assert robot.underactuated
     assert len(robot.limits) == 2
     with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a StateTask"):

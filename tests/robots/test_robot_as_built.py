@@ -165,7 +165,7 @@ def test_a_delayed_servo_loses_its_own_loop() -> None:
     made = robot(servo)
     for plant in (made.plant, made.built):
         assert torques(plant, 0.7, 30, q=0.5, v=1.0)[-1] == pytest.approx(0.7, rel=1e-12)
-    assert "instead of the position servo (kp 30, kv 2)" in made.converted[0]
+    assert "instead of the position servo (kp 30, kv 2)" in made.notes[0]
 
 
 def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
@@ -201,7 +201,7 @@ def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
     ],
 )
 def test_converted_says_what_the_plant_has(actuator: str, said: str) -> None:
-    first = robot(actuator).converted[0]
+    first = robot(actuator).notes[0]
     assert first.startswith("actuator 'drive': ")
     assert said in first
 
