@@ -10,7 +10,6 @@ from typing import Any
 import mujoco
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.errors import ModelError
@@ -21,7 +20,7 @@ from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.robots.actuators import joint_unit
 from grosmc_mj.robots.coordinates import RobotCoordinates
-from grosmc_mj.robots.dynamics import InWorkspace, bias, inertia, nominal_model
+from grosmc_mj.robots.dynamics import InWorkspace, nominal_model
 from grosmc_mj.robots.model import robot_specs
 
 _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -88,22 +87,10 @@ class Robot:
         """Whether a joint has no torque of its own."""
         return len(self.plant.system.inputs) < self.joints
 
-    @property
-    def limits(self) -> Array:
-        """Least and largest torque of each input [N m or N], (m, 2); infinite for none."""
-        return self.plant.input_limits.T
-
     @cached_property
     def nominal(self) -> mujoco.MjModel:
         """The model of the dynamics that the laws know."""
         return nominal_model(self.plant.spec)
-
-    def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
-        """The errors of all joints from a reference in joint space.
-
-        One reference has one set of coordinates, so that its laws are compiled once.
-        """
-        return _coordinates(self, reference)
 
     def task(
         self,
@@ -131,20 +118,12 @@ class Robot:
                 f"{self.joints} joints, so its joints cannot all be led: take a StateTask"
             )
         nominal = AnalyticPlant(self.plant.system, InWorkspace())
-        return Task(nominal, self.coordinates(reference), parameters, Q, R, realization)
-
-    def inertia(self, q: ArrayLike) -> Array:
-        """M(q) of the nominal model with the joints' armature, (n, n)."""
-        return inertia(self.nominal, q)
-
-    def bias(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """h(q, q') - passive: Coriolis and gravity torques less springs' and damping's, (n,)."""
-        return bias(self.nominal, q, dq)
+        return Task(nominal, _coordinates(self, reference), parameters, Q, R, realization)
 
 
 @cache
 def _coordinates(robot: Robot, reference: ReferenceFunction) -> RobotCoordinates:
-    """The robot's coordinates, with the body of its nominal model that each of its bodies is in."""
+    """The errors of all joints from a reference, made once so that its laws are compiled once."""
     full, nominal = robot.plant.model, robot.nominal
     carriers = {full.body(i).name: full.body_weldid[i] for i in range(1, full.nbody)}
     carriers = {

@@ -17,6 +17,7 @@ from grosmc_mj.control.references import Setpoints, setpoints
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.edits import AddedMass
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
@@ -76,7 +77,7 @@ def test_the_inner_controller_goes_and_motor_and_driver_stay(inner: str, gear: f
 
 def test_a_supply_beside_an_input_in_volts_limits_nothing_as_in_mujoco() -> None:
     made = Robot.from_mjcf(motor('controller="0 0 0 0 0 24"'))
-    np.testing.assert_array_equal(made.limits, [[-np.inf, np.inf]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-np.inf, np.inf]])
     assert torques(made.built.edited(HEAVY), 100.0, 400)[-1] == pytest.approx(100.0, rel=1e-6)
 
 
@@ -142,7 +143,7 @@ POSITION = (
 
 def test_a_servo_behind_a_lag_is_torque_behind_that_lag() -> None:
     made = Robot.from_mjcf(ONE.format(POSITION))
-    np.testing.assert_array_equal(made.limits, [[-8, 8]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-8, 8]])
     assert made.plant.model.na == 0
     # Neither its place nor its speed pulls, and a torque of 5 is not a place beyond 1.
     for q, v in ((0.0, 0.0), (0.6, 3.0)):
@@ -163,7 +164,7 @@ def test_limits_of_a_servos_activation_are_places_and_no_torques() -> None:
     text = text.replace('kp="30" kv="2"', 'gainprm="30" biastype="affine" biasprm="0 -30 -2"')
     lagging = 'dyntype="filterexact" dynprm="0.02" actlimited="true" actrange="-0.1 0.1" />'
     made = Robot.from_mjcf(ONE.format(text.replace("/>", lagging)))
-    np.testing.assert_array_equal(made.limits, [[-8, 8]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-8, 8]])
     assert torques(made.built, 7.0, 600)[-1] == pytest.approx(7.0, rel=1e-9)
 
 
@@ -209,8 +210,8 @@ def test_coupled_joints_are_the_plants_and_no_laws(coupled: str) -> None:
         *free.notes,
     )
     q, dq = [0.2, -0.4], [1.0, 0.3]
-    np.testing.assert_array_equal(made.inertia(q), free.inertia(q))
-    np.testing.assert_array_equal(made.bias(q, dq), free.bias(q, dq))
+    np.testing.assert_array_equal(inertia(made.nominal, q), inertia(free.nominal, q))
+    np.testing.assert_array_equal(bias(made.nominal, q, dq), bias(free.nominal, q, dq))
     original, runs = mujoco.MjModel.from_xml_string(text), []
     for model in (original, made.built.model, made.plant.model):
         data, rows = mujoco.MjData(model), []
