@@ -56,14 +56,10 @@ def run(*arguments: str) -> int:
         (("study", "tolerance", "arm", "--seeds", "0"), "must be from 1 to 1000"),
         (("study", "tolerance", "maglev"), "there is no loop"),
         (("study", "agreement", "leg"), "valid: arm, ball_beam, cart_pendulum"),
-        (("bench", "--rounds", "0"), "must be from 1 to 10000"),
-        (("bench", "--page", "nowhere.md"), "nowhere.md has no <!-- bench -->"),
-        (("bench", "--page", "nowhere.md", "--robot"), "leave out what names a part"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
         (("claims", "--json", "--self-test"), "--json is for the ledger"),
         (("claims", "servo", "--explain", "proof-3"), "leave out the system"),
         (("claims", "arm/case7", "--premises"), "did you mean 'arm/case2'"),
-        (("bench", "--integrator", "heun"), "valid: Euler, RK4"),
         (("film",), "SYSTEM"),
         (("film", "leg"), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
         (("film", "servo/case9"), "did you mean 'servo/case2'"),
@@ -156,7 +152,6 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
         "doctor": ("Exit code 1",),
         "list": (),
         "study": ("agreement", "switching", "region", "cart", "tolerance"),
-        "bench": ("--integrator", "--rounds"),
     }.items():
         assert command in summary
         assert run(command, "--help") == cli.DONE

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands.bench import BenchCommand
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.cli.commands.claims import ClaimsCommand
 from grosmc_mj.cli.commands.diff import DiffCommand
@@ -47,7 +46,6 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "diff": DiffCommand,
     "list": ListCommand,
     "doctor": DoctorCommand,
-    "bench": BenchCommand,
 }
 STUDY = "Measure one thing: " + ", ".join(STUDIES) + "."
 
