@@ -5,7 +5,6 @@ Nothing here imports MuJoCo: a worker can say what is wrong before it does so it
 
 from __future__ import annotations
 
-import os
 import pickle
 from collections import deque
 from collections.abc import Generator
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from loky.process_executor import ProcessPoolExecutor, TerminatedWorkerError
 
-from grosmc_mj.child_processes import end_with, interrupts_held
+from grosmc_mj.child_processes import interrupts_held, worker_pool
 from grosmc_mj.errors import SetupError
 
 if TYPE_CHECKING:
@@ -54,9 +53,7 @@ def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.n
         # By a file: a worker that dies at its start would leave a pipe that nobody reads.
         given = Path(folder) / "storyboard"
         given.write_bytes(pickle.dumps(board))
-        executor = ProcessPoolExecutor(
-            workers, initializer=_start, initargs=(given, backend, os.getpid()), env=variables
-        )
+        executor = worker_pool(workers, variables, _start, given, backend)
         try:
             yield from _in_order(executor, len(board.times), workers)
         except TerminatedWorkerError as error:
@@ -83,10 +80,9 @@ def _in_order(
         yield waiting.popleft().result()
 
 
-def _start(given: Path, backend: str, parent: int) -> None:
-    """Make a worker ready to draw; it ends when its parent does."""
+def _start(given: Path, backend: str) -> None:
+    """Make a worker ready to draw."""
     global _maker, _failure
-    end_with(parent)
     try:
         from grosmc_mj.films.frames import FrameMaker
 
