@@ -16,8 +16,8 @@ from loky.process_executor import ProcessPoolExecutor
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.films import CONTROLLERS, film_of
-from grosmc_mj.films.board import OVERSAMPLING
 from grosmc_mj.films.film import Film, Format
+from grosmc_mj.films.frames import OVERSAMPLING
 from grosmc_mj.films.storyboard import film_model
 from grosmc_mj.films.write import write_film
 

@@ -133,7 +133,7 @@ class BenchCommand(Command):
         """Frames per second of a film beside bare ones."""
         from grosmc_mj.bench.films import benchmark_films
         from grosmc_mj.bench.tables import film_rates_table
-        from grosmc_mj.films.offscreen.backends import find_backend
+        from grosmc_mj.films.offscreen import find_backend
 
         found, rounds = find_backend(os.environ.get("MUJOCO_GL")), self.rounds or 3
         with screen.progress(4 * rounds, "measurements") as advance:
