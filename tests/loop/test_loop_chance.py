@@ -50,4 +50,6 @@ def test_noise_lateness_and_missed_samples_are_drawn_independently() -> None:
     missed = run.input[at] != run.command[at]
     assert set(late) == {0, 1}
     noise = seen(run)[at] - run.state[at]
-    assert_independent({"late": late, "missed": missed, ANGLE: noise[:, 0], SPEED: noise[:, 1]})
+    assert_independent(
+        {"late": late * 1.0, "missed": missed * 1.0, ANGLE: noise[:, 0], SPEED: noise[:, 1]}
+    )
