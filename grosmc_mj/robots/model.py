@@ -171,7 +171,8 @@ def _couplings(spec: mujoco.MjSpec, notes: list[str]) -> list[list[str]]:
             names = " and ".join(map(repr, coupled))
             kind = "couples the joints" if len(coupled) > 1 else "holds the joint"
             notes.append(
-                f"the plant {kind} {names} (equality), which no law knows: laws move each on its own"
+                f"the plant {kind} {names} (equality), which no law knows: laws move each on its "
+                "own"
             )
             continue
         if equality.active:
