@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.machine.motors import in_units_of, volts_for
+from grosmc_mj.machine.motor import in_units_of, volts_for
 from grosmc_mj.robots.actuators import Drive, scaled
 
 _INPUT = mujoco.mjtCtrlInput

@@ -39,7 +39,7 @@ def asked(amperes: float) -> float:
 
 def run(plant: MujocoPlant, u: float, steps: int, held: float | None = None) -> Array:
     """Speed, torque at the joint and current of the winding after each step."""
-    (winding,) = plant.unseen
+    (winding,) = plant.hidden_states
     model, rows = plant.model, []
     data = mujoco.MjData(model)
     data.ctrl[0] = u
@@ -132,7 +132,7 @@ def test_most_current_and_cogging_are_the_motors_own_on_a_supply() -> None:
 def test_a_driver_gives_its_current_however_warm_the_winding_is() -> None:
     hot = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
     plant = servo(HEAVY, loop(**hot), timestep=1e-3, integrator="implicitfast")
-    heat, winding = plant.unseen
+    heat, winding = plant.hidden_states
     data = mujoco.MjData(plant.model)
     data.ctrl[0] = asked(1.0)
     for _ in range(2000):
@@ -152,7 +152,7 @@ KINDS = {
 
 def wave(plant: MujocoPlant, sign: float) -> tuple[Array, Array]:
     """States and winding's current under an input that uses all of the supply."""
-    (winding,) = plant.unseen
+    (winding,) = plant.hidden_states
     model, rows, amperes = plant.model, [], []
     data = mujoco.MjData(model)
     for step in range(3000):

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from grosmc_mj.arrays import Array
 from grosmc_mj.machine import LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
 from grosmc_mj.machine.bounces import restitution_of
-from grosmc_mj.machine.unseen import starts
 from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 J, GEAR = 0.0577, 0.667
@@ -132,7 +132,7 @@ def test_a_motor_has_its_no_load_speed_its_stall_torque_and_its_time_constant() 
     u = volts * N * K / (R * GEAR)
     part = Motor("current", K, R, inductance=L, ratio=N)
     plant = servo(part, timestep=1e-5)
-    (current,) = plant.unseen
+    (current,) = plant.hidden_states
     assert (current.name, current.unit) == ("current winding", "A")
     rows = stepped(plant, 5e-3, lambda d: (d.act[0], d.qfrc_actuator[0]), lambda t: u)
     amperes = current.scale * rows[:, 0]
@@ -152,7 +152,7 @@ def test_a_current_loop_follows_with_its_bandwidth() -> None:
     reached = int(np.argmax(torque >= (1 - math.exp(-1)) * GEAR)) * 1e-5
     assert reached == pytest.approx(1 / 5e3, rel=0.06)
     assert torque[-1] == pytest.approx(GEAR, rel=1e-4)
-    (current,) = plant.unseen
+    (current,) = plant.hidden_states
     amperes = current.scale * stepped(plant, 2e-3, lambda d: d.act[0], lambda t: 1.0)
     assert amperes[-1] == pytest.approx(GEAR / (10 * 7.68e-3), rel=1e-4)
     # It makes up for the back-EMF: what turns is not braked.
@@ -189,7 +189,7 @@ def test_a_motor_that_the_model_has_already_changes_nothing_while_it_is_cold_and
 def test_a_winding_warms_up_to_its_thermal_resistance() -> None:
     part = Motor("current", 7.68e-3, 2.6, ratio=10.0, thermal_resistance=5.0, heat_capacity=0.02)
     held = servo(BodyEdit("rotor", mass_scale=1e9), part, timestep=1e-3)
-    (heat,) = held.unseen
+    (heat,) = held.hidden_states
     volts = 6.0
     u = volts * 10 * 7.68e-3 / (2.6 * GEAR)
     rows = stepped(held, 2.0, lambda d: d.act[0], lambda t: u)
