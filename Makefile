@@ -80,7 +80,7 @@ typecheck: $(INSTALLED)  ## Check the types
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: $(INSTALLED)  ## Measure throughput against MuJoCo's open loop
-	$(BIN)/grosmc-mj bench $(ARGS)
+	$(BIN)/python -m benchmarks $(ARGS)
 
 gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	for film in 'servo --from 8.5 --to 15.5' 'cart_pendulum --to 4' 'arm --to 4.5' 'two_link_arm --to 4'; do \
