@@ -84,6 +84,24 @@ def test_two_masses_have_their_resonance_and_antiresonance_within_half_a_percent
     assert moved(antiresonance * 0.995) * moved(antiresonance * 1.005) < 0
 
 
+@pytest.mark.parametrize("backlash", [0.0, 0.2], ids=["without backlash", "within the backlash"])
+def test_the_damping_of_a_transmission_acts_on_the_twist(backlash: float) -> None:
+    """twist'' = -(k twist + d twist')(1/J + 1/J_m); within the backlash there is no k."""
+    motor, k, d = 0.01, 500.0, 0.2
+    plant = servo(Transmission("shaft", inertia=motor, stiffness=k, damping=d, backlash=backlash))
+    stiff, damped = (each * (1 / J + 1 / motor) for each in (0.0 if backlash else k, d))
+    model, data = plant.model, mujoco.MjData(plant.model)
+    data.qvel[1] = 1.0
+    mujoco.mj_step(model, data, nstep=500)
+    t = data.time
+    if backlash:
+        twist = (1 - math.exp(-damped * t)) / damped
+    else:
+        omega = math.sqrt(stiff - damped**2 / 4)
+        twist = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
+    assert data.qpos[1] - data.qpos[0] == pytest.approx(twist, rel=1e-6)
+
+
 @pytest.mark.parametrize("v", [0.01, 0.03, 0.5, -0.5])
 def test_lugre_has_its_steady_curve(v: float) -> None:
     part = LuGre("shaft", coulomb=0.1, static=0.15, stiffness=200.0, damping=0.5, stribeck=0.01)
@@ -143,6 +161,17 @@ def test_a_motor_has_its_no_load_speed_its_stall_torque_and_its_time_constant() 
     quick = servo(BodyEdit("rotor", mass_scale=0.01), Motor("current", K, R, ratio=N))
     speeds = stepped(quick, 5.0, lambda d: d.qvel[0], lambda t: u)
     assert speeds[-1] == pytest.approx(volts / (N * K), rel=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, -70.0])
+def test_a_rotors_inertia_at_the_joint_goes_with_the_square_of_the_ratio(ratio: float) -> None:
+    """By its kinetic energy at the joint's speed: the joint is slower by 1 + N^2 J_m/J."""
+    rotor, torque = 2e-5, 0.5
+    plant = servo(Motor("current", 7.68e-3, 2.6, ratio=ratio, inertia=rotor))
+    data = mujoco.MjData(plant.model)
+    data.ctrl[0] = torque / GEAR
+    mujoco.mj_forward(plant.model, data)
+    assert data.qacc[0] == pytest.approx(torque / (J + ratio**2 * rotor), rel=1e-9)
 
 
 def test_a_current_loop_follows_with_its_bandwidth() -> None:
