@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
 
 import numpy as np
 import pydantic
@@ -271,7 +271,7 @@ def range_of(kind: type, field: str) -> Range | None:
         kind: The dataclass.
         field: Name of the field.
     """
-    hint = get_type_hints(kind, include_extras=True)[field]
-    return next(
-        (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Range)), None
-    )
+    hint = get_type_hints(kind, include_extras=True).get(field)
+    # One that may be None is a union.
+    marks = (mark for part in (hint, *get_args(hint)) for mark in getattr(part, "__metadata__", ()))
+    return next((mark for mark in marks if isinstance(mark, Range)), None)

@@ -74,16 +74,13 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
     for option in _OPTIONS:
         if not np.all(np.isfinite(getattr(model.opt, option))):
             raise ModelError(f"{name}: its {option} is {getattr(model.opt, option)}, not finite")
-    # All at once: a model has a hundred small arrays.
-    if np.all(np.isfinite(np.concatenate([getattr(model, each).ravel() for each in _arrays()]))):
-        return
-    for each in _arrays():
-        values = getattr(model, each)
-        rows = np.unique(np.argwhere(~np.isfinite(values))[:, 0])
-        if len(rows):
+    for array in _arrays():
+        values = getattr(model, array)
+        if not np.all(np.isfinite(values)):
+            row = int(np.argwhere(~np.isfinite(values))[0, 0])
             raise ModelError(
-                f"{name}: {_named(model, each, int(rows[0]))}: {each.partition('_')[2] or each} = "
-                f"{values[rows[0]].tolist()} must be finite"
+                f"{name}: {_named(model, array, row)}: {array.partition('_')[2] or array} = "
+                f"{values[row].tolist()} must be finite"
             )
 
 

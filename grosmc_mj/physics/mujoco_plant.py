@@ -22,16 +22,18 @@ from grosmc_mj.physics.checks import LONGEST, SHORTEST, fingerprint, spec_finger
 from grosmc_mj.physics.edits import BodyEdit, Change, Edit, apply_edits
 from grosmc_mj.physics.files import compile_spec, joint_names, load_spec, model_path
 from grosmc_mj.physics.hidden_states import HiddenState, hidden_states
+from grosmc_mj.physics.linearization import differences
 from grosmc_mj.physics.mjdata import scratch
 from grosmc_mj.physics.template import Template
 from grosmc_mj.physics.undrawn import can_constrain, undrawn
 from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 
-_INTEGRATORS: dict[int, Integrator] = {
-    int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")): name
-    for name in get_args(Integrator)
+# MuJoCo's integrators by name, and their names.
+_MUJOCO: dict[Integrator, mujoco.mjtIntegrator] = {
+    name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
+_INTEGRATORS = {int(value): name for name, value in _MUJOCO.items()}
 
 
 class _Nominal:
@@ -243,9 +245,6 @@ class MujocoPlant(Plant):
             ModelError: If it has states of its own.
         """
         self._refuse_hidden()
-        # It imports the engine that compiles the laws, which loads slowly.
-        from grosmc_mj.physics.linearization import differences
-
         state, inputs = self.operating_point(x, u)
         self.require_unchanged([self])
         return differences(self, state, inputs)
@@ -261,13 +260,9 @@ class MujocoPlant(Plant):
 
         Runs compute with one that has the same motion and nothing that is only drawn.
         """
-        return self._handed_out[0]
-
-    @cached_property
-    def _handed_out(self) -> tuple[mujoco.MjModel, str]:
-        """The compiled model, and what it was like then."""
-        model = self._compiled(self._edited(self.spec))
-        return model, fingerprint(model)
+        _, model = self._compiled(self.spec)
+        vars(self)["_fingerprint"] = fingerprint(model)
+        return model
 
     @cached_property
     def undrawn_model(self) -> mujoco.MjModel:
@@ -281,8 +276,7 @@ class MujocoPlant(Plant):
     @property
     def _running(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
         """The model that runs compute with, editable and compiled."""
-        spec = self._edited(self._nominal.undrawn)
-        model = self._compiled(spec)
+        spec, model = self._compiled(self._nominal.undrawn)
         if not can_constrain(model):
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         return spec, model
@@ -311,23 +305,17 @@ class MujocoPlant(Plant):
             self.undrawn_model  # noqa: B018  compiled here, and not by several threads
         return changes
 
-    def _edited(self, nominal: mujoco.MjSpec) -> mujoco.MjSpec:
-        """The edited model, drawn or not."""
-        model = self._nominal.model if self.edits else None
-        spec = apply_edits(nominal, self.edits, model, self.timestep)
-        if self.integrator is not None:
-            spec.option.integrator = getattr(
-                mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
-            )
-        return spec
-
-    def _compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
-        """Compile the edited model.
+    def _compiled(self, nominal: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+        """The edited model, editable and compiled, from the nominal one, drawn or not.
 
         Raises:
             ModelError: If MuJoCo refuses it, its joints are not the system's, or its parts need a
                 shorter timestep.
         """
+        compiled = self._nominal.model if self.edits else None
+        spec = apply_edits(nominal, self.edits, compiled, self.timestep)
+        if self.integrator is not None:
+            spec.option.integrator = _MUJOCO[self.integrator]
         model = compile_spec(spec, checked=bool(self.edits))
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -342,7 +330,7 @@ class MujocoPlant(Plant):
             )
         for edit in self.edits:
             edit.require_timestep(model, self.system.name)
-        return model
+        return spec, model
 
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
         """The analytic twin, with the numbers of the compiled model as it is edited.
@@ -350,8 +338,8 @@ class MujocoPlant(Plant):
         The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
-        compiled = "undrawn_model" in vars(rigid)
-        model = None if compiled else rigid.template.written(rigid.edits)
+        known = "undrawn_model" in vars(rigid)
+        model = None if known else rigid.template.written(rigid.edits)
         return AnalyticPlant.from_model(self.system, model or rigid.undrawn_model, variant)
 
     @classmethod
@@ -365,8 +353,7 @@ class MujocoPlant(Plant):
         """
         plants = dict.fromkeys(plants)
         for plant in plants:
-            model, before = plant.__dict__.get("_handed_out", (None, ""))
-            if model is not None and fingerprint(model) != before:
+            if "model" in vars(plant) and fingerprint(plant.model) != vars(plant)["_fingerprint"]:
                 raise ModelError(
                     f"{plant.system.name}: plant.model was changed after it was compiled, which no "
                     "run would notice: use plant.edited(...), or another MJCF"
