@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
@@ -69,14 +68,14 @@ class Range(_Check):
         """The number, if it is within."""
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
-        beyond = isinstance(value, int) and number is not None and math.isinf(number)
+        beyond = isinstance(value, int) and number in (-math.inf, math.inf)
         if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
         """Whether a number is within the bounds; NaN is not."""
-        if math.isinf(number):
+        if number in (-math.inf, math.inf):
             return self.infinite and (number > 0 or self.low == -math.inf)
         over = number > self.low if self.above else number >= self.low
         under = number < self.high if self.below else number <= self.high
@@ -144,6 +143,65 @@ class _Vector(_Check):
         return tuple(array.tolist())
 
 
+@dataclass(frozen=True)
+class Known(_Check):
+    """One of some names; another one is refused with the nearest of them.
+
+    Attributes:
+        kind: The noun for it, such as ``executor``.
+        names: All that are valid.
+    """
+
+    kind: str
+    names: Collection[str]
+
+    def __call__(self, value: Any) -> str:
+        """The name, if it is one of them."""
+        if not isinstance(value, str) or value not in self.names:
+            line = unknown_name(self.kind, value, self.names)
+            raise PydanticCustomError("unknown", "{line}", {"line": line})
+        return value
+
+
+@dataclass(frozen=True)
+class Is(_Check):
+    """A value of one of some classes.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a plant, such as MujocoPlant.load(...)``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> Any:
+        """The value, if it is one."""
+        if not isinstance(value, self.kinds):
+            raise refused(self.wanted)
+        return value
+
+
+@dataclass(frozen=True)
+class Items(_Check):
+    """A list or tuple of values of some classes; it is kept as a tuple.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a tuple of Signals``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> tuple[Any, ...]:
+        """The values, if all are such."""
+        items = value if isinstance(value, (list, tuple)) else [None]
+        if not all(isinstance(item, self.kinds) for item in items):
+            raise refused(self.wanted)
+        return tuple(value)
+
+
 class _Name(_Check):
     """A name that is not empty."""
 
@@ -175,7 +233,7 @@ _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="
 
 @dataclass_transform(frozen_default=True)
 def checked(
-    error: type[GrosmcError] = ArgumentError, *, eq: bool = True
+    error: type[GrosmcError] = ArgumentError, *, label: str = "", eq: bool = True
 ) -> Callable[[type[Made]], type[Made]]:
     """Make a class a frozen dataclass whose fields check what they are given.
 
@@ -183,7 +241,8 @@ def checked(
 
     Args:
         error: Raised for fields that are refused; all of them are told at once.
-        eq: Whether two of it are equal if their fields are; else only one and the same is.
+        label: Begins the line; by default the class's ``kind`` and its first field, if it has one.
+        eq: Whether instances of equal fields are equal; else each is itself alone.
     """
 
     def decorate(kind: type[Made]) -> type[Made]:
@@ -198,8 +257,9 @@ def checked(
             except pydantic.ValidationError as mistakes:
                 title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
                 owner = kwargs.get(names[0], owner)
-                label = f"{title} of {shown(owner)}: " if isinstance(title, str) and title else ""
-                raise translated(mistakes, names, error, label) from None
+                named = f"{title} of {shown(owner)}" if title and isinstance(title, str) else ""
+                start = label or named
+                raise translated(mistakes, names, error, start and f"{start}: ") from None
 
         made.__init__ = initialize_checked
         return made
@@ -253,11 +313,12 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
     match mistake["type"]:
         case "refused":
             return f"{place} = {value} must be {mistake['msg']}"
-        case "literal_error":
-            valid = re.findall("'([^']*)'", mistake["ctx"]["expected"])
-            return unknown_name(place, mistake["input"], valid)
         case "missing" | "missing_argument":
             return f"{place} is missing"
+        case "unknown":
+            return mistake["msg"]
+        case "is_instance_of":
+            return f"{place} = {value} must be a {mistake['ctx']['class']}"
         case "unexpected_keyword_argument" | "unexpected_positional_argument":
             return f"there is no argument {place}; valid: {', '.join(names)}"
     return f"{place} = {value}: {mistake['msg'].replace('Input should be', 'must be')}"

@@ -180,8 +180,8 @@ class Motor(MachinePart):
         return math.sqrt(self.efficiency) * self.constant
 
     def _volts(self, gear: float) -> float:
-        """c, in the place of an input whose torque at the joint is the gear [V]."""
-        return volts_for(abs(gear), abs(self.ratio), self._constant, self._resistance)
+        """c: the voltage for one unit of an input whose torque at the joint is the gear [V]."""
+        return abs(gear) * self._resistance / (abs(self.ratio) * self._constant)
 
     def _winding(self, gear: float) -> tuple[float, float, float, float]:
         """In the place of such an input: K, R, the actuator's gear, and its force for one N m.
@@ -191,8 +191,9 @@ class Motor(MachinePart):
         if self.supplied:
             force = abs(self.ratio) / abs(gear)
             return self._constant * force, self.resistance, gear, force
-        constant, resistance = in_units_of(self._volts(gear), self._constant, self._resistance)
-        return constant, resistance, abs(self.ratio) * math.copysign(1.0, gear), 1.0
+        c = self._volts(gear)
+        signed_ratio = abs(self.ratio) * math.copysign(1.0, gear)
+        return self._constant / c, self._resistance / c**2, signed_ratio, 1.0
 
     def _limits(self, actuator: mujoco.MjsActuator, volts: float) -> tuple[float, float]:
         """Least and largest input: the model's own, and those that an amplifier's voltage allows.
@@ -265,20 +266,3 @@ class Motor(MachinePart):
         torque = model.actuator_gainprm[index, 1] * model.actuator_gear[index, 0]
         scale = float(torque / (self.efficiency * self.constant * self.ratio))
         return replace(state, name=f"{self.input} winding", unit="A", kind="winding", scale=scale)
-
-
-def volts_for(torque: float, ratio: float, constant: float, resistance: float) -> float:
-    """c: the voltage for one unit of an input that demands a torque at the joint [V].
-
-    Args:
-        torque: For one unit of the input [N m or N].
-        ratio: Of the gear.
-        constant: K [N m/A].
-        resistance: R [ohm].
-    """
-    return torque * resistance / (ratio * constant)
-
-
-def in_units_of(c: float, constant: float, resistance: float) -> tuple[float, float]:
-    """K and R in a unit of voltage that is c times as large."""
-    return constant / c, resistance / c**2

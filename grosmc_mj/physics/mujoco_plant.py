@@ -17,7 +17,7 @@ from pydantic import InstanceOf
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Range, checked
+from grosmc_mj.fields import Known, Range, checked
 from grosmc_mj.physics.checks import LONGEST, SHORTEST, fingerprint, spec_fingerprint
 from grosmc_mj.physics.edits import BodyEdit, Change, Edit, apply_edits
 from grosmc_mj.physics.files import compile_spec, joint_names, load_spec, model_path
@@ -33,7 +33,7 @@ from grosmc_mj.plants.plant import Integrator, Kind
 _MUJOCO: dict[Integrator, mujoco.mjtIntegrator] = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
-_INTEGRATORS = {int(value): name for name, value in _MUJOCO.items()}
+_INTEGRATORS: dict[int, Integrator] = {int(value): name for name, value in _MUJOCO.items()}
 
 
 class _Nominal:
@@ -87,7 +87,7 @@ class MujocoPlant(Plant):
     spec: mujoco.MjSpec
     edits: tuple[Edit, ...] = ()
     timestep: Annotated[float, Range(SHORTEST, LONGEST, "s", below=True)] | None = None
-    integrator: Integrator | None = None
+    integrator: Annotated[Integrator, Known("integrator", get_args(Integrator))] | None = None
 
     @classmethod
     def load(
