@@ -94,23 +94,24 @@ class Motor(MachinePart):
     remedy = "take another integrator, or leave its inductance out"
 
     def __post_init__(self) -> None:
-        mistake = ""
-        if bool(self.thermal_resistance) != bool(self.heat_capacity):
-            mistake = "heating needs both thermal_resistance and heat_capacity"
-        if 0 < self.time_constant < LEAST:
-            mistake = f"its current follows in {self.time_constant:.2g} s: leave that out"
-        if abs(self.ratio) < LEAST:
-            mistake = f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative"
-        if mistake:
-            raise ModelError(f"motor of {self.input!r}: {mistake}")
+        heated, tau = bool(self.thermal_resistance), self.time_constant
+        mistakes = {
+            "heating needs both thermal_resistance and heat_capacity": (
+                heated != bool(self.heat_capacity)
+            ),
+            f"its current follows in {tau:.2g} s: leave that out": 0 < tau < LEAST,
+            f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative": (
+                abs(self.ratio) < LEAST
+            ),
+        }
+        if any(mistakes.values()):
+            text = "; ".join(mistake for mistake, wrong in mistakes.items() if wrong)
+            raise ModelError(f"motor of {self.input!r}: {text}")
 
     def __str__(self) -> str:
         kind = f"current loop of {self.bandwidth:.4g} rad/s" if self.bandwidth else "voltage"
-        limits = []
-        if math.isfinite(self.voltage):
-            limits.append(f"{self.voltage:.3g} V")
-        if math.isfinite(self.current):
-            limits.append(f"{self.current:.3g} A")
+        bounds = (self.voltage, "V"), (self.current, "A")
+        limits = [f"{bound:.3g} {unit}" for bound, unit in bounds if math.isfinite(bound)]
         within = f", within {' and '.join(limits)}" if limits else ""
         return f"{self.input}: DC motor by {kind}{within}"
 

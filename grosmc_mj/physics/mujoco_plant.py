@@ -338,7 +338,7 @@ class MujocoPlant(Plant):
         The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
-        known = "undrawn_model" in vars(rigid)
+        known = "undrawn_model" in vars(rigid) or not rigid.edits
         model = None if known else rigid.template.written(rigid.edits)
         return AnalyticPlant.from_model(self.system, model or rigid.undrawn_model, variant)
 
