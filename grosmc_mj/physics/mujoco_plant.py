@@ -40,19 +40,14 @@ class _Nominal:
     """What all plants of one nominal model share.
 
     Attributes:
-        fingerprint: Of the model when the first plant was made of it.
-        undrawn: The model without what is only drawn.
+        fingerprint: Of the model, when its first plant was created.
+        undrawn: The model without looks, to compute with.
         templates: To write edits into, by timestep and integrator.
     """
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
         self.fingerprint, self.undrawn = spec_fingerprint(spec), undrawn(spec)
         self.templates: dict[tuple[Any, ...], Template] = {}
-
-    @cached_property
-    def model(self) -> mujoco.MjModel:
-        """The same compiled, once for thousands of edits."""
-        return compile_spec(self.undrawn)
 
 
 # For as long as a plant has the model.
@@ -123,7 +118,7 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If an edit is not valid.
         """
-        return replace(self, spec=apply_edits(self.spec, edits, self._nominal.model))
+        return replace(self, spec=apply_edits(self.spec, edits, self.template.model))
 
     def changed(
         self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
@@ -177,7 +172,7 @@ class MujocoPlant(Plant):
     @property
     def _model_like(self) -> mujoco.MjModel:
         """A compiled model with its states and drives, which rigid edits do not change."""
-        return self.undrawn_model if self.parts else self._nominal.model
+        return self.undrawn_model if self.parts else self.template.model
 
     @property
     def stepped_by(self) -> Integrator:
@@ -186,7 +181,7 @@ class MujocoPlant(Plant):
 
     @property
     def restepped(self) -> bool:
-        """Whether another integrator is asked for than the model says."""
+        """Whether it has another integrator than its model."""
         return self.stepped_by != _INTEGRATORS[int(self.spec.option.integrator)]
 
     @property
@@ -312,7 +307,7 @@ class MujocoPlant(Plant):
             ModelError: If MuJoCo refuses it, its joints are not the system's, or its parts need a
                 shorter timestep.
         """
-        compiled = self._nominal.model if self.edits else None
+        compiled = self.template.model if self.edits else None
         spec = apply_edits(nominal, self.edits, compiled, self.timestep)
         if self.integrator is not None:
             spec.option.integrator = _MUJOCO[self.integrator]
@@ -344,9 +339,9 @@ class MujocoPlant(Plant):
 
     @classmethod
     def require_unchanged(cls, plants: Iterable[MujocoPlant]) -> None:
-        """Refuse to simulate something else than what the plants' models now say.
+        """Refuse plants whose models were changed since they were compiled, as ``Plant`` says.
 
-        A model that nobody has been given is not looked at, and one spec once.
+        A model that nobody has read is not looked at, and each spec once.
 
         Raises:
             ModelError: If a model or a spec was changed in place.
