@@ -127,6 +127,25 @@ class Reals(_Check):
         return array
 
 
+@dataclass(frozen=True)
+class Is(_Check):
+    """A value of one of some classes.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a plant, such as MujocoPlant.load(...)``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> Any:
+        """The value, if it is of such a class."""
+        if not isinstance(value, self.kinds):
+            raise refused(self.wanted)
+        return value
+
+
 class _Name(_Check):
     """A name that is not empty."""
 

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
-from grosmc_mj.control.task import Task, require_task
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.control.task import Limit, OutputTask, Task
+from grosmc_mj.errors import GainError
+from grosmc_mj.fields import Positive, Range, checked_call
 
 # Beyond this the powers of a frequency overflow.
 _MOST = 1e50
 
 
+@checked_call
 def lqi(
-    task: Task, integral_weight: float, limit: float = math.inf, *, linearizing: bool = True
+    task: OutputTask,
+    integral_weight: Positive,
+    limit: Limit = math.inf,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """LQR with integral action, through feedback linearization.
 
@@ -37,15 +43,11 @@ def lqi(
             about zero error.
 
     Raises:
-        GainError: If a number is not positive, there is no optimum or, on the linearization, zero
-            error is no equilibrium without input.
+        ArgumentError: If a number is not positive.
+        GainError: If there is no optimum or, on the linearization, zero error is no equilibrium
+            without input.
     """
-    require_task(task)
     optimum = task.optimum(linearizing=linearizing)
-    if not 0 < real(integral_weight) < math.inf:
-        raise GainError(
-            f"LQI: integral_weight = {shown(integral_weight)} must be finite and positive"
-        )
     n, m = optimum.B.shape
     A, Q = np.zeros((n + m, n + m)), np.zeros((n + m, n + m))
     A[:n, :n], A[n:, :n] = optimum.A, _outputs(task)
@@ -57,8 +59,13 @@ def lqi(
     )
 
 
+@checked_call
 def pid(
-    task: Task, frequency: float, limit: float = math.inf, *, linearizing: bool = True
+    task: OutputTask,
+    frequency: Annotated[float, Range(0, _MOST, "rad/s", above=True)],
+    limit: Limit = math.inf,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """PID through feedback linearization, with three poles at one place for every output.
 
@@ -75,17 +82,14 @@ def pid(
             about zero error.
 
     Raises:
-        GainError: If a number is not positive, an output has another relative degree or, on the
-            linearization, zero error is no equilibrium without input.
+        ArgumentError: If a number is not positive.
+        GainError: If an output has another relative degree or, on the linearization, zero error is
+            no equilibrium without input.
     """
-    require_task(task)
     optimum = task.optimum(linearizing=linearizing)
     degrees, m = task.error.linearization.relative_degree, task.error.inputs
-    if set(degrees) != {2} or not 0 < real(frequency) < _MOST:
-        raise GainError(
-            f"PID with frequency {shown(frequency)} rad/s: it must be positive, and the relative "
-            f"degrees {degrees} all 2"
-        )
+    if set(degrees) != {2}:
+        raise GainError(f"PID: the relative degrees {degrees} must all be 2")
     rows = list(task.error.linearization.last_rows)
     # z_i'' = a_i z + (E u)_i: nothing and the identity after feedback linearization.
     a, E = optimum.A[rows], optimum.B[rows]

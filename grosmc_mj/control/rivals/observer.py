@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
-from grosmc_mj.control.task import Task, require_task
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.control.task import Limit, OutputTask
+from grosmc_mj.fields import Range, checked_call
 
 
 class Observer(NamedTuple):
@@ -38,8 +37,13 @@ class Observer(NamedTuple):
     start: Array
 
 
+@checked_call
 def adrc(
-    task: Task, bandwidth: float, limit: float = math.inf, *, linearizing: bool = True
+    task: OutputTask,
+    bandwidth: Annotated[float, Range(0, unit="rad/s", above=True)],
+    limit: Limit = math.inf,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """Linear active disturbance rejection, through feedback linearization.
 
@@ -59,17 +63,11 @@ def adrc(
             about zero error.
 
     Raises:
-        GainError: If a number is not positive or, on the linearization, zero error is no
-            equilibrium without input.
+        ArgumentError: If a number is not positive.
+        GainError: If, on the linearization, zero error is no equilibrium without input.
     """
-    require_task(task)
-    optimum = task.optimum(linearizing=linearizing)
-    if not 0 < real(bandwidth) < math.inf:
-        raise GainError(f"ADRC: bandwidth = {shown(bandwidth)} rad/s must be finite and positive")
-    chains = task.error.linearization
-    at = partial(
-        _dynamics, optimum, chains.relative_degree, list(chains.last_rows), float(bandwidth)
-    )
+    optimum, chains = task.optimum(linearizing=linearizing), task.error.linearization
+    at = partial(_dynamics, optimum, chains.relative_degree, list(chains.last_rows), bandwidth)
     return dynamic_controller(
         "adrc",
         task,
@@ -77,7 +75,7 @@ def adrc(
         at,
         linearizing=linearizing,
         holds=False,
-        gains=named_gains(K=optimum.K) | {"bandwidth": float(bandwidth)},
+        gains=named_gains(K=optimum.K) | {"bandwidth": bandwidth},
         limit=limit,
         source="Gao 2003",
     )

@@ -10,8 +10,7 @@ import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.gains import Uncertainty
-from grosmc_mj.control.state_design import StateUncertainty
+from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.file.units import number_in
 
