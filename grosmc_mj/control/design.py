@@ -21,20 +21,18 @@ from grosmc_mj.control.task import (
     AS_PRINTED,
     AnyTask,
     GrosmcParameters,
-    OfStates,
-    OutputTask,
     Realization,
+    StateTask,
+    Task,
 )
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import GainError
-from grosmc_mj.fields import Is, Name, Positive, Range, checked_call
-
-NOTHING_UNCERTAIN = StateUncertainty()
-Declared = Annotated[Uncertainty, Is(Uncertainty, "an Uncertainty")]
+from grosmc_mj.fields import Name, Positive, Range, checked_call
 
 # Of the room that an actuator's limits leave, for the nominal input; the rest is the switching
 # term's. With 0.8 dm_control's cart-pole falls from 30 degrees.
 SHARE = 0.9
+CERTAIN = StateUncertainty()
 
 
 @checked_call
@@ -45,7 +43,7 @@ def linear_lqr(task: AnyTask) -> Controller:
 
 
 @checked_call
-def linearized_lqr(task: OutputTask, name: Name = "fl-lqr") -> Controller:
+def linearized_lqr(task: Task, name: Name = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
     optimum, source = task.optimum(linearizing=True), "eqs. (23)+(28), (44)+(49)"
     return _feedback(name, laws.linearizing_feedback, task, optimum, source, linearizing=True)
@@ -53,7 +51,7 @@ def linearized_lqr(task: OutputTask, name: Name = "fl-lqr") -> Controller:
 
 @checked_call
 def computed_torque_pd(
-    task: OutputTask,
+    task: Task,
     frequency: Annotated[float, Range(0, 1e150, "rad/s", above=True)],
     damping: Annotated[float, Range(0, 1e150, above=True)] = 1.0,
 ) -> Controller:
@@ -85,9 +83,7 @@ def computed_torque_pd(
 
 
 @checked_call
-def linear_grosmc(
-    task: OutputTask, uncertainty: Declared, G: ArrayLike | None = None
-) -> Controller:
+def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None) -> Controller:
     """GROSMC of section 2, eqs. (8)+(12), with gains from the declared uncertainty.
 
     Args:
@@ -103,7 +99,7 @@ def linear_grosmc(
 
 @checked_call
 def regulating_grosmc(
-    task: OutputTask, uncertainty: Declared, G: ArrayLike | None = None
+    task: Task, uncertainty: Uncertainty, G: ArrayLike | None = None
 ) -> Controller:
     """GROSMC of section 3, eqs. (31)+(37), with gains from the declared uncertainty.
 
@@ -122,7 +118,7 @@ def regulating_grosmc(
 
 @checked_call
 def tracking_grosmc(
-    task: OutputTask, k: Positive, epsilon: Positive, G: ArrayLike | None = None
+    task: Task, k: Positive, epsilon: Positive, G: ArrayLike | None = None
 ) -> Controller:
     """GROSMC of section 4, eqs. (51)+(55), with its gains given.
 
@@ -142,10 +138,8 @@ def tracking_grosmc(
 
 @checked_call
 def state_grosmc(
-    task: OfStates,
-    uncertainty: Annotated[
-        StateUncertainty, Is(StateUncertainty, "a StateUncertainty")
-    ] = NOTHING_UNCERTAIN,
+    task: StateTask,
+    uncertainty: StateUncertainty = CERTAIN,
     G: ArrayLike | None = None,
     limit: Annotated[float, Range(0, above=True, infinite=True)] | None = None,
 ) -> Controller:

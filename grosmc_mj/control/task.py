@@ -116,7 +116,6 @@ class Realization:
 
 
 AS_PRINTED = Realization()
-Sampled = Annotated[Realization, Is(Realization, "a Realization(switching, control_period)")]
 
 
 @checked()
@@ -138,7 +137,7 @@ class Task:
     reference: Any
     Q: Matrix
     R: Matrix
-    realization: Sampled = AS_PRINTED
+    realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
         # The relative degrees of outputs and reference must agree before anything is made of them.
@@ -229,7 +228,7 @@ class StateTask:
         Is((OperatingPoint, type(None)), "an OperatingPoint, as equilibrium gives it"),
     ] = None
     model: tuple[Matrix, Matrix] | None = None
-    realization: Sampled = AS_PRINTED
+    realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
         self.plant.operating_point(self.point.x, self.point.u)
@@ -264,8 +263,6 @@ class StateTask:
 
 # Largest |u| that the actuators give, in the unit of the input; infinite for none.
 Limit = Annotated[float, Range(0, above=True, infinite=True)]
-OutputTask = Annotated[Task, Is(Task, "a Task(plant, error, reference, Q, R)")]
-OfStates = Annotated[StateTask, Is(StateTask, "a StateTask(plant, Q, R)")]
 AnyTask = Annotated[
     Task | StateTask, Is((Task, StateTask), "a Task(plant, error, reference, Q, R) or a StateTask")
 ]

@@ -27,7 +27,7 @@ from grosmc_mj.control.reaching import (
     times,
 )
 from grosmc_mj.errors import GainError, shown
-from grosmc_mj.fields import NotNegative, Positive, Range, Reals, checked, refused
+from grosmc_mj.fields import Name, NotNegative, Positive, Range, Reals, checked, refused
 from grosmc_mj.plants import OperatingPoint, Plant
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
@@ -231,7 +231,7 @@ class StateUncertainty:
         push: Largest force at the body's centre of mass, in any direction [N].
     """
 
-    body: str = ""
+    body: Name = ""
     mass: Scale = 1.0
     length: Scale = 1.0
     scales: Scales = field(default_factory=dict)

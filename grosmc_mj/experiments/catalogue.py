@@ -9,7 +9,7 @@ from pathlib import Path
 from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
-from grosmc_mj.control.task import AS_PRINTED, Analytic, Sampled
+from grosmc_mj.control.task import AS_PRINTED, Analytic, Realization
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
@@ -69,7 +69,7 @@ def _shipped(path: Path) -> Experiment:
 def chapter_controller(
     name: Name,
     nominal: Analytic,
-    realization: Sampled = AS_PRINTED,
+    realization: Realization = AS_PRINTED,
     case: Name = "nominal",
 ) -> Controller:
     """The law of that name that a case of the package has, designed for a nominal plant.

@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
-from grosmc_mj.control.task import Limit, OutputTask, Task
+from grosmc_mj.control.task import Limit, Task
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import Positive, Range, checked_call
 
@@ -23,7 +23,7 @@ _MOST = 1e50
 
 @checked_call
 def lqi(
-    task: OutputTask,
+    task: Task,
     integral_weight: Positive,
     limit: Limit = math.inf,
     *,
@@ -48,20 +48,17 @@ def lqi(
             without input.
     """
     optimum = task.optimum(linearizing=linearizing)
-    n, m = optimum.B.shape
-    A, Q = np.zeros((n + m, n + m)), np.zeros((n + m, n + m))
-    A[:n, :n], A[n:, :n] = optimum.A, _outputs(task)
-    Q[:n, :n], Q[n:, n:] = optimum.Q, integral_weight * np.eye(m)
+    (n, m), C = optimum.B.shape, _outputs(task)
+    A = np.block([[optimum.A, np.zeros((n, m))], [C, np.zeros((m, m))]])
+    Q = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
     K = lqr(A, np.vstack([optimum.B, np.zeros((m, m))]), Q, optimum.R).K
-    source = "Young and Willems 1972"
-    return _integrating(
-        "lqi", task, optimum, (K[:, :n], K[:, n:]), limit, source, linearizing=linearizing
-    )
+    gains, source = (K[:, :n], K[:, n:]), "Young and Willems 1972"
+    return _integrating("lqi", task, optimum, gains, limit, source, linearizing=linearizing)
 
 
 @checked_call
 def pid(
-    task: OutputTask,
+    task: Task,
     frequency: Annotated[float, Range(0, _MOST, "rad/s", above=True)],
     limit: Limit = math.inf,
     *,
@@ -87,16 +84,15 @@ def pid(
             no equilibrium without input.
     """
     optimum = task.optimum(linearizing=linearizing)
-    degrees, m = task.error.linearization.relative_degree, task.error.inputs
-    if set(degrees) != {2}:
-        raise GainError(f"PID: the relative degrees {degrees} must all be 2")
-    rows = list(task.error.linearization.last_rows)
+    chains, m = task.error.linearization, task.error.inputs
+    if set(chains.relative_degree) != {2}:
+        raise GainError(f"PID: the relative degrees {chains.relative_degree} must all be 2")
     # z_i'' = a_i z + (E u)_i: nothing and the identity after feedback linearization.
-    a, E = optimum.A[rows], optimum.B[rows]
+    a, E = (matrix[list(chains.last_rows)] for matrix in (optimum.A, optimum.B))
     of_error = np.kron(np.eye(m), [[3 * frequency**2, 3 * frequency]])
-    K, H = np.linalg.solve(E, of_error + a), np.linalg.solve(E, frequency**3 * np.eye(m))
+    gains = np.linalg.solve(E, of_error + a), np.linalg.solve(E, frequency**3 * np.eye(m))
     source = "computed-torque PID, Craig"
-    return _integrating("pid", task, optimum, (K, H), limit, source, linearizing=linearizing)
+    return _integrating("pid", task, optimum, gains, limit, source, linearizing=linearizing)
 
 
 def _integrating(
@@ -110,12 +106,11 @@ def _integrating(
     linearizing: bool,
 ) -> Controller:
     """v = -(K z + H xi), with the gains (K, H)."""
-    at = partial(integrals, optimum, _outputs(task), *gains)
     return dynamic_controller(
         name,
         task,
         optimum,
-        at,
+        partial(integrals, optimum, _outputs(task), *gains),
         linearizing=linearizing,
         holds=True,
         gains=named_gains(K=gains[0], Ki=gains[1]),
@@ -138,8 +133,7 @@ def integrals(optimum: LqrDesign, C: Array, K: Array, H: Array, period: float) -
         period: Control period [s].
     """
     n, m = optimum.B.shape
-    free = np.zeros((m + n, m + n))
-    free[:m, m:], free[m:, m:] = C, optimum.A
+    free = np.block([[np.zeros((m, m)), C], [np.zeros((n, m)), optimum.A]])
     F, G = np.split(scipy.linalg.expm(free * period)[:m], [m], axis=1)
     return Dynamics(K, H, F, G, np.zeros((m, m)), np.zeros((m, n)))
 
