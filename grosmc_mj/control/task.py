@@ -118,7 +118,7 @@ class Realization:
 AS_PRINTED = Realization()
 
 
-@checked()
+@checked(eq=False)
 class Task:
     """A nominal plant, what of it is regulated, and the index that weighs it.
 
@@ -207,7 +207,7 @@ class Task:
 _state_coordinates = cache(StateCoordinates)
 
 
-@checked()
+@checked(eq=False)
 class StateTask:
     """A nominal plant whose whole state is held at an operating point, and the index of that.
 
