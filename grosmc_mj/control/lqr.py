@@ -136,10 +136,10 @@ def _checked(*matrices: ArrayLike) -> tuple[Array, Array, Array, Array]:
     Raises:
         GainError: If shapes do not fit or Q or R is not definite as needed.
     """
-    A, B, Q, R = (np.atleast_2d(reals(matrix)) for matrix in matrices)
+    *system, R = map(reals, matrices)
+    A, B, Q = map(np.atleast_2d, system)
     n, m = len(A), B.shape[-1]
-    if np.ndim(matrices[3]) == 0:
-        R = R * np.eye(m)
+    R = R * np.eye(m) if R.ndim == 0 else np.atleast_2d(R)
     shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}
     for (name, (matrix, shape)), value in zip(shapes.items(), matrices, strict=True):
         if not np.all(np.isfinite(matrix)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import scipy.linalg
@@ -80,7 +80,8 @@ def observer(degrees: tuple[int, ...], bandwidth: float, period: float) -> Dynam
         Its matrices, where K z + H q is the estimate of d.
     """
     chains = [_chain(degree, bandwidth, period) for degree in degrees]
-    return Dynamics(*(scipy.linalg.block_diag(*blocks) for blocks in zip(*chains, strict=True)))
+    block: Any = scipy.linalg.block_diag
+    return Dynamics(*(block(*matrices) for matrices in zip(*chains, strict=True)))
 
 
 def _chain(degree: int, bandwidth: float, period: float) -> Dynamics:

@@ -29,7 +29,7 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
         ArgumentError: If it is none.
     """
     if name == "uncertainty":
-        return uncertainty(value, StateUncertainty if of_states else Uncertainty)
+        return uncertainty(value, StateUncertainty) if of_states else uncertainty(value)
     if name == "body":
         if not isinstance(value, str):
             raise ArgumentError(f"body = {shown(value)} must be a name")
