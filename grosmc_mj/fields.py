@@ -26,7 +26,7 @@ Made = TypeVar("Made")
 Returned = TypeVar("Returned")
 
 
-class _Check:
+class Check:
     """An annotation that pydantic calls with the given value; it returns the value to keep."""
 
     def __call__(self, value: Any) -> Any:
@@ -43,7 +43,7 @@ def refused(wanted: str) -> PydanticCustomError:
 
 
 @dataclass(frozen=True)
-class Range(_Check):
+class Range(Check):
     """Bounds and unit of a real number.
 
     Attributes:
@@ -54,6 +54,7 @@ class Range(_Check):
         below: Whether ``high`` itself is refused.
         infinite: Whether infinity is a value, which stands for no limit.
         whole: Whether it must be a whole number.
+        optional: Whether None is a value, which stands for no number.
     """
 
     low: float = -math.inf
@@ -63,9 +64,12 @@ class Range(_Check):
     below: bool = False
     infinite: bool = False
     whole: bool = False
+    optional: bool = False
 
-    def __call__(self, value: Any) -> float | int:
+    def __call__(self, value: Any) -> float | int | None:
         """The number, if it is within."""
+        if value is None and self.optional:
+            return None
         number = whole(value) if self.whole else real(value)
         if number is None or not self.holds(number):
             raise refused(self.wanted)
@@ -101,7 +105,7 @@ class Range(_Check):
 
 
 @dataclass(frozen=True)
-class Reals(_Check):
+class Reals(Check):
     """An array of finite real numbers.
 
     Attributes:
@@ -127,7 +131,7 @@ class Reals(_Check):
         return array
 
 
-class _Name(_Check):
+class _Name(Check):
     """A name that is not empty."""
 
     def __call__(self, value: Any) -> str:
@@ -136,7 +140,7 @@ class _Name(_Check):
         return value
 
 
-class _Flag(_Check):
+class _Flag(Check):
     """A truth value."""
 
     def __call__(self, value: Any) -> bool:
@@ -238,7 +242,8 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
             return f"{place} is missing"
         case "unexpected_keyword_argument" | "unexpected_positional_argument":
             return f"there is no argument {place}; valid: {', '.join(names)}"
-    return f"{place} = {value}: {mistake['msg'].replace('Input should be', 'must be')}"
+    separator = " " if mistake["msg"].startswith("Input should be ") else ": "
+    return f"{place} = {value}{separator}{mistake['msg'].replace('Input should be', 'must be')}"
 
 
 @cache

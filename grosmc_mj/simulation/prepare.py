@@ -14,10 +14,11 @@ from grosmc_mj.arguments import real, reals, require, require_whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.loop.timing import LONGEST, SHORTEST, stride_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.problem import Problem
+from grosmc_mj.simulation.problem import Meters, Problem
 
 Item = TypeVar("Item")
 Disturbances = Sequence[Disturbance] | Sequence[Sequence[Disturbance]]
@@ -27,8 +28,6 @@ ANALYTIC_TIMESTEP = 1e-3
 _MOST_STEPS = 10**8
 _MOST_THREADS = 1024
 _THREADS = f"0 (all cores) or more, a whole number up to {_MOST_THREADS}"
-# Of a duration, a timestep and a control period [s]: beyond them is a slip of the unit.
-SHORTEST, LONGEST = 1e-9, 1e9
 _BOUNDS = f"from {SHORTEST:g} to {LONGEST:g} s"
 
 
@@ -41,6 +40,7 @@ def prepare(
     control_period: float | None = None,
     timestep: float | None = None,
     disturbances: Disturbances = (),
+    meters: Meters | Sequence[Meters] | None = None,
     record: bool = True,
     threads: int = 0,
 ) -> tuple[Problem, bool]:
@@ -51,7 +51,8 @@ def prepare(
     """
     plants, controllers = _plants(plant), _controllers(controller)
     lists, starts = _disturbance_lists(disturbances), _starts(x0, plants[0].system)
-    counts = {len(plants), len(controllers), len(lists), len(starts)} - {1}
+    measured = _sequence(meters)
+    counts = {len(plants), len(controllers), len(lists), len(starts), len(measured)} - {1}
     single = not counts and np.ndim(x0) == 1 and plants[0] is plant and controllers[0] is controller
     if len(counts) > 1 or 0 in counts:
         raise ArgumentError(
@@ -60,6 +61,8 @@ def prepare(
         )
     nsim = max(counts, default=1)
     _require_alike(plants, controllers)
+    if len({each.kind for each in dict.fromkeys(measured) if each}) > 1:
+        raise ArgumentError("all meters of a batch must be of one kind")
     plants[0].require_unchanged(plants)
     _require_designed_for(plants[0].system, controllers[0])
     h = _timestep(plants, timestep)
@@ -68,6 +71,7 @@ def prepare(
     problem = Problem(
         plants=_repeat(plants, nsim),
         controllers=_repeat(_sampled(controllers, period), nsim),
+        meters=_repeat(measured, nsim),
         x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
         steps=_steps(duration, h),
         stride=stride,
@@ -156,6 +160,8 @@ def _require_alike(plants: tuple[Plant, ...], controllers: tuple[Controller, ...
         raise ArgumentError("all plants of a batch must be of one system and of one kind")
     if any(c.law is not first.law for c in controllers):
         raise ArgumentError("all controllers of a batch must have the same law")
+    if len({c.loop is None for c in controllers}) > 1:
+        raise ArgumentError("all controllers of a batch must be in a loop, or none")
     several = dict.fromkeys(controllers)
     if len(several) == 1:
         return
@@ -175,34 +181,13 @@ def _require_designed_for(system: System, controller: Controller) -> None:
         )
 
 
-def stride_of(control_period: float | None, h: float) -> tuple[int, float]:
-    """Timesteps of h [s] in a control period, and the period [s]; the timestep for None.
-
-    Raises:
-        ArgumentError: If it is no multiple of the timestep, or too long.
-    """
-    period = h if control_period is None else real(control_period)
-    if not period <= LONGEST:
-        raise ArgumentError(
-            f"control period {shown(control_period)} s must be a multiple of the timestep {h:g} s, "
-            f"at most {LONGEST:g} s"
-        )
-    stride = max(1, round(period / h))
-    if not math.isclose(stride * h, period, rel_tol=1e-9):
-        raise ArgumentError(
-            f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
-            f"{stride * h:g} s, or another timestep"
-        )
-    return stride, period
-
-
 def _stride(
     control_period: float | None, h: float, controllers: tuple[Controller, ...]
 ) -> tuple[int, float]:
     """Timesteps between two calls of the laws, and that time [s]."""
     stride, period = stride_of(control_period, h)
     for each in controllers:
-        if own := each.sampling:
+        if own := each.loop:
             for what, made_for, given in (
                 ("timestep", own.timestep, h),
                 ("control period", own.period, period),
@@ -216,8 +201,7 @@ def _stride(
             raise ArgumentError(
                 f"{each.name} is designed for a control period of {wanted:g} s, not {period:g} s"
             )
-    # One that samples itself is asked at every timestep.
-    return (1, h) if controllers[0].sampling else (stride, period)
+    return stride, period
 
 
 def _steps(duration: float, h: float) -> int:

@@ -34,8 +34,8 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Of a law's memory: an address, when it began, and what a loop computes in.
-_NOT_SAVED = ("workspace", "first", "loop")
+# Of a law's memory: an address, and when it began.
+_NOT_SAVED = ("workspace", "first")
 
 
 # Signals with a row for each instant, and for each interval between two.
@@ -72,6 +72,7 @@ class Trajectory:
             law that knows it.
         unseen: What of ``physics`` no law sees, such as twists and currents of a machine; of a
             batch one such tuple for each run.
+        meters: The accumulated metrics, a structured array, () or (nsim,); None without any.
     """
 
     system: System
@@ -88,6 +89,7 @@ class Trajectory:
     valid_until: Array
     seen: Array | None = None
     unseen: tuple[Any, ...] = ()
+    meters: NDArray[np.void] | None = None
 
     def __repr__(self) -> str:
         """What it is, without its rows."""
@@ -186,9 +188,7 @@ class Trajectory:
             "groups": named,
             "unseen": [astuple(each) for each in self.unseen],
             "memory": {
-                name: list(self.memory.dtype[name].shape)
-                for name in self.memory.dtype.names or ()
-                if name != "loop"
+                name: list(self.memory.dtype[name].shape) for name in self.memory.dtype.names or ()
             },
             "one_axis": {
                 "sliding": self.sliding is not None and self.sliding.ndim == 1,
@@ -226,6 +226,7 @@ class Trajectory:
             status=self.status[run],
             valid_until=self.valid_until[run],
             unseen=self.unseen[run],
+            meters=None if self.meters is None else self.meters[run],
             **cut,
         )
 

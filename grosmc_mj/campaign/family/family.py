@@ -29,7 +29,7 @@ from grosmc_mj.experiments.file.tables.parts import (
 from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.metrics.running import METRICS
-from grosmc_mj.loop.loop import TIMES, time_as_run
+from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant
