@@ -97,13 +97,8 @@ class Estimator:
 # Of each rate that is estimated: the estimator's kind and number, the states that are the rate and
 # its position, 1 if it begins settled. Of the run so far: 1 once it has begun, the estimated
 # position, rate and disturbance, the last measurement and its timestep.
-ESTIMATOR = np.dtype(
-    [
-        (name, np.float64)
-        for name in ("kind", "number", "of", "position", "settled")
-        + ("begun", "y", "rate", "load", "last", "at")
-    ]
-)
+_COLUMNS = "kind number of position settled begun y rate load last at".split()
+ESTIMATOR = np.dtype([(name, np.float64) for name in _COLUMNS])
 
 
 @jitable

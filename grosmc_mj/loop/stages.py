@@ -6,7 +6,6 @@ from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple
 
 import numba
-import numpy as np
 from numba.core import types
 
 from grosmc_mj.arrays import Array

@@ -23,8 +23,8 @@ from grosmc_mj.own_law import innermost
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.inputs import ask, written_inputs
 from grosmc_mj.simulation.guard import c_address, guard
+from grosmc_mj.simulation.inputs import ask, written_inputs
 from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, kernel
 from grosmc_mj.simulation.law_errors import LawError, compiling
 from grosmc_mj.simulation.problem import Problem, Record

@@ -20,7 +20,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
-    Meters as RunMeters,
     Recording,
     Windows,
     folded,
@@ -28,6 +27,9 @@ from grosmc_mj.experiments.metrics.definitions import (
     note,
     note_costs,
     transient_end,
+)
+from grosmc_mj.experiments.metrics.definitions import (
+    Meters as RunMeters,
 )
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable

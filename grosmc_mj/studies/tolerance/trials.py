@@ -178,7 +178,7 @@ class Trials:
         for condition in dict.fromkeys(run.trial.condition for run in runs):
             own = np.array([run.trial.condition is condition for run in runs])
             asked = self.asked[condition]
-            meters, ends = ended.meters[own], ended.state[own, -1]
+            meters, ends = np.atleast_1d(ended.meters)[own], ended.state[own, -1]
             law = next(run.controller for run in runs if run.trial.condition is condition)
             recording = Recording.sampled(
                 settings.timestep,

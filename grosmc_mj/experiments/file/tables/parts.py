@@ -16,7 +16,6 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
-from grosmc_mj.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.machine import MachinePart
 from grosmc_mj.plants import System
 
