@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.fields import Check, Flag, Range, checked, refused
+from grosmc_mj.fields import Check, Flag, Known, Range, checked, refused
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
 from grosmc_mj.loop.sensors import measured_at, ring_row
@@ -71,7 +71,7 @@ class Estimator:
     """
 
     of: Annotated[tuple[str, ...], _States()]
-    law: EstimatorLaw = "difference"
+    law: Annotated[EstimatorLaw, Known("estimator", KINDS)] = "difference"
     time_constant: Annotated[float | None, Range(0, unit="s", above=True, optional=True)] = None
     slope: Annotated[float | None, Range(0, unit="{}/s", above=True, optional=True)] = None
     bandwidth: Annotated[float | None, Range(0, unit="rad/s", above=True, optional=True)] = None
@@ -97,8 +97,9 @@ class Estimator:
 # Of each rate that is estimated: the estimator's kind and number, the states that are the rate and
 # its position, 1 if it begins settled. Of the run so far: 1 once it has begun, the estimated
 # position, rate and disturbance, the last measurement and its timestep.
-_COLUMNS = "kind number of position settled begun y rate load last at".split()
-ESTIMATOR = np.dtype([(name, np.float64) for name in _COLUMNS])
+_COLUMNS = ("kind", "number", "of", "position", "settled")
+_MEMORY = ("begun", "y", "rate", "load", "last", "at")
+ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *_MEMORY)])
 
 
 @jitable

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from typing import Annotated, Any
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.fields import Check, Range, checked, refused
+from grosmc_mj.fields import Items, Range, checked
 from grosmc_mj.loop.actuators import Actuator
 from grosmc_mj.loop.delay import Computing
 from grosmc_mj.loop.estimators import Estimator
@@ -25,19 +25,6 @@ _LISTS: Mapping[str, type[Any]] = {"sensor": Sensor, "estimator": Estimator, "ac
 _KINDS = ("computing", *_LISTS)
 
 
-@dataclass(frozen=True)
-class _Parts(Check):
-    """Parts of one kind, in a tuple or a list."""
-
-    kind: type
-
-    def __call__(self, value: Any) -> tuple[Any, ...]:
-        fits = isinstance(value, (tuple, list))
-        if not fits or not all(isinstance(part, self.kind) for part in value):
-            raise refused(f"a tuple of {self.kind.__name__}s")
-        return tuple(value)
-
-
 @checked()
 class Loop:
     """All that lies between a law and its plant.
@@ -51,9 +38,9 @@ class Loop:
     """
 
     computing: Computing = field(default_factory=Computing)
-    sensors: Annotated[tuple[Sensor, ...], _Parts(Sensor)] = ()
-    estimators: Annotated[tuple[Estimator, ...], _Parts(Estimator)] = ()
-    actuators: Annotated[tuple[Actuator, ...], _Parts(Actuator)] = ()
+    sensors: Annotated[tuple[Sensor, ...], Items(Sensor, "a tuple of Sensors")] = ()
+    estimators: Annotated[tuple[Estimator, ...], Items(Estimator, "a tuple of Estimators")] = ()
+    actuators: Annotated[tuple[Actuator, ...], Items(Actuator, "a tuple of Actuators")] = ()
     seed: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0
 
     @property

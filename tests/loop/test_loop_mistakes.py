@@ -40,7 +40,7 @@ ALONE: list[tuple[Callable[[], Any], str]] = [
     (lambda: Estimator((SPEED,), "levant", slope=0), "slope = 0 must be finite and positive"),
     (
         lambda: Estimator((SPEED,), "levnt"),  # pyright: ignore
-        "law = 'levnt' must be 'difference', 'filtered', 'levant', .* or 'kalman'",
+        "unknown estimator 'levnt': did you mean 'levant'",
     ),
     (lambda: Loop(seed=-1), "seed = -1 must be a whole number"),
     (lambda: Loop(sensors=Sensor(ANGLE)), "must be a tuple of Sensors"),  # pyright: ignore
