@@ -25,7 +25,7 @@ from grosmc_mj.loop.prediction import LEARNING
 from grosmc_mj.loop.rows import rows_of
 from grosmc_mj.loop.sensors import SENSOR, Sensor
 from grosmc_mj.loop.stages import LoopRun
-from grosmc_mj.loop.timing import stride_of
+from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, steps_in, stride_of
 from grosmc_mj.plants import Signal, System
 
 
@@ -96,8 +96,8 @@ def in_loop(
     loop: Loop,
     system: InstanceOf[System],
     *,
-    control_period: Annotated[float, Range()] = 1e-3,
-    timestep: Annotated[float, Range(0, unit="s", above=True)] = 1e-3,
+    control_period: ControlPeriod = 1e-3,
+    timestep: Annotated[float, Range(SHORTEST, LONGEST, unit="s")] = 1e-3,
     predict: Flag = False,
     run: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0,
     known: Loop | None = None,
@@ -130,6 +130,7 @@ def in_loop(
     if controller.loop is not None:
         raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
     stride, period = stride_of(control_period, timestep)
+    steps_in("control_period", period, timestep)
     for one in dict.fromkeys((loop, known or loop)):
         one.require_fits(system, timestep, period)
     observers = {part.law for part in loop.estimators} & {"eso", "kalman"}

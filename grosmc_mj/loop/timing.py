@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
-from grosmc_mj.arguments import real
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Range, checked_call
 
 # Of a duration, a timestep and a control period [s]: beyond them is a slip of the unit.
 SHORTEST, LONGEST = 1e-9, 1e9
@@ -15,23 +16,22 @@ MOST_STEPS = 100_000
 TIMES = ("delay", "jitter", "period")
 
 
-def stride_of(control_period: float | None, h: float) -> tuple[int, float]:
-    """Timesteps of h [s] in a control period, and the period [s]; the timestep for None.
+ControlPeriod = Annotated[float | None, Range(0, LONGEST, unit="s", above=True, optional=True)]
+
+
+@checked_call
+def stride_of(control_period: ControlPeriod, timestep: float) -> tuple[int, float]:
+    """Timesteps [s] in a control period, and the period [s]; the timestep for None.
 
     Raises:
         ArgumentError: If it is no multiple of the timestep, or too long.
     """
-    period = h if control_period is None else real(control_period)
-    if not period <= LONGEST:
+    period = timestep if control_period is None else control_period
+    stride = max(1, round(period / timestep))
+    if not math.isclose(stride * timestep, period, rel_tol=1e-9):
         raise ArgumentError(
-            f"control period {shown(control_period)} s must be a multiple of the timestep {h:g} s, "
-            f"at most {LONGEST:g} s"
-        )
-    stride = max(1, round(period / h))
-    if not math.isclose(stride * h, period, rel_tol=1e-9):
-        raise ArgumentError(
-            f"control period {period:g} s is no multiple of the timestep {h:g} s: take "
-            f"{stride * h:g} s, or another timestep"
+            f"control period {period:g} s is no multiple of the timestep {timestep:g} s: take "
+            f"{stride * timestep:g} s, or another timestep"
         )
     return stride, period
 

@@ -13,8 +13,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import DivergenceError, UndefinedLawError
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.native_engine import run_native
-from grosmc_mj.simulation.prepare import Disturbances, prepare
+from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Meters, Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
@@ -30,7 +31,7 @@ def simulate(
     duration: float,
     control_period: float | None = None,
     timestep: float | None = None,
-    disturbances: Disturbances = (),
+    disturbances: Sequence[Disturbance] | Sequence[Sequence[Disturbance]] = (),
     meters: Meters | Sequence[Meters] | None = None,
     engine: Engine = "native",
     record: bool = True,

@@ -270,14 +270,29 @@ def load_trajectory(path: str | Path) -> Trajectory:
     file = Path(path)
     columns, about = read_columns(file)
     try:
-        return _restored({each.name: each.values for each in columns}, about)
+        return _restored({column.name: column.values for column in columns}, about)
+    except ArgumentError as error:
+        raise ArgumentError(f"{file}: holds no trajectory: {error}") from None
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ArgumentError(f"{file}: holds no trajectory: {error!r}") from None
 
 
 def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajectory:
-    """A trajectory from its columns and what is said about them."""
+    """A trajectory from its columns and what is said about them.
+
+    Raises:
+        ArgumentError: If the columns are not real numbers at increasing instants, a row for each.
+    """
     groups, time = about["groups"], found["time"]
+    for name, values in found.items():
+        if values.dtype.kind not in "fiu":
+            raise ArgumentError(f"{name} has values of type {values.dtype}, must be real numbers")
+        if values.ndim != 1 or len(values) != len(time):
+            raise ArgumentError(
+                f"{name} has shape {values.shape}, must have a row for each of {len(time)} instants"
+            )
+    if not (len(time) and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)):
+        raise ArgumentError("time must be finite and increasing")
 
     def rows(group: str) -> Array | None:
         names = groups[group]
