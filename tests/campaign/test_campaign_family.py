@@ -207,7 +207,7 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
         (
             plain(more='[[requirement]]\nstays_within = "1 rad"\nafter = "49.5 ms"\n'),
             {},
-            "an error after 0.0495 s: the last sample of a run is at 0.049 s",
+            "an error after 0.0495 s: the last timestep of a run begins at 0.049 s",
         ),
     ],
 )

@@ -30,7 +30,7 @@ from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.fields import Range, range_of
-from grosmc_mj.loop.loop import TIMES, time_as_run
+from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.machine.part import MOST
 from grosmc_mj.physics.edits import BodyEdit, JointEdit
 from grosmc_mj.physics.files import body_names, joint_names
