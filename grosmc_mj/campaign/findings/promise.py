@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.bisection import narrowed
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.control.controller import Controller
@@ -167,10 +168,9 @@ class PromisedFamily:
         most = self.campaign.largest_scale
         if self.holds(most):
             return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
-        low, high = 0.0, most
-        while high - low > _TOLERANCE * max(low, _TOLERANCE):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.holds(middle) else (low, middle)
+        low, high = narrowed(
+            lambda scale: not self.holds(scale), 0.0, most, _TOLERANCE, _TOLERANCE**2
+        )
         region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
         left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
         return Promise(low, f"over {region}{left}")
