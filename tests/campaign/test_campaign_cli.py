@@ -210,7 +210,7 @@ def test_a_wrong_file_gets_one_line(
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", ["run", "campaign"])
+@pytest.mark.parametrize("command", ["run", "campaign", "study tolerance"])
 def test_a_band_that_is_a_share_of_no_error_is_refused(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -218,11 +218,26 @@ def test_a_band_that_is_a_share_of_no_error_is_refused(
     file = tmp_path / "at_rest.toml"
     text = servo(laws=LQR, limits='[[requirement]]\nsettles_within = "10 ms"\n')
     file.write_text(text.replace("start = {}", 'start = { "rotor angle" = "1 rad" }'))
-    assert run(command, file, "--out", tmp_path / "out", "--no-figures") == cli.WRONG
+    figures = () if "study" in command else ("--no-figures",)
+    assert run(*command.split(), file, "--out", tmp_path / "out", *figures) == cli.WRONG
     said = capsys.readouterr().err
     assert "requirement 1: settles_within: its band is 2 % of the error at the start" in said
     assert said.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_an_uncertain_start_whose_nominal_plant_has_no_error_is_refused_as_such_a_file_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start = '[[uncertain]]\nstart = "rotor angle"\nvalue = ["0 rad", "1.5 rad"]\nnominal = {}\n'
+    for nominal, code in (('"1 rad"', cli.WRONG), ('"0.5 rad"', cli.DONE)):
+        file = tmp_path / "uncertain.toml"
+        limits = '[[requirement]]\nsettles_within = "10 ms"\n'
+        file.write_text(servo(start.format(nominal), laws=LQR, limits=limits))
+        asked = ("campaign", file, "--runs", "2", "--out", tmp_path / "out", "--no-figures")
+        assert run(*asked) == code
+        said = capsys.readouterr().err
+        assert ("settles_within: its band is 2 % of the error at the start" in said) == bool(code)
 
 
 @pytest.mark.parametrize(
