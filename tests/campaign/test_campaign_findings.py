@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, LQR, PAIR, begun, campaign, falling, kept, servo
+from rich.console import Console
 
 from grosmc_mj.campaign.findings.findings import ALL, Findings, findings
 from grosmc_mj.campaign.findings.pairing import paired
-from grosmc_mj.campaign.findings.sensitivity import sensitivities
+from grosmc_mj.campaign.findings.sensitivity import Sensitivity, sensitivities
 from grosmc_mj.campaign.findings.statistics import pass_rate
 from grosmc_mj.campaign.report.document import results_document
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.work import shards_of
+from grosmc_mj.cli.commands.campaign.answer import say_findings
 from grosmc_mj.report.document import json_text
 
 COMPLETES = "completes"
@@ -115,6 +118,21 @@ def test_what_drives_a_margin_is_found(tmp_path: Path) -> None:
     sensitivities = findings(asked, kept(asked, tmp_path), 0.95).sensitivities["lqr"]
     # 50 ms from rest: the load has hardly moved the rotor, its inertia has.
     assert sensitivities[0].parameter == "rotor mass scale"
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.0, False), (0.0049, False), (0.0051, True)])
+def test_a_number_with_0_percent_is_not_named_as_a_driver(
+    found: Findings, share: float, named: bool
+) -> None:
+    driver = Sensitivity("rotor mass scale", 0.1, -0.1, 0.3, share, 0.5)
+    assert driver.drives == named
+    console = Console(width=100, color_system=None)
+    with console.capture() as shown:
+        told = replace(found, sensitivities={"lqr": [driver], "grosmc": []})
+        say_findings(console, campaign(servo(), seed=5), told)
+    said = " ".join(shown.get().split())
+    assert ("rotor mass scale drives its margin most (1 % of" in said) == named
+    assert "(0 % of" not in said
 
 
 def test_a_campaign_that_is_not_complete_says_so(tmp_path: Path) -> None:

@@ -208,8 +208,9 @@ def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
         legend="Samples: the worst run of the campaign. Search: differential evolution that begins "
         f"with the worst samples and the corners of the ranges, {runs} runs; random: {runs} random "
         "plants. All three were judged in MuJoCo; of equally bad ones the first is named. Of "
-        "plants that never settle the one with the largest error left is the worst. Below zero "
-        f"something is not kept; numbers not named are nominal. {NO_PROOF}",
+        "plants that never settle the one with the largest error left is the worst, of runs that "
+        "end early the earliest. Below zero something is not kept; numbers not named are nominal. "
+        f"{NO_PROOF}",
     )  # fmt: skip
 
 
