@@ -175,7 +175,7 @@ def outdated(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
 
 def _changed(there: Mapping[str, Any], asked: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
     """The leaves under some keys that are not the same, a line each."""
-    old, new = (dict(_flat({key: each.get(key) for key in keys})) for each in (there, asked))
+    old, new = (dict(flat({key: each.get(key) for key in keys})) for each in (there, asked))
     return [
         f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "
         f"{new.get(key, 'nothing')} now"
@@ -214,14 +214,14 @@ def sources_of(specification: Specification) -> dict[str, str]:
     return sources(named_in(specification.file), Path(specification.folder))
 
 
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """The leaves of nested plain values, with the way to them."""
     if isinstance(value, Mapping):
         for name, item in value.items():
-            yield from _flat(item, f"{key}.{name}" if key else str(name))
+            yield from flat(item, f"{key}.{name}" if key else str(name))
     elif isinstance(value, (list, tuple)):
         for index, item in enumerate(value):
-            yield from _flat(item, f"{key} {index + 1}")
+            yield from flat(item, f"{key} {index + 1}")
     else:
         yield key, value
 
