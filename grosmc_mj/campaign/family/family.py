@@ -44,9 +44,9 @@ LARGEST_SCALE = 8.0
 # How the columns of margins begin.
 MARGIN = "margin "
 # Columns of rows that may have been screened by equations.
-SCREENING = ("judged_by", "screened", "overturned", "band")
+SCREENING = ("judged_by", "screened", "overturned", "drawn", "band")
 # Columns of the results, beside the uncertain numbers.
-RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended", *SCREENING)
+RESERVED = ("id", "controller", *METRICS, "relative", "order", "status", "ended", *SCREENING)
 # Of loops and disturbances: numbers above zero, numbers not below zero.
 _POSITIVE = {"scale", "time_constant", "slope", "bandwidth", "load", "limit", "rate_limit"}
 _NOT_NEGATIVE = {
