@@ -24,7 +24,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class Balance(NamedTuple):
-    """One state, one plant, one wrench.
+    """The balance at many states of one plant, or at one of them, without the first axis.
 
     With z_i^(r_i) = alpha + E u by the law's model, alpha* + E* u + d on the true plant and G_r
     the columns of G that meet the rows of the inputs,
@@ -32,33 +32,45 @@ class Balance(NamedTuple):
         s' = G_r [(alpha* - alpha) + (E* - E) u_c + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
 
     Attributes:
-        R: As above, (m, m).
-        gain_ratio: What is left of rho: r = E*/E for one input, else as ``authority``.
-        pushes: The first part of s', (m,), in the unit of s per second.
-        push: Its largest entry.
-        required: push / r, the least rho that keeps |s| from growing.
-        configured: rho of the law; 0 for a law that does not switch.
-        determinant: det E of the law's model.
-        unmatched: What the uncertainty does to the other rows of z'.
-        u_c: The continuous part of the input, (m,).
+        t: Times [s], (N,).
+        x: States, (N, n).
+        R: As above, (N, m, m).
+        gain_ratio: What is left of rho, (N,): r = E*/E for one input, else as ``authority``.
+        pushes: The first part of s', (N, m), in the unit of s per second.
+        push: Its largest entry, (N,).
+        required: push / r, the least rho that keeps |s| from growing, (N,).
+        configured: rho of the law, (N,); 0 for a law that does not switch.
+        determinant: det E of the law's model, (N,).
+        unmatched: What the uncertainty does to the other rows of z', (N,).
+        u_c: The continuous part of the input, (N, m).
     """
 
+    t: Any
+    x: Array
     R: Array
-    gain_ratio: float
+    gain_ratio: Any
     pushes: Array
-    push: float
-    required: float
-    configured: float
-    determinant: float
-    unmatched: float
+    push: Any
+    required: Any
+    configured: Any
+    determinant: Any
+    unmatched: Any
     u_c: Array
 
     @property
-    def times(self) -> float:
-        """How many times the configured gain is required; none is enough of no gain at all."""
-        if self.configured == 0:
-            return math.inf if self.required else 0.0
-        return self.required / self.configured
+    def margin(self) -> Any:
+        """How far the configured rate is above the required one, (N,)."""
+        return self.configured - self.required
+
+    @property
+    def times(self) -> Any:
+        """How many times the configured gain is required, (N,); none is enough of no gain."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.required == 0, 0.0, np.divide(self.required, self.configured))
+
+    def at(self, i: int) -> Balance:
+        """The balance at the i-th state."""
+        return Balance(*(values[i] for values in self))
 
 
 def balance(
@@ -69,7 +81,7 @@ def balance(
     w: Array,
     u: Array | None = None,
 ) -> Balance:
-    """The balance at a state of the true plant.
+    """The balance at one state of the true plant.
 
     Args:
         law: A controller with error coordinates.
@@ -84,12 +96,12 @@ def balance(
     error, x = law.designed.error, np.asarray(x, float)
     drift, gain = error.moved(t, x, law.parameters, true.rigid, w, u)
     z = np.array([error.state(t, x, law.parameters)])
-    return _balances(law, [t], x[None], z, (drift[None], gain[None]))[0]
+    return _balances(law, [t], x[None], z, (drift[None], gain[None])).at(0)
 
 
 def balances(
     law: Controller, true: AnalyticPlant, t: Sequence[float], x: Array, w: Array
-) -> list[Balance]:
+) -> Balance:
     """The balance at many states of a plant with equations, all at once.
 
     Args:
@@ -104,13 +116,9 @@ def balances(
     return _balances(law, t, x, error.errors(t, x, p), error.moved_along(t, x, p, true, w))
 
 
-# Times, states and what was found there.
-Points = list[tuple[float, Array, Balance]]
-
-
 def balances_along(
     law: Controller, true: AnalyticPlant, run: Trajectory, every: int, *, pushed: bool = True
-) -> Points:
+) -> Balance:
     """The balance along a run.
 
     Args:
@@ -125,55 +133,51 @@ def balances_along(
     w = np.zeros((len(t), 6 * len(true.system.bodies)))
     if pushed and run.wrench is not None:
         w = run.wrench[rows]
-    return list(zip(t, x, balances(law, true, t, x, w), strict=True))
+    return balances(law, true, t, x, w)
 
 
 def _balances(
     law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
-) -> list[Balance]:
+) -> Balance:
     """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
     error, p = law.designed.error, law.parameters
     optimum, (drift, gain) = law.designed.lqr, motion
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
-    wanted, limit = -times(p.K, z), getattr(p, "limit", math.inf)
-    # What the surface supposes of the input, v_0 of the law.
-    v_0 = np.clip(wanted, -limit, limit)
-    u_c, believed = v_0, G @ optimum.B
+    feedback, limit = -times(p.K, z), getattr(p, "limit", math.inf)
+    # The input that the surface supposes, v_0 of the law.
+    v_0 = np.clip(feedback, -limit, limit)
+    u_c, modelled = v_0, G @ optimum.B
     if isinstance(error, StateCoordinates):
-        E = believed
-        reached = optimum.B @ np.linalg.pinv(optimum.B)
-        differs = drift + times(gain, u_c) - times(optimum.A, z) - times(optimum.B, v_0)
-        unmatched = differs - times(reached, differs)
+        E = modelled
+        matched = optimum.B @ np.linalg.pinv(optimum.B)
+        mismatch = drift + times(gain, u_c) - times(optimum.A, z) - times(optimum.B, v_0)
+        unmatched = mismatch - times(matched, mismatch)
     else:
         rows = list(error.linearization.last_rows)
         E = optimum.B[rows]
         if law.designed.linearizing:
             alpha, E = error.dynamics_along(t, x, p)
-            u_c, believed = solved(E, v_0 - alpha), G[:, rows] @ E
+            u_c, modelled = solved(E, v_0 - alpha), G[:, rows] @ E
         unmatched = error.unmatched(z, drift + times(gain, u_c))
-    push, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
-    push = push - times(G @ optimum.B, v_0 - wanted)
+    pushes, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
+    pushes = pushes - times(G @ optimum.B, v_0 - feedback)
     together = "unit-vector" in law.designed.switching
-    R = steered @ np.linalg.inv(believed)
+    R = steered @ np.linalg.inv(modelled)
     r = authority_together(R) if together else authority(R)
-    pushing = np.linalg.norm(push, axis=-1) if together else np.abs(push).max(axis=-1)
-    configured = switching_rate(law, z, E)
-    determinant = np.broadcast_to(np.linalg.det(E), r.shape)
-    unmatched = np.abs(unmatched).max(axis=-1, initial=0.0)
-    return [
-        Balance(
-            R=R[i],
-            gain_ratio=float(r[i]),
-            pushes=push[i],
-            push=float(pushing[i]),
-            required=float(pushing[i] / r[i]) if r[i] > 0 else math.inf,
-            configured=float(configured[i]),
-            determinant=float(determinant[i]),
-            unmatched=float(unmatched[i]),
-            u_c=u_c[i],
-        )
-        for i in range(len(z))
-    ]
+    push = np.linalg.norm(pushes, axis=-1) if together else np.abs(pushes).max(axis=-1)
+    return Balance(
+        t=np.array(t),
+        x=x,
+        R=R,
+        gain_ratio=r,
+        pushes=pushes,
+        push=push,
+        required=np.divide(push, r, out=np.full_like(push, np.inf), where=r > 0),
+        configured=switching_rate(law, z, E),
+        determinant=np.broadcast_to(np.linalg.det(E), r.shape),
+        unmatched=np.abs(unmatched).max(axis=-1, initial=0.0),
+        u_c=u_c,
+    )
 
 
 def switching_rate(law: Controller, z: Array, E: Array) -> Array:

@@ -128,11 +128,10 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Experiment]
     for case in cases:
         result = lab.run(case, plant, "grosmc")
         true, law = lab.equations(case, plant), result.controller
-        worst, least = np.inf, np.inf
-        for _, _, balanced in balances_along(law, true, result.trajectory, _EVERY):
-            least = min(least, balanced.gain_ratio)
-            if balanced.required > 0:
-                worst = min(worst, balanced.configured / balanced.required)
+        points = balances_along(law, true, result.trajectory, _EVERY)
+        needed = points.required > 0
+        worst = (points.configured[needed] / points.required[needed]).min(initial=np.inf)
+        least = points.gain_ratio.min()
         results.append(result)
         values.append(float(worst))
         notes.append(f"{case.case.name}: {worst:.3g}, least r {least:.3g}")
