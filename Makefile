@@ -115,7 +115,6 @@ MACHINES := servo cart_pendulum arm two_link_arm
 ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
 	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --loaded &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
-	$(BIN)/python -m grosmc_mj.cli.pages 'bump tests' docs/ladder.md
 	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew

@@ -24,7 +24,7 @@ from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
-from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
 
 _PLANTS, _STEPS = 4096, 800
