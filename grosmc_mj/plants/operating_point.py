@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals, require, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.fields import Finite, Is, Range, Reals, checked_call
 from grosmc_mj.plants.plant import AT_REST, Plant
 
 
@@ -32,8 +33,11 @@ class OperatingPoint:
         return cls(np.zeros(len(plant.system.states)), np.zeros(len(plant.system.inputs)))
 
 
+@checked_call
 def equilibrium(
-    plant: Plant, held: Mapping[int, float] | None = None, near: ArrayLike | None = None
+    plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")],
+    held: Mapping[Annotated[int, Range(0, whole=True)], Finite] | None = None,
+    near: Annotated[ArrayLike, Reals((None,))] | None = None,
 ) -> OperatingPoint:
     """Where a plant rests with some of its states held: the other states and the inputs.
 
@@ -49,20 +53,13 @@ def equilibrium(
         ArgumentError: If a state or a number is none.
         PremiseError: If it rests nowhere near with these states, or only beyond its input's limits.
     """
-    require("plant", plant, Plant, "a plant, such as MujocoPlant.load(...)")
-    require("held", {} if held is None else held, Mapping, "values by the states' indices")
     system, held = plant.system, dict(held or {})
     n = len(system.states)
-    start = reals(system.near or np.zeros(n) if near is None else near)
-    known = all((k := whole(i)) is not None and 0 <= k < n for i in held)
-    if (
-        start.shape != (n,)
-        or not known
-        or not np.isfinite([*start, *map(real, held.values())]).all()
-    ):
+    start = np.array(system.near or np.zeros(n) if near is None else near, float)
+    if start.shape != (n,) or max(held, default=0) >= n:
         raise ArgumentError(
-            f"{system.name}: held = {shown(held)} must give finite values of states 0 to {n - 1}, "
-            f"and near = {shown(near)} {n} finite numbers"
+            f"{system.name}: held = {shown(held)} must give values of states 0 to {n - 1}, and "
+            f"near = {shown(near)} {n} numbers"
         )
     start[list(held)] = list(held.values())
     free = [i for i in range(n) if i not in held]
