@@ -19,7 +19,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.physics.edits import shrunk
 from grosmc_mj.physics.quiet import warnings_counted_only
 from grosmc_mj.premises.audit import (
     ROUNDING,
@@ -199,13 +198,11 @@ def _bearable(result: RunResult, points: Balance) -> float | None:
     """The largest part of the case's edits, of masses and lengths, that leaves r positive."""
     nominal, edits = result.experiment.nominal.plant, result.case.edits
     worst = [points.at(i) for i in np.argsort(points.gain_ratio, kind="stable")[:_WORST]]
-    no_wrench = np.zeros(6 * len(nominal.system.bodies))
 
     def keeps(part: float) -> bool:
-        plant = nominal.changed([shrunk(edit, part) for edit in edits])
-        return all(
-            balance(result.controller, plant, b.t, b.x, no_wrench).gain_ratio > 0 for b in worst
-        )
+        plant = nominal.changed([edit.shrunk(part) for edit in edits])
+        still = np.zeros(6 * len(plant.system.bodies))
+        return all(balance(result.controller, plant, b.t, b.x, still).gain_ratio > 0 for b in worst)
 
     if not edits or not keeps(0.0):
         return None
