@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import Premise, audit, per_second
+from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured, NeedsSlidingModeError
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
@@ -22,8 +24,6 @@ from grosmc_mj.experiments.metrics.recorded import Comparison
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
-from grosmc_mj.premises.audit import Premise, audit, per_second
-from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

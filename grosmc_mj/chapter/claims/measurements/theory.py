@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import per_second
+from grosmc_mj.assumptions.balance import balances
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, sliding, surface_memory
@@ -22,8 +24,6 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
-from grosmc_mj.premises.audit import per_second
-from grosmc_mj.premises.balance import balances
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measurements.measures import (
     extrapolated,
@@ -28,7 +29,6 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
 
 _SYSTEM = "two_link_arm"

@@ -17,6 +17,15 @@ from shipped import ARM_G, cases, find_case, run_case, task_of
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import (
+    Audit,
+    Premise,
+    audit,
+    least_margin,
+    reading_of,
+    run_audit,
+)
+from grosmc_mj.assumptions.balance import Balance, balance, switching_rate
 from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table, worst_points
@@ -31,15 +40,6 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.audit import (
-    Audit,
-    Premise,
-    audit,
-    least_margin,
-    reading_of,
-    run_audit,
-)
-from grosmc_mj.premises.balance import Balance, balance, switching_rate
 from grosmc_mj.report.document import json_text
 
 SYSTEMS = ("servo", "cart_pendulum", "arm")

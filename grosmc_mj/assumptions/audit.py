@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import Balance, balances, balances_along
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
@@ -20,7 +21,6 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.balance import Balance, balances, balances_along
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The grid's points are for all axes together.

@@ -13,14 +13,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.gains import authority_together
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.physics.quiet import warnings_counted_only
-from grosmc_mj.premises.audit import (
+from grosmc_mj.assumptions.audit import (
     ROUNDING,
     Audit,
     Point,
@@ -32,7 +25,14 @@ from grosmc_mj.premises.audit import (
     reading_of,
     signals,
 )
-from grosmc_mj.premises.balance import Balance, balance
+from grosmc_mj.assumptions.balance import Balance, balance
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.gains import authority_together
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.physics.quiet import warnings_counted_only
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.simulation.trajectory import Trajectory
