@@ -132,17 +132,6 @@ class Reals(_Check):
         return array
 
 
-class _Vector(_Check):
-    """Three finite numbers."""
-
-    def __call__(self, value: Any) -> tuple[float, float, float]:
-        """The numbers as a tuple, which can be compared and hashed."""
-        array = reals(value)
-        if array.shape != (3,) or not np.all(np.isfinite(array)):
-            raise refused("three finite numbers")
-        return tuple(array.tolist())
-
-
 @dataclass(frozen=True)
 class Known(_Check):
     """One of some names; another one is refused with the nearest of them.
@@ -202,6 +191,17 @@ class Items(_Check):
         return tuple(value)
 
 
+class _Vector(_Check):
+    """Three finite numbers."""
+
+    def __call__(self, value: Any) -> tuple[float, float, float]:
+        """The numbers as a tuple, which can be compared and hashed."""
+        array = reals(value)
+        if array.shape != (3,) or not np.all(np.isfinite(array)):
+            raise refused("three finite numbers")
+        return tuple(array.tolist())
+
+
 class _Name(_Check):
     """A name that is not empty."""
 
@@ -257,8 +257,9 @@ def checked(
             except pydantic.ValidationError as mistakes:
                 title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
                 owner = kwargs.get(names[0], owner)
-                named = f"{title} of {shown(owner)}" if title and isinstance(title, str) else ""
-                start = label or named
+                start = label or (
+                    f"{title} of {shown(owner)}" if isinstance(title, str) and title else ""
+                )
                 raise translated(mistakes, names, error, start and f"{start}: ") from None
 
         made.__init__ = initialize_checked
