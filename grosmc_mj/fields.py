@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 
 import numpy as np
 import pydantic
@@ -68,14 +69,14 @@ class Range(_Check):
         """The number, if it is within."""
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
-        beyond = isinstance(value, int) and number in (-math.inf, math.inf)
+        beyond = isinstance(value, int) and number is not None and math.isinf(number)
         if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
         """Whether a number is within the bounds; NaN is not."""
-        if number in (-math.inf, math.inf):
+        if math.isinf(number):
             return self.infinite and (number > 0 or self.low == -math.inf)
         over = number > self.low if self.above else number >= self.low
         under = number < self.high if self.below else number <= self.high
@@ -314,6 +315,9 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
     match mistake["type"]:
         case "refused":
             return f"{place} = {value} must be {mistake['msg']}"
+        case "literal_error":
+            valid = re.findall("'([^']*)'", mistake["ctx"]["expected"])
+            return unknown_name(place, mistake["input"], valid)
         case "missing" | "missing_argument":
             return f"{place} is missing"
         case "unknown":
@@ -333,7 +337,7 @@ def range_of(kind: type, field: str) -> Range | None:
         kind: The dataclass.
         field: Name of the field.
     """
-    hint = get_type_hints(kind, include_extras=True).get(field)
-    # One that may be None is a union.
-    marks = (mark for part in (hint, *get_args(hint)) for mark in getattr(part, "__metadata__", ()))
-    return next((mark for mark in marks if isinstance(mark, Range)), None)
+    hint = get_type_hints(kind, include_extras=True)[field]
+    return next(
+        (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Range)), None
+    )
