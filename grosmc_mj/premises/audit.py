@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -20,7 +21,7 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.balance import Points, balances, balances_along
+from grosmc_mj.premises.balance import Balance, balances, balances_along
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The grid's points are for all axes together.
@@ -148,11 +149,7 @@ def run_audit(result: RunResult) -> Audit:
     if run.sliding is not None:
         premises += [_gain(law, here, there), initial_surface(run.sliding)]
     premises.append(_met(run, law))
-    signals = {
-        "time": np.array([t for t, _, _ in there]),
-        "required": np.array([found.required for _, _, found in there]),
-        "configured": np.array([found.configured for _, _, found in there]),
-    }
+    signals = {"time": there.t, "required": there.required, "configured": there.configured}
     return Audit(result.case, law.name, tuple(premises), signals)
 
 
@@ -183,8 +180,7 @@ def least_margin(
         amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
     """
     grid = _COARSE_GRID if _moves(law) else _GRID
-    points = _region(law, true, bound, amplitude, grid, _COARSE_PHASES)
-    return min(each.configured - each.required for _, _, each in points)
+    return float(_region(law, true, bound, amplitude, grid, _COARSE_PHASES).margin.min())
 
 
 def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -> float:
@@ -197,7 +193,7 @@ def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -
     """
     still = np.zeros(6 * len(true.system.bodies))
     points = _region(law, true, bound, still, _COARSE_GRID, _COARSE_PHASES)
-    return max(each.configured for _, _, each in points)
+    return float(points.configured.max())
 
 
 def _region(
@@ -207,7 +203,7 @@ def _region(
     amplitude: Array,
     grid: int,
     phases: int,
-) -> Points:
+) -> Balance:
     """The balance over the operating region, with the case's wrench at either bound.
 
     Raises:
@@ -234,9 +230,7 @@ def _region(
             "another reference or operating region"
         )
     instants, states = [t for t, _, _ in found], np.array([x for _, x, _ in found])
-    wrenches = np.array([w for _, _, w in found])
-    there = balances(law, true, instants, states, wrenches)
-    return list(zip(instants, states, there, strict=True))
+    return balances(law, true, instants, states, np.array([w for _, _, w in found]))
 
 
 def _moves(law: Controller) -> bool:
@@ -261,14 +255,13 @@ def _largest_wrench(run: Trajectory) -> Array:
     return run.wrench[rows, range(run.wrench.shape[1])]
 
 
-def reading_of(points: Points, margins: Iterable[float]) -> Reading:
+def reading_of(points: Balance, margins: ArrayLike) -> Reading:
     """The least margin of many points, at the first of those that share it but for rounding."""
-    values = np.array(list(margins))
+    values = np.asarray(margins, float)
     least = float(values.min())
     worst = int(np.isclose(values, least, rtol=ROUNDING, atol=0, equal_nan=True).argmax())
-    t, x, _ = points[worst]
-    place = tuple(np.asarray(x, float).tolist())
-    return Reading(Point(t, place, least), least, float(np.mean(values < 0)))
+    point = Point(float(points.t[worst]), tuple(points.x[worst].tolist()), least)
+    return Reading(point, least, float(np.mean(values < 0)))
 
 
 def single_reading(margin: float) -> Reading:
@@ -311,7 +304,7 @@ def _linear(law: Controller) -> list[Premise]:
     return found
 
 
-def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
+def _decoupling(law: Controller, here: Balance, there: Balance) -> Premise:
     """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
     x0 = law.coordinates.place(0.0, np.zeros(law.coordinates.size), law.parameters)
     scale = abs(float(np.linalg.det(law.coordinates.dynamics(0.0, x0, law.parameters)[1])))
@@ -321,68 +314,67 @@ def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
         "eqs. (21)-(23), Assumption 7",
         "decoupling matrix: |det E(x)| over the one at zero error, above rounding",
         "1",
-        reading_of(here, (abs(each.determinant) / scale - ROUNDING for _, _, each in here)),
-        reading_of(there, (abs(each.determinant) / scale - ROUNDING for _, _, each in there)),
+        reading_of(here, np.abs(here.determinant) / scale - ROUNDING),
+        reading_of(there, np.abs(there.determinant) / scale - ROUNDING),
     )
 
 
-def _matched(here: Points, there: Points) -> Premise:
+def _matched(here: Balance, there: Balance) -> Premise:
     """The uncertainty enters where the input does."""
-    matched = max(abs(each.push) for _, _, each in [*here, *there])
+    matched = max(here.push.max(), there.push.max())
     return Premise(
         "matching",
         "Assumptions 3, 5 and 9",
         "no uncertainty in the rows of z' without an input",
         "1/s",
-        reading_of(here, (ROUNDING - each.unmatched for _, _, each in here)),
-        reading_of(there, (ROUNDING - each.unmatched for _, _, each in there)),
+        reading_of(here, ROUNDING - here.unmatched),
+        reading_of(there, ROUNDING - there.unmatched),
         note=f"the matched part moves s by up to {matched:.3g} a second; in mechanics this holds "
         "by kinematics for the output, not for coordinates that the law does not see, such as a "
         "cart",
     )
 
 
-def _sign(here: Points, there: Points) -> Premise:
+def _sign(here: Balance, there: Balance) -> Premise:
     """The input pushes the way that the law believes."""
-    ratios = [each.gain_ratio for _, _, each in [*here, *there]]
+    ratios = here.joined(there).gain_ratio
     return Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
         "r = E_true/E_nominal positive (several inputs: what dominance leaves of it)",
         "1",
-        reading_of(here, (each.gain_ratio - ROUNDING for _, _, each in here)),
-        reading_of(there, (each.gain_ratio - ROUNDING for _, _, each in there)),
-        note=f"r from {min(ratios):.3g} to {max(ratios):.3g}",
+        reading_of(here, here.gain_ratio - ROUNDING),
+        reading_of(there, there.gain_ratio - ROUNDING),
+        note=f"r from {ratios.min():.3g} to {ratios.max():.3g}",
     )
 
 
-def _gain(law: Controller, here: Points, there: Points) -> Premise:
+def _gain(law: Controller, here: Balance, there: Balance) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
-    everywhere = [*here, *there]
+    everywhere = here.joined(there)
     p: Any = law.parameters
     unit = per_second(law.designed.sliding_unit)
     if "epsilon" in law.designed.gains:
-        region, along = (max(each.required for _, _, each in points) for points in (here, there))
+        region, along = here.required.max(), there.required.max()
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (
             f"ε = {along:.3g} along this run, which leaves its surface, and {region:.3g} over the "
             f"region, instead of {p.epsilon:.3g}"
         )
     else:
-        needed = max(each.times for _, _, each in everywhere)
+        needed = everywhere.times.max()
         name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
         restores = f"η, γ0 and γ1 {needed:.3g} times as large"
         if math.isinf(needed):
-            eta = max(each.required for _, _, each in everywhere)
-            restores = f"η = {eta:.3g}; there is no gain to multiply"
+            restores = f"η = {everywhere.required.max():.3g}; there is no gain to multiply"
     found = Premise(
         name,
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
-        reading_of(here, (each.configured - each.required for _, _, each in here)),
-        reading_of(there, (each.configured - each.required for _, _, each in there)),
-        note=f"required at most {max(each.required for _, _, each in everywhere):.3g} {unit}",
+        reading_of(here, here.margin),
+        reading_of(there, there.margin),
+        note=f"required at most {everywhere.required.max():.3g} {unit}",
     )
     if found.holds:
         return found

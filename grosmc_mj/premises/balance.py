@@ -19,7 +19,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class Balance(NamedTuple):
-    """One state, one plant, one wrench.
+    """The balance at N states of a plant; without the axis of N at one, see ``at``.
 
     With z_i^(r_i) = alpha + E u by the law's model, alpha* + E* u + d on the true plant and G_r
     the columns of G that meet the rows of the inputs,
@@ -27,33 +27,50 @@ class Balance(NamedTuple):
         s' = G_r [(alpha* - alpha) + (E* - E) u_c + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
 
     Attributes:
-        R: As above, (m, m).
-        gain_ratio: What is left of rho: r = E*/E for one input, else as ``gain_margin``.
-        pushes: The first part of s', (m,), in the unit of s per second.
-        push: Its largest entry.
-        required: push / r, the least rho that keeps |s| from growing.
-        configured: rho of the law; 0 for a law that does not switch.
-        determinant: det E of the law's model.
-        unmatched: What the uncertainty does to the other rows of z'.
-        u_c: The continuous part of the input, (m,).
+        t: Times [s], (N,).
+        x: States, (N, n).
+        R: As above, (N, m, m).
+        gain_ratio: What is left of rho, (N,): r = E*/E for one input, else as ``gain_margin``.
+        pushes: The first part of s', (N, m), in the unit of s per second.
+        push: Its largest entry, (N,); its norm under one switch for all inputs.
+        required: push / r, the least rho that keeps |s| from growing, (N,).
+        configured: rho of the law, (N,); 0 for a law that does not switch.
+        determinant: det E of the law's model, (N,).
+        unmatched: What the uncertainty does to the other rows of z', (N,).
+        u_c: The continuous part of the input, (N, m).
     """
 
+    t: Array
+    x: Array
     R: Array
-    gain_ratio: float
+    gain_ratio: Any
     pushes: Array
-    push: float
-    required: float
-    configured: float
-    determinant: float
-    unmatched: float
+    push: Any
+    required: Any
+    configured: Any
+    determinant: Any
+    unmatched: Any
     u_c: Array
 
+    def at(self, row: Any) -> Balance:
+        """One of the states, or some."""
+        return Balance(*(values[row] for values in self))
+
+    def joined(self, other: Balance) -> Balance:
+        """These states, then others."""
+        return Balance(*map(np.concatenate, zip(self, other, strict=True)))
+
     @property
-    def times(self) -> float:
-        """How many times the configured gain is required; none is enough of no gain at all."""
-        if self.configured == 0:
-            return math.inf if self.required else 0.0
-        return self.required / self.configured
+    def margin(self) -> Any:
+        """Configured less required rate, (N,)."""
+        return self.configured - self.required
+
+    @property
+    def times(self) -> Any:
+        """How many times the configured gain is required, (N,); of no gain none is enough."""
+        none = np.where(self.required > 0, math.inf, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.configured == 0, none, self.required / self.configured)
 
 
 def balance(
@@ -64,7 +81,7 @@ def balance(
     w: Array,
     u: Array | None = None,
 ) -> Balance:
-    """The balance at a state of the true plant.
+    """The balance at one state of the true plant.
 
     Args:
         law: A controller with error coordinates.
@@ -76,36 +93,63 @@ def balance(
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
     """
-    error, x = law.designed.error, np.asarray(x, float)
-    drift, gain = error.moved(t, x, law.parameters, true.rigid, w, u)
-    z = np.array([error.state(t, x, law.parameters)])
-    return _balances(law, [t], x[None], z, (drift[None], gain[None]))[0]
+    inputs = None if u is None else [u]
+    return balances(law, true, [t], np.array([x], float), np.array([w]), inputs).at(0)
 
 
 def balances(
-    law: Controller, true: AnalyticPlant, t: Sequence[float], x: Array, w: Array
-) -> list[Balance]:
-    """The balance at many states of a plant with equations, all at once.
+    law: Controller, true: Plant, t: Sequence[float], x: Array, w: Array, u: Any = None
+) -> Balance:
+    """The balance at many states of a plant, all at once where it has equations.
 
     Args:
-        law: A controller with error coordinates in symbols.
-        true: The plant that it meets.
+        law: A controller with error coordinates.
+        true: The plant that it meets, see ``balance``.
         t: Times [s], (N,).
         x: States, (N, n).
         w: Wrenches, (N, 6 * bodies).
+        u: Inputs, (N, m), see ``balance``; None for none.
     """
-    error, p = law.designed.error, law.parameters
-    assert isinstance(error, ErrorCoordinates)
-    return _balances(law, t, x, error.errors(t, x, p), error.moved_along(t, x, p, true, w))
-
-
-# Times, states and what was found there.
-Points = list[tuple[float, Array, Balance]]
+    design, p, error = law.designed, law.parameters, law.designed.error
+    if isinstance(error, ErrorCoordinates):
+        z, motion = error.errors(t, x, p), error.moved_along(t, x, p, true.rigid, w)
+    else:
+        z = np.array([error.state(*here, p) for here in zip(t, x, strict=True)])
+        inputs = [None] * len(x) if u is None else u
+        rows = zip(t, x, w, inputs, strict=True)
+        parts = [error.moved(at, here, p, true.rigid, *push) for at, here, *push in rows]
+        motion = np.array([drift for drift, _ in parts]), np.array([gain for _, gain in parts])
+    own = nominal(design, p, t, x, z)
+    dz, push, R = own.reaching(motion)
+    if isinstance(error, StateCoordinates):
+        A, B = design.lqr.A, design.lqr.B
+        differs = dz - times(A, z) - times(B, own.v_0)
+        unmatched = differs - times(B @ np.linalg.pinv(B), differs)
+    else:
+        unmatched = error.unmatched(z, dz)
+    together = "unit-vector" in design.switching
+    r = gain_margin(R, together=together)
+    pushing = np.linalg.norm(push, axis=-1) if together else np.abs(push).max(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        required = np.where(r > 0, pushing / r, math.inf)
+    return Balance(
+        t=np.array(t),
+        x=np.asarray(x, float),
+        R=R,
+        gain_ratio=r,
+        pushes=push,
+        push=pushing,
+        required=required,
+        configured=switching_rate(p, own),
+        determinant=np.linalg.det(own.E),
+        unmatched=np.abs(unmatched).max(axis=-1, initial=0.0),
+        u_c=own.u_c,
+    )
 
 
 def balances_along(
     law: Controller, true: AnalyticPlant, run: Trajectory, every: int, *, pushed: bool = True
-) -> Points:
+) -> Balance:
     """The balance along a run.
 
     Args:
@@ -120,41 +164,7 @@ def balances_along(
     w = np.zeros((len(t), 6 * len(true.system.bodies)))
     if pushed and run.wrench is not None:
         w = run.wrench[rows]
-    return list(zip(t, x, balances(law, true, t, x, w), strict=True))
-
-
-def _balances(
-    law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
-) -> list[Balance]:
-    """The balance at instants (N,), states (N, n) and errors (N, size) that move like that."""
-    design, p = law.designed, law.parameters
-    own = nominal(design, p, t, x, z)
-    dz, push, R = own.reaching(motion)
-    if isinstance(design.error, StateCoordinates):
-        A, B = design.lqr.A, design.lqr.B
-        differs = dz - times(A, z) - times(B, own.v_0)
-        unmatched = differs - times(B @ np.linalg.pinv(B), differs)
-    else:
-        unmatched = design.error.unmatched(z, dz)
-    together = "unit-vector" in design.switching
-    r = gain_margin(R, together=together)
-    pushing = np.linalg.norm(push, axis=-1) if together else np.abs(push).max(axis=-1)
-    configured, determinant = switching_rate(p, own), np.linalg.det(own.E)
-    unmatched = np.abs(unmatched).max(axis=-1, initial=0.0)
-    return [
-        Balance(
-            R=R[i],
-            gain_ratio=float(r[i]),
-            pushes=push[i],
-            push=float(pushing[i]),
-            required=float(pushing[i] / r[i]) if r[i] > 0 else math.inf,
-            configured=float(configured[i]),
-            determinant=float(determinant[i]),
-            unmatched=float(unmatched[i]),
-            u_c=own.u_c[i],
-        )
-        for i in range(len(z))
-    ]
+    return balances(law, true, t, x, w)
 
 
 def switching_rate(p: Any, law: Nominal) -> Array:

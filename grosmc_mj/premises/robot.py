@@ -31,7 +31,7 @@ from grosmc_mj.premises.audit import (
     per_second,
     reading_of,
 )
-from grosmc_mj.premises.balance import Points, balance
+from grosmc_mj.premises.balance import Balance, balances
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import bias, inertia
 
@@ -83,41 +83,42 @@ def robot_audit(result: RunResult) -> Audit:
     if not is_robots(result) or not len(run.input):
         raise ArgumentError(f"{result.key} is no run of a robot in MuJoCo: it has no such premises")
     # Of a law of one's own no feedback is known that pushes and switching could be set against.
-    points = _along(result) if hasattr(law.parameters, "K") else []
+    points = _along(result) if hasattr(law.parameters, "K") else None
     premises = []
-    if run.sliding is not None and points:
-        premises = [_rate(result, points), _authority(result, points), initial_surface(run.sliding)]
+    if run.sliding is not None and points is not None:
+        premises = [
+            _rate(result, points),
+            _gain_margin(result, points),
+            initial_surface(run.sliding),
+        ]
     premises.append(_torque(result))
-    if points and isinstance(law.designed.error, RobotCoordinates):
+    if points is not None and isinstance(law.designed.error, RobotCoordinates):
         premises.append(_headroom(law, result.true, points))
     premises.append(_joints(result))
     signals = {
-        "time": np.array([t for t, _, _ in points]),
-        "required": np.array([found.required for _, _, found in points]),
-        "configured": np.array([found.configured for _, _, found in points]),
+        name: np.array([]) if points is None else getattr(points, field)
+        for name, field in (("time", "t"), ("required", "required"), ("configured", "configured"))
     }
     return Audit(result.case, law.name, tuple(premises), signals)
 
 
-def _along(result: RunResult) -> Points:
+def _along(result: RunResult) -> Balance:
     """The balance along the run, by the torques that were applied."""
-    run, points = result.trajectory, []
+    run = result.trajectory
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
-    nothing = np.zeros(6 * len(run.system.bodies))
+    w = np.zeros((len(rows), 6 * len(run.system.bodies)))
+    if run.wrench is not None:
+        w = run.wrench[rows]
     assert result.true is not None
+    t, x, u = run.time[rows].tolist(), run.state[rows], run.input[rows]
     with warnings_counted_only():
-        for row in rows:
-            t, x = float(run.time[row]), run.state[row]
-            w = nothing if run.wrench is None else run.wrench[row]
-            found = balance(result.controller, result.true, t, x, w, run.input[row])
-            points.append((t, x, found))
-    return points
+        return balances(result.controller, result.true, t, x, w, u)
 
 
-def _rate(result: RunResult, points: Points) -> Premise:
+def _rate(result: RunResult, points: Balance) -> Premise:
     """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
     law, driven = result.controller, _driven(result)
-    t, _, most = max(points, key=lambda point: point[2].required)
+    most = points.at(int(points.required.argmax()))
     joint = driven[int(np.abs(most.pushes).argmax())]
     alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
     unit = per_second(law.designed.sliding_unit)
@@ -130,9 +131,9 @@ def _rate(result: RunResult, points: Points) -> Premise:
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
         None,
-        reading_of(points, (each.configured - each.required for _, _, each in points)),
+        reading_of(points, points.margin),
         note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
-        f"(at t = {t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
+        f"(at t = {most.t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
         f"{alone}; in the push are the edits, the wrenches, and friction, joint limits and "
         f"contacts as MuJoCo has them under the applied torque; not in it: that the law is "
         f"sampled{machine}, and torque that was cut off",
@@ -151,35 +152,31 @@ def _driven(result: RunResult) -> tuple[str, ...]:
     return system.joints if every else system.actuators
 
 
-def _joint_by_joint(points: Points) -> str:
+def _joint_by_joint(points: Balance) -> str:
     """What is required if each joint's push is set against its own row of R."""
-    required = 0.0
-    for _, _, found in points:
-        diagonal = np.diag(found.R)
-        left = 2 * diagonal - np.abs(found.R).sum(axis=1)
-        if np.any(left <= 0):
-            return ""
-        required = max(required, float((np.abs(found.pushes) / left).max()))
+    left = 2 * np.diagonal(points.R, axis1=1, axis2=2) - np.abs(points.R).sum(axis=2)
+    if np.any(left <= 0):
+        return ""
+    required = float((np.abs(points.pushes) / left).max())
     return f", or {required:.3g} with each joint's push against its own row of R"
 
 
-def _authority(result: RunResult, points: Points) -> Premise:
+def _gain_margin(result: RunResult, points: Balance) -> Premise:
     """The true inertia leaves something of the switching rate."""
-    ratios = [each.gain_ratio for _, _, each in points]
+    ratios = points.gain_ratio
     found = Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
         "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹, of all joints M*⁻¹ M",
         "1",
         None,
-        reading_of(points, (ratio - ROUNDING for ratio in ratios)),
-        note=f"r from {min(ratios):.3g} to {max(ratios):.3g}; M has armature in it, which no "
+        reading_of(points, ratios - ROUNDING),
+        note=f"r from {ratios.min():.3g} to {ratios.max():.3g}; M has armature in it, which no "
         "payload changes",
     )
     if found.holds:
         return found
-    least = min(points, key=lambda point: point[2].gain_ratio)
-    taken = _taken_away(result, least[2].R)
+    taken = _taken_away(result, points.R[int(ratios.argmin())])
     return replace(found, note=f"{found.note}; {taken}", restores=_dominance_again(result, points))
 
 
@@ -194,9 +191,9 @@ def _taken_away(result: RunResult, R: Array) -> str:
     )
 
 
-def _dominance_again(result: RunResult, points: Points) -> str:
+def _dominance_again(result: RunResult, points: Balance) -> str:
     """What makes r positive: one switch for all joints, or a smaller part of the edits."""
-    together = min(gain_margin(found.R, together=True) for _, _, found in points)
+    together = gain_margin(points.R, together=True).min()
     said = []
     if together > 0 and "unit-vector" not in result.controller.designed.switching:
         said.append(f"a unit-vector switching law (r = {together:.3g} as one switch for all)")
@@ -206,18 +203,16 @@ def _dominance_again(result: RunResult, points: Points) -> str:
     return " or ".join(said) or "another G, or a nominal model nearer to the true one"
 
 
-def _bearable(result: RunResult, points: Points) -> float | None:
+def _bearable(result: RunResult, points: Balance) -> float | None:
     """The largest part of the case's edits, of masses and lengths, that leaves r positive."""
     nominal, edits = result.experiment.nominal.plant, result.case.edits
-    worst = sorted(points, key=lambda point: point[2].gain_ratio)[:_WORST]
+    worst = points.at(np.argsort(points.gain_ratio, kind="stable")[:_WORST])
 
     def keeps(part: float) -> bool:
         plant = nominal.changed([edit.shrunk(part) for edit in edits])
-        found = (
-            balance(result.controller, plant, t, x, np.zeros(6 * len(plant.system.bodies)))
-            for t, x, _ in worst
-        )
-        return all(each.gain_ratio > 0 for each in found)
+        still = np.zeros((len(worst.x), 6 * len(plant.system.bodies)))
+        there = balances(result.controller, plant, worst.t.tolist(), worst.x, still)
+        return bool(np.all(there.gain_ratio > 0))
 
     if not edits or not keeps(0.0):
         return None
@@ -266,16 +261,16 @@ def _torque(result: RunResult) -> Premise:
     )
 
 
-def _headroom(law: Controller, plant: Any, points: Points) -> Premise:
+def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     """The nominal torque leaves what the switching term may need, whatever its signs."""
     error, limits = law.designed.error, plant.input_limits
     assert isinstance(error, RobotCoordinates)
     margins, alone, switched = [], [], []
-    for t, _, found in points:
+    for t, configured in zip(points.t.tolist(), points.configured, strict=True):
         y_r, dy_r, ddy_r = np.reshape(error.reference(t, law.parameters.reference), (-1, 3)).T
         M = inertia(error.model, y_r)
         nominal = M @ ddy_r + bias(error.model, y_r, dy_r)
-        switching = np.abs(M).sum(axis=1) * found.configured
+        switching = np.abs(M).sum(axis=1) * configured
         worst = np.maximum(*(_shares(nominal + side * switching, limits) for side in (-1.0, 1.0)))
         margins.append(1 - float(worst.max()))
         alone.append(_shares(nominal, limits))
@@ -285,7 +280,7 @@ def _headroom(law: Controller, plant: Any, points: Points) -> Premise:
         f"{joint} {100 * a:.0f} %" + (f", {100 * b:.0f} %" if np.any(b > a) else "")
         for joint, a, b in zip(joints, np.max(alone, axis=0), np.max(switched, axis=0), strict=True)
     ]
-    switches = any(found.configured for _, _, found in points)
+    switches = bool(np.any(points.configured))
     return Premise(
         "torque headroom",
         "eqs. (44), (55): u = M v + h",

@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -519,8 +520,8 @@ def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) ->
     ("required", "configured", "times"), [(3.0, 2.0, 1.5), (3.0, 0.0, math.inf), (0.0, 0.0, 0.0)]
 )
 def test_no_multiple_of_no_gain_is_enough(required: float, configured: float, times: float) -> None:
-    one = np.eye(1)
-    found = Balance(one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
+    one, numbers = np.eye(1), (np.array(required), np.array(configured))
+    found = Balance(one[0, 0], one[0], one, 1.0, one[0], 1.0, *numbers, 1.0, 0.0, one[0])
     assert found.times == times
 
 
@@ -553,7 +554,8 @@ def test_command_says_where_the_premise_fails(
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
-    points: Any = [(t, (t,), None) for t in (0.0, 1.0, 2.0, 3.0)]
+    t = np.arange(4.0)
+    points: Any = SimpleNamespace(t=t, x=t[:, None])
     least = -6.45 * (1 + 4e-16)
     reading = reading_of(points, [2.0, -6.45, least, -6.4])
     assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)

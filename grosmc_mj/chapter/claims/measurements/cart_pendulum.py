@@ -148,8 +148,7 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     true = lab.equations(case, plant)
     law, run = result.controller, result.trajectory
     points = balances_along(law, true, run, 10, pushed=False)
-    naive = max(each.push for _, _, each in points)
-    required = max(each.required for _, _, each in points)
+    naive, required = float(points.push.max()), float(points.required.max())
     if required < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     return of(

@@ -369,8 +369,7 @@ def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2
             if true.system.linearizable(x):
                 places.append(x)
         start, still = [0.0] * len(places), np.zeros((len(places), 12))
-        found = balances(law, true, start, np.array(places), still)
-        largest.append(max(each.push for each in found))
+        largest.append(float(balances(law, true, start, np.array(places), still).push.max()))
     if largest[0] < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     note = f"{largest[1]:.3g} rad/s² against {largest[0]:.3g} rad/s²"

@@ -129,11 +129,10 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Experiment]
     for case in cases:
         result = lab.run(case, plant, "grosmc")
         true, law = lab.equations(case, plant), result.controller
-        worst, least = np.inf, np.inf
-        for _, _, balanced in balances_along(law, true, result.trajectory, _EVERY):
-            least = min(least, balanced.gain_ratio)
-            if balanced.required > 0:
-                worst = min(worst, balanced.configured / balanced.required)
+        points = balances_along(law, true, result.trajectory, _EVERY)
+        pushed = points.at(points.required > 0)
+        worst = (pushed.configured / pushed.required).min(initial=np.inf)
+        least = points.gain_ratio.min()
         results.append(result)
         values.append(float(worst))
         notes.append(f"{case.case.name}: {worst:.3g}, least r {least:.3g}")
@@ -141,7 +140,7 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Experiment]
 
 
 def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured:
-    """Least authority of G = B+ over the declared poses, up to so many times the payload."""
+    """Least gain margin of G = B+ over the declared poses, up to so many times the payload."""
     case = find_experiment(_SYSTEM, "regulation")
     law = lab.controller(case, plant, "grosmc")
     error, p = law.coordinates, law.parameters
