@@ -110,7 +110,7 @@ class EquationStepper(Stepper):
         self.q, self.u, self.v = self.data.x, self.data.u, np.zeros(0)
         self.warnings, self.forces = self.data.warnings, self.data.w.reshape(-1, 6)
         self.bodies, self._step = np.arange(len(self.forces)), _step_of(plant.system)
-        self._numbers = pack(self.model)
+        self._dtype, self._numbers = record_dtype(self.model), pack(self.model)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
@@ -125,7 +125,7 @@ class EquationStepper(Stepper):
 
     def addresses(self) -> tuple[int, int, int]:
         """A compiled step, the numbers and the state."""
-        step = _compiled_step(self._system, record_dtype(self.model))
+        step = _compiled_step(self._system, self._dtype)
         return step.address, self._numbers.ctypes.data, self._block.ctypes.data
 
 

@@ -293,6 +293,21 @@ mass_scale = [1, 1.5]
 """
 
 
+def test_a_campaign_judges_what_an_actuator_of_a_loop_gives(tmp_path: Path) -> None:
+    limits = '[[requirement]]\ninput_below = "4.5 A"\n'
+    actuator = '[[actuator]]\nof = "current"\nlimit = "4 A"\n'
+    (tmp_path / "case.toml").write_text(servo(INERTIA, limits=limits) + actuator)
+    experiment = Experiment.load(tmp_path / "case.toml")
+    recorded = experiment.run("physics", "grosmc")
+    asked = Campaign.load(str(tmp_path / "case.toml"), runs=2)
+    nominal = evaluate(asked, "grosmc", asked.family.nominal[None])
+    assert np.abs(recorded.trajectory.command).max() > 4.5, "the actuator must cut something"
+    (judgement,) = judge_all(experiment.limits, [recorded])
+    assert judgement.margin == nominal.margins["input_below"][0] == 0.5
+    assert judgement.kept
+    assert nominal.kept[0]
+
+
 @pytest.mark.parametrize("engine", ["native", "python"])
 def test_a_campaign_judges_the_input_that_the_plant_is_given(engine: Any, tmp_path: Path) -> None:
     (tmp_path / "lever.xml").write_text(LEVER)

@@ -23,7 +23,6 @@ from grosmc_mj.control.design import (
     regulating_grosmc,
     tracking_grosmc,
 )
-from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import (
     FourierSeries,
     Setpoint,
@@ -33,6 +32,7 @@ from grosmc_mj.control.references import (
 )
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
+from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.loop.design_model import design_model

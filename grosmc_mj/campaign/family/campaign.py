@@ -25,7 +25,14 @@ from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
 from grosmc_mj.experiments.metrics.running import meters_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, judgeable, required, transient, windows
+from grosmc_mj.experiments.requirements import (
+    Limit,
+    judgeable,
+    require_initial_error,
+    required,
+    transient,
+    windows,
+)
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
@@ -98,7 +105,11 @@ class Campaign:
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         requirements = required(limits, laws)
         found = cls(specification, experiment, family, laws, requirements, tuple(notes))
-        found.plant_sample(found.family.nominal).plant(found.plant)
+        nominal = found.plant_sample(family.nominal)
+        nominal.plant(found.plant)
+        for limit in requirements:
+            if limit.of_initial_error:
+                require_initial_error(limit.kind, laws[limit.of[0]], nominal.case.x0)
         refuse_impossible_machines(family, lambda row: found.plant_sample(row).plant(found.plant))
         refuse_impossible_loops(family, laws, lambda row: found.plant_sample(row).case.loop)
         for law in laws.values():

@@ -31,6 +31,8 @@ from grosmc_mj.simulation.trajectory import Status
 
 # What a run is judged by.
 EQUATIONS, PHYSICS = "equations", "physics"
+# Order of a run that ended at once; none that was completed comes near it.
+_CUT = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +48,13 @@ class Outcomes:
         ended: Up to when it is valid [s], (n,).
         relative: The least margin in parts of its limit, (n,): at most 1, which is all of a limit;
             -inf for runs that ended early.
-        order: By which a search tells a worse run from a better one, (n,): ``relative``, which
-            has no lower bound where a run never settles; see ``_order``.
+        order: By which a worse run is told from a better one, (n,), finite: ``relative``, which
+            has no lower bound where a run never settles, see ``_order``; of runs that ended early
+            the earlier is the worse.
         judged_by: What each run was made on, ``EQUATIONS`` or ``PHYSICS``, (n,).
         screened: ``relative`` by the equations of those that were screened, (n,); NaN of others.
         overturned: How many verdicts MuJoCo overturned of a run that was screened, (n,).
+        drawn: 1 for a run that was confirmed in MuJoCo by chance alone, else 0, (n,).
         band: How near to its limit a screened margin is confirmed, in parts of the limit; 0 where
             nothing was screened.
     """
@@ -66,6 +70,7 @@ class Outcomes:
     judged_by: Sequence[str]
     screened: Array
     overturned: NDArray[np.int64]
+    drawn: NDArray[np.int64]
     band: float = 0.0
 
     @property
@@ -100,7 +105,7 @@ class Outcomes:
             return change(np.array(own, object), np.array(other, object)).tolist()
 
         names = ("values", "metrics", "margins", "status", "ended", "relative", "order")
-        names = (*names, "judged_by", "screened", "overturned")
+        names = (*names, "judged_by", "screened", "overturned", "drawn")
         return replace(
             self, **{name: changed(getattr(self, name), getattr(others, name)) for name in names}
         )
@@ -231,10 +236,13 @@ def outcomes(
         status=words,
         ended=ended,
         relative=np.where(completed, np.min(shares, axis=0), -np.inf),
-        order=np.where(completed, _order(campaign, controller, shares, found, recording), -np.inf),
+        order=np.where(
+            completed, _order(campaign, controller, shares, found, recording), -_CUT / (1 + ended)
+        ),
         judged_by=[PHYSICS if kind == "physics" else EQUATIONS] * len(values),
         screened=nothing,
         overturned=np.zeros(len(values), np.int64),
+        drawn=np.zeros(len(values), np.int64),
     )
 
 
