@@ -92,32 +92,27 @@ def write_film(
         aside = {
             name: files.enter_context(written_aside(name)) for name in (path, poster, small) if name
         }
+        best = board.chart.empty
+
+        def drawn() -> Iterator[np.ndarray]:
+            """The frames; the one for the poster is kept."""
+            nonlocal best
+            for index, frame in enumerate(frames):
+                yield frame
+                advance()
+                best = frame if index == board.poster else best
+
         drawing = draw_frames(board, backend, workers or len(os.sched_getaffinity(0)))
         with contextlib.closing(drawing) as frames:
             source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", film.format.fps]
-            drawn = _drawn(frames, board, aside[poster], poster, advance)
-            _run_ffmpeg(program, [*source, "-i", "-", *_H264.split(), aside[path]], path, drawn)
+            _run_ffmpeg(program, [*source, "-i", "-", *_H264.split(), aside[path]], path, drawn())
+        try:
+            Image.fromarray(best).save(aside[poster], optimize=True)
+        except OSError as error:
+            raise cannot_write(poster, error) from error
         if small is not None:
             _write_gif(program, aside[path], aside[small], small, film.format.width)
     return Written(path, poster, small, len(board.times), backend, program, board)
-
-
-def _drawn(
-    frames: Iterable[np.ndarray],
-    board: Storyboard,
-    part: Path,
-    poster: Path,
-    advance: Callable[[], object],
-) -> Iterator[np.ndarray]:
-    """The frames as they are drawn; the poster among them is written."""
-    for index, frame in enumerate(frames):
-        yield frame
-        advance()
-        if index == board.poster:
-            try:
-                Image.fromarray(frame).save(part, optimize=True)
-            except OSError as error:
-                raise cannot_write(poster, error) from error
 
 
 def _write_gif(program: Ffmpeg, film: Path, gif: Path, path: Path, width: int) -> None:
