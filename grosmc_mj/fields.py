@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
@@ -20,7 +21,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from grosmc_mj.arguments import real, reals, whole
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 
 Made = TypeVar("Made")
 Returned = TypeVar("Returned")
@@ -48,11 +49,11 @@ class Range(_Check):
 
     Attributes:
         low: Smallest value.
-        high: Largest value; infinite for none, and then infinity itself is refused.
+        high: Largest value; infinite for none.
         unit: Such as ``s``; empty for a pure number.
         above: Whether ``low`` itself is refused.
         below: Whether ``high`` itself is refused.
-        infinite: Whether infinity is a value, which stands for no limit.
+        infinite: Whether infinity is a value too, which stands for no limit.
         whole: Whether it must be a whole number.
     """
 
@@ -67,15 +68,19 @@ class Range(_Check):
     def __call__(self, value: Any) -> float | int:
         """The number, if it is within."""
         number = whole(value) if self.whole else real(value)
-        if number is None or not self.holds(number):
+        # A whole number beyond all floats is no infinity.
+        beyond = isinstance(value, int) and number is not None and math.isinf(number)
+        if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
         """Whether a number is within the bounds; NaN is not."""
+        if math.isinf(number):
+            return self.infinite and (number > 0 or self.low == -math.inf)
         over = number > self.low if self.above else number >= self.low
         under = number < self.high if self.below else number <= self.high
-        return over and under and (self.infinite or math.isfinite(number))
+        return over and under
 
     @property
     def wanted(self) -> str:
@@ -93,7 +98,8 @@ class Range(_Check):
             start = f"above {self.low:g}" if self.above else f"from {self.low:g}"
             bounds = f"{start} to {'below ' if self.below else ''}{self.high:g}"
         unit = f" {self.unit}" if self.unit and any(c.isdigit() for c in bounds) else ""
-        return f"{kind}{bounds}{unit}"
+        endless = ", or infinite" if self.infinite and self.high < math.inf else ""
+        return f"{kind}{bounds}{unit}{endless}"
 
     @property
     def _end(self) -> str:
@@ -127,6 +133,76 @@ class Reals(_Check):
         return array
 
 
+@dataclass(frozen=True)
+class Known(_Check):
+    """One of some names; another one is refused with the nearest of them.
+
+    Attributes:
+        kind: The noun for it, such as ``executor``.
+        names: All that are valid.
+    """
+
+    kind: str
+    names: Collection[str]
+
+    def __call__(self, value: Any) -> str:
+        """The name, if it is one of them."""
+        if not isinstance(value, str) or value not in self.names:
+            line = unknown_name(self.kind, value, self.names)
+            raise PydanticCustomError("unknown", "{line}", {"line": line})
+        return value
+
+
+@dataclass(frozen=True)
+class Is(_Check):
+    """A value of one of some classes.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a plant, such as MujocoPlant.load(...)``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> Any:
+        """The value, if it is one."""
+        if not isinstance(value, self.kinds):
+            raise refused(self.wanted)
+        return value
+
+
+@dataclass(frozen=True)
+class Items(_Check):
+    """A list or tuple of values of some classes; it is kept as a tuple.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a tuple of Signals``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> tuple[Any, ...]:
+        """The values, if all are such."""
+        items = value if isinstance(value, (list, tuple)) else [None]
+        if not all(isinstance(item, self.kinds) for item in items):
+            raise refused(self.wanted)
+        return tuple(value)
+
+
+class _Vector(_Check):
+    """Three finite numbers."""
+
+    def __call__(self, value: Any) -> tuple[float, float, float]:
+        """The numbers as a tuple, which can be compared and hashed."""
+        array = reals(value)
+        if array.shape != (3,) or not np.all(np.isfinite(array)):
+            raise refused("three finite numbers")
+        return tuple(array.tolist())
+
+
 class _Name(_Check):
     """A name that is not empty."""
 
@@ -149,6 +225,7 @@ Finite = Annotated[float, Range()]
 Positive = Annotated[float, Range(0, above=True)]
 NotNegative = Annotated[float, Range(0)]
 Seconds = Annotated[float, Range(0, unit="s")]
+Vector = Annotated[tuple[float, float, float], _Vector()]
 Name = Annotated[str, _Name()]
 Flag = Annotated[bool, _Flag()]
 
@@ -157,7 +234,7 @@ _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="
 
 @dataclass_transform(frozen_default=True)
 def checked(
-    error: type[GrosmcError] = ArgumentError,
+    error: type[GrosmcError] = ArgumentError, *, label: str = "", eq: bool = True
 ) -> Callable[[type[Made]], type[Made]]:
     """Make a class a frozen dataclass whose fields check what they are given.
 
@@ -165,10 +242,12 @@ def checked(
 
     Args:
         error: Raised for fields that are refused; all of them are told at once.
+        label: Begins the line; by default the class's ``kind`` and its first field, if it has one.
+        eq: Whether instances of equal fields are equal; else each is itself alone.
     """
 
     def decorate(kind: type[Made]) -> type[Made]:
-        made: Any = pydantic.dataclasses.dataclass(frozen=True, config=_CONFIG)(kind)
+        made: Any = pydantic.dataclasses.dataclass(frozen=True, eq=eq, config=_CONFIG)(kind)
         initialize = made.__init__
         names = list(inspect.signature(made).parameters)
 
@@ -179,8 +258,10 @@ def checked(
             except pydantic.ValidationError as mistakes:
                 title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
                 owner = kwargs.get(names[0], owner)
-                label = f"{title} of {shown(owner)}: " if title else ""
-                raise translated(mistakes, names, error, label) from None
+                start = label or (
+                    f"{title} of {shown(owner)}" if isinstance(title, str) and title else ""
+                )
+                raise translated(mistakes, names, error, start and f"{start}: ") from None
 
         made.__init__ = initialize_checked
         return made
@@ -234,8 +315,15 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
     match mistake["type"]:
         case "refused":
             return f"{place} = {value} must be {mistake['msg']}"
+        case "literal_error":
+            valid = re.findall("'([^']*)'", mistake["ctx"]["expected"])
+            return unknown_name(place, mistake["input"], valid)
         case "missing" | "missing_argument":
             return f"{place} is missing"
+        case "unknown":
+            return mistake["msg"]
+        case "is_instance_of":
+            return f"{place} = {value} must be a {mistake['ctx']['class']}"
         case "unexpected_keyword_argument" | "unexpected_positional_argument":
             return f"there is no argument {place}; valid: {', '.join(names)}"
     return f"{place} = {value}: {mistake['msg'].replace('Input should be', 'must be')}"

@@ -22,7 +22,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.camera import aim
 from grosmc_mj.films.offscreen import has_display
-from grosmc_mj.machine.unseen import starts
+from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.physics.quiet import warnings_counted_only
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push

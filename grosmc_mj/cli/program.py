@@ -23,10 +23,8 @@ from grosmc_mj.films.offscreen import without_graphics
 _FORMATS = ("parquet", "csv", "npz")
 # What commands were called, and how they begin and end now.
 _RENAMED = {
-    "compare": ("study agreement", ""),
     "switching": ("study switching", ""),
     "region": ("study region", ""),
-    "hold": ("study cart", ""),
     "premises": ("claims", "--premises"),
 }
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grosmc_mj.control.gains import authority
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit, shrunk
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.premises.robot import robot_audit
 
 MODEL = """
@@ -63,13 +63,11 @@ def test_the_row_is_named_and_the_payload_that_restores_it(tmp_path: Path) -> No
 
 
 def test_dominance_is_by_rows() -> None:
-    assert authority(np.array([[1.0, -0.4], [0.9, 0.5]])) == pytest.approx(-0.4)
+    assert gain_margin(np.array([[1.0, -0.4], [0.9, 0.5]])) == pytest.approx(-0.4)
 
 
 def test_parts_of_edits() -> None:
-    assert shrunk(BodyEdit("b", 3.0, 0.5), 0.5) == BodyEdit("b", 2.0, 0.75)
-    assert shrunk(AddedMass("b", 2.0, (0.1, 0.0, 0.0)), 0.25) == AddedMass(
-        "b", 0.5, (0.1, 0.0, 0.0)
-    )
+    assert BodyEdit("b", 3.0, 0.5).shrunk(0.5) == BodyEdit("b", 2.0, 0.75)
+    assert AddedMass("b", 2.0, (0.1, 0.0, 0.0)).shrunk(0.25) == AddedMass("b", 0.5, (0.1, 0.0, 0.0))
     joint = JointEdit("j", damping=2.0)
-    assert shrunk(joint, 0.1) is joint
+    assert joint.shrunk(0.1) is joint

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.bench.batches import closed_loop, open_batch
-from grosmc_mj.bench.timing import Throughput, measured
+from benchmarks.batches import closed_loop, open_batch
+from benchmarks.timing import Throughput, measured
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import specification_of
 from grosmc_mj.campaign.runs.folder import Folder
