@@ -23,7 +23,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
-from grosmc_mj.experiments.metrics.running import metered
+from grosmc_mj.experiments.metrics.running import meters_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import (
     Limit,
@@ -117,8 +117,8 @@ class Campaign:
         return found
 
     def _refuse_unmeasurable(self, law: Controller) -> None:
-        """Refuse a run that cannot begin, or errors that are asked for after its last sample."""
-        metered(law, self.control_period, NO_WINDOWS, 0.0)
+        """Refuse a run that cannot begin, or errors that are asked for after its last timestep."""
+        meters_of(law, self.experiment.settings.timestep, NO_WINDOWS, 0.0)
         problem, _ = prepare(
             self.plant,
             law,
@@ -129,11 +129,11 @@ class Campaign:
             disturbances=self.experiment.case.disturbances,
             record=False,
         )
-        last = (problem.steps - 1) // problem.stride * problem.control_period
+        last = (problem.steps - 1) * problem.timestep
         for after in windows(self.requirements).after:
             if after * (1 - 1e-12) > last:
                 raise ArgumentError(
-                    f"an error after {after:g} s: the last sample of a run is at {last:g} s"
+                    f"an error after {after:g} s: the last timestep of a run begins at {last:g} s"
                 )
 
     @property

@@ -159,17 +159,18 @@ def _run(
 ) -> tuple[RunResult, Outcomes]:
     """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
     law = campaign.laws[controller]
-    (measured,) = laws_with_meters(campaign, law, [plant_sample], [plant])
+    (looped,), meters = laws_with_meters(campaign, law, [plant_sample], [plant])
     settings, ended = campaign.experiment.settings, ""
     try:
         run = simulate(
             plant,
-            measured,
+            looped,
             plant_sample.case.x0,
             duration=campaign.duration,
             control_period=campaign.control_period,
             timestep=settings.timestep,
             disturbances=plant_sample.case.disturbances,
+            meters=meters[0],
             engine=engine,
         )
     except DivergenceError as error:
@@ -178,7 +179,8 @@ def _run(
     metrics = measure(run, law, comparison, plant_sample.case.onset)
     case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
     experiment = replace(campaign.experiment, case=case)
-    ends = (run.memory[-1:], run.state[-1:], [run.status], [run.valid_until])
+    noted = np.atleast_1d(run.meters)
+    ends = (noted, run.state[-1:], [run.status], [run.valid_until])
     rows = outcomes(campaign, controller, values[None], [plant_sample], *ends, plant.kind)
     if not ended:
         stored = {name: float(rows.metrics[name][0]) for name in METRICS if name in metrics}
