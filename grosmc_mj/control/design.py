@@ -18,7 +18,7 @@ from grosmc_mj.control.gains import Uncertainty, switching_gains
 from grosmc_mj.control.lqr import LqrDesign, priced
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.surface import drift_of_surface, held_gain, surface_matrix
-from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.control.task import (
     AS_PRINTED,
     BoundedParameters,
@@ -38,7 +38,7 @@ def linear_lqr(task: Task | StateTask) -> Controller:
     """LQR (5) on the plant's linearization."""
     require_task(task, of_states=True)
     optimum = task.linearization_optimum()
-    law = laws.state_feedback(task.error)
+    law = laws.optimal_feedback(task.error, linearizing=False)
     return _controller("lqr", law, task, task.feedback(optimum.K), optimum, "eqs. (5)-(6)")
 
 
@@ -47,7 +47,8 @@ def linearized_lqr(task: Task, name: str = "fl-lqr") -> Controller:
     require_task(task)
     require("name", name, str, "a text")
     optimum = task.chain_optimum()
-    law, source = laws.linearizing_feedback(task.error), "eqs. (23)+(28), (44)+(49)"
+    law = laws.optimal_feedback(task.error, linearizing=True)
+    source = "eqs. (23)+(28), (44)+(49)"
     return _controller(name, law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
 
 
@@ -74,7 +75,7 @@ def computed_torque_pd(task: Task, frequency: float, damping: float = 1.0) -> Co
         )
     row = np.array([[frequency**2, 2 * damping * frequency]])
     optimum = priced(chains.A, chains.B, task.Q, task.R, np.kron(np.eye(task.error.inputs), row))
-    law = laws.linearizing_feedback(task.error)
+    law = laws.optimal_feedback(task.error, linearizing=True)
     source = "eqs. (23), (44) with v = -Kp e - Kd e'"
     made = _controller("pd", law, task, task.feedback(optimum.K), optimum, source, linearizing=True)
     return replace(made, design=replace(made.designed, follows_optimum=False))
@@ -93,7 +94,8 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
     """
     require_task(task)
     require("uncertainty", uncertainty, Uncertainty, "an Uncertainty")
-    optimum, with_reach = task.linearization_optimum(), partial(laws.grosmc_linear, task.error)
+    optimum = task.linearization_optimum()
+    with_reach = partial(laws.grosmc, task.error, laws.gains_of_linear_plant, False)
     bounded, declared = _bounded(task, optimum, uncertainty, G, linearizing=False)
     parameters = LinearParameters(**vars(bounded), GB_held=bounded.GB)
     return _of_outputs(with_reach, task, parameters, optimum, "eqs. (8)+(12)", declared)
@@ -114,7 +116,8 @@ def regulating_grosmc(
     """
     require_task(task)
     require("uncertainty", uncertainty, Uncertainty, "an Uncertainty")
-    optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_regulator, task.symbolic)
+    optimum, error = task.chain_optimum(), task.symbolic
+    with_reach = partial(laws.grosmc, error, laws.gains_of_regulator(error), True)
     parameters, declared = _bounded(task, optimum, uncertainty, G, linearizing=True)
     source = "eqs. (31)+(37)"
     return _of_outputs(with_reach, task, parameters, optimum, source, declared, linearizing=True)
@@ -137,7 +140,8 @@ def tracking_grosmc(task: Task, k: float, epsilon: float, G: ArrayLike | None = 
         raise GainError(
             f"k = {shown(k)} and epsilon = {shown(epsilon)} must be finite and positive"
         )
-    optimum, with_reach = task.chain_optimum(), partial(laws.grosmc_tracker, task.error)
+    optimum = task.chain_optimum()
+    with_reach = partial(laws.grosmc, task.error, laws.gains_of_tracker, True)
     surface = _surface(task, optimum, G)
     parameters = TrackingParameters(**surface, k=float(k), epsilon=float(epsilon))
     source = "eqs. (51)+(55)"
@@ -160,18 +164,18 @@ def realized(controller: Controller, realization: Realization) -> Controller:
         changes["S"] = drift_of_surface(p.G, design.lqr, period)
     if isinstance(p, LinearParameters):
         changes["GB_held"] = held_gain(p.G, design.lqr, period)
-    memory, m = controller.memory(), len(design.lqr.K)
+    m, n = len(design.lqr.K), len(controller.memory().z0)  # pyright: ignore
     return replace(
         controller,
-        law=design.with_reach(switching.reach(m)),
+        law=design.with_reach(switching.reach),
         parameters=replace(p, **changes),
-        memory=switching.new_memory(m, len(memory.z0)),  # pyright: ignore
+        memory=switching.new_memory(m, n),
         design=replace(design, switching=switching.name, control_period=period),
     )
 
 
 def sliding(
-    with_reach: Callable[[Reach], laws.Law],
+    with_reach: Callable[[SwitchingTerm], laws.Law],
     task: Task | StateTask,
     parameters: SurfaceParameters,
     optimum: LqrDesign,
@@ -193,7 +197,7 @@ def sliding(
         linearizing: Whether it goes through feedback linearization.
         sliding_unit: Unit of s.
     """
-    law = with_reach(AS_PRINTED.switching.reach(task.error.inputs))
+    law = with_reach(AS_PRINTED.switching.reach)
     made = _controller(
         "grosmc",
         law,
@@ -210,7 +214,7 @@ def sliding(
 
 
 def _of_outputs(
-    with_reach: Callable[[Reach], laws.Law],
+    with_reach: Callable[[SwitchingTerm], laws.Law],
     task: Task,
     parameters: SurfaceParameters,
     *a: Any,
@@ -284,7 +288,7 @@ def _controller(
     *,
     linearizing: bool = False,
     sliding_unit: str = "",
-    with_reach: Callable[[Reach], laws.Law] | None = None,
+    with_reach: Callable[[SwitchingTerm], laws.Law] | None = None,
 ) -> Controller:
     """A controller with the gains that are worth showing."""
     shown = ("eta", "gamma0", "gamma1", "k", "epsilon")
@@ -295,7 +299,7 @@ def _controller(
     # Rounding of what is zero is not worth showing.
     K = np.where(np.abs(optimum.K) > 1e-12 * np.abs(optimum.K).max(), optimum.K, 0.0)
     switching = AS_PRINTED.switching
-    memory = switching.new_memory(m, n) if with_reach else memory_of(m)
+    memory = switching.new_memory(m, n) if with_reach else memory_of(m, z=np.zeros(n))
     design = Design(
         task.error,
         optimum,

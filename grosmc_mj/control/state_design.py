@@ -179,7 +179,7 @@ def state_grosmc(
         f", slowest sliding pole {found.slowest:.3g} 1/s"
     )
     return sliding(
-        partial(laws.grosmc_linear, task.error),
+        partial(laws.grosmc, task.error, laws.gains_of_linear_plant, False),
         task,
         parameters,
         optimum,

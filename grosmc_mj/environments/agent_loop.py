@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import memory_of
+from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.in_loop import loop_of, relooped
-from grosmc_mj.vectors import algebra, each
 
 
 class AgentLoop:
@@ -30,7 +28,7 @@ class AgentLoop:
         agent = replace(
             bare,
             name="agent",
-            law=_as_pending(m),
+            law=_as_pending,
             memory=memory_of(m, pending=np.zeros(m)),
             sampling=None,
         )
@@ -48,13 +46,13 @@ class AgentLoop:
 
     def given(self, x: Array) -> Array:
         """What the actuators give in the next timestep from a state (n,), (m,)."""
-        return np.atleast_1d(self._law.law(0.0, x, self._memory, self._law.parameters))
+        return self._law.input_at(0.0, x, self._memory)
 
     def seen(self, x: Array) -> Array:
         """What sensors and estimators would tell now of a state (n,), (n,)."""
         ahead: Any = deepcopy(self._memory)
         ahead.loop.due = ahead.loop.step
-        self._law.law(0.0, x, ahead, self._law.parameters)
+        self._law.input_at(0.0, x, ahead)
         return ahead.loop.seen
 
     def copied(self) -> AgentLoop:
@@ -65,8 +63,8 @@ class AgentLoop:
         return other
 
 
-@cache
-def _as_pending(m: int) -> Law:
+@jitable
+def _as_pending(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     """The law that asks for what is pending."""
-    given, entries = algebra(m).given, each(m, lambda i, u: u[i])
-    return lambda t, x, memory, p: given(entries(memory.pending))
+    for i in range(len(u)):
+        u[i] = memory.pending[i]

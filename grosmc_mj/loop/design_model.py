@@ -18,7 +18,6 @@ from grosmc_mj.errors import ArgumentError, GainError, one_line
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.runge_kutta import state_derivative
 from grosmc_mj.robots.coordinates import RobotCoordinates
-from grosmc_mj.vectors import each
 
 # Jitable (t, u, memory, p, h): move ``memory.loop.model`` by h [s] under the input u.
 Advance = Callable[[float, Any, Any, Any, float], None]
@@ -95,17 +94,16 @@ def _midpoint(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def _of_robot(error: RobotCoordinates) -> Advance:
-    driven, reference, joints = error.driven, error.reference, error.inputs
-    accelerations, vector = error.accelerations, each(joints, lambda i, u: u[i])
+    virtual_input, accelerations, joints = error.virtual_input, error.accelerations, error.inputs
 
     @jitable
     def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:
-        x = memory.loop.model
-        v = driven(t, x, vector(u), memory, p)
-        moved = accelerations(v, reference(t, p.reference))
+        x, a = memory.loop.model, memory.loop.slope[:joints]
+        virtual_input(t, x, u, memory, p, a)
+        accelerations(t, a, p, a)
         for i in range(joints):
-            x[i] += h * x[i + joints] + 0.5 * h * h * moved[i]
-            x[i + joints] += h * moved[i]
+            x[i] += h * x[i + joints] + 0.5 * h * h * a[i]
+            x[i + joints] += h * a[i]
 
     return advance
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law, around
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuating import actuating
 from grosmc_mj.loop.counter import uniform
@@ -19,8 +19,6 @@ from grosmc_mj.loop.estimating import (
     rate_estimating,
 )
 from grosmc_mj.loop.sensing import ring_row, sensing
-from grosmc_mj.own_law import around, checked
-from grosmc_mj.vectors import algebra, each
 
 
 @cache
@@ -33,11 +31,9 @@ def looped_law_of(
     predicts: bool,
 ) -> Law:
     """The law in a loop of n states and m inputs."""
-    inner, store, given = checked(law, m), algebra(m).store, algebra(m).given
+    inner = jitable(law)
     sense, actuate = sensing(n), actuating(m)
     expect, estimate = rate_estimating(n, m, advance if "eso" in observers else None)
-    entries = each(m, lambda i, u: u[i])
-    vector = jitable(lambda u: (u,)) if m == 1 else jitable(lambda u: u)
     observe, foresee, recall, learn = _nothing, _nothing, _nothing, _nothing
     if advance is not None and "kalman" in observers:
         observe = filtering(n, m, advance)
@@ -51,7 +47,7 @@ def looped_law_of(
             return 0.0
         return math.floor(uniform(q.seed, q.run, n, k) * (q.jitter + 1.0)) * 1.0
 
-    def looped_law(t: float, x: Any, memory: Any, p: Any) -> Any:
+    def looped_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         loop, q = memory.loop, p.loop
         i, k = int(loop.step), int(loop.sample)
         row = ring_row(i, loop.past)
@@ -72,13 +68,16 @@ def looped_law_of(
             foresee(i, t_k, memory, p)
             for j in range(n):
                 loop.believed[j] = loop.model[j]
-            u = vector(inner(t_k + q.ahead, loop.believed, memory, p))
-            store(loop.asked, u)
+            inner(t_k + q.ahead, loop.believed, memory, p, u)
+            missed = q.missed > 0.0 and uniform(q.seed, q.run, n + 1, k) < q.missed
+            for j in range(m):
+                loop.asked[j] = u[j]
             for j in range(m):
                 if not math.isfinite(u[j]):
-                    return given(u)
-            if q.missed == 0.0 or uniform(q.seed, q.run, n + 1, k) >= q.missed:
-                store(loop.output, u)
+                    return
+            for j in range(m):
+                if not missed:
+                    loop.output[j] = u[j]
             loop.sample = k + 1.0
             loop.due = (k + 1) * q.stride + late(k + 1, q)
         row = ring_row(i, loop.queue)
@@ -86,7 +85,8 @@ def looped_law_of(
             loop.queue[row, j] = loop.output[j]
         actuate(i, loop, q)
         loop.step = i + 1.0
-        return given(entries(loop.given))
+        for j in range(m):
+            u[j] = loop.given[j]
 
     return around(looped_law, law)
 

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.compilation import array_at, compile_c
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
-from grosmc_mj.own_law import innermost
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.inputs import ask, written_inputs
+from grosmc_mj.simulation.inputs import all_finite, ask
 from grosmc_mj.simulation.kernel import (
     ANSWERED,
     LAW,
@@ -163,7 +162,7 @@ def _compiled_law(
     system: System, law: Law, memory_dtype: np.dtype[Any], numbers_dtype: np.dtype[Any]
 ) -> Any:
     """A sample of a law as a C function, which the kernel calls."""
-    law, singular, inputs = jitable(law), system.singular, written_inputs(len(system.inputs))
+    law, singular = jitable(law), system.singular
     answered, failed = ANSWERED, ANSWERED + _FAILED
     undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
     singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
@@ -175,11 +174,11 @@ def _compiled_law(
         remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
         numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
         try:
-            finite = inputs(u, law(t, x, remembered, numbers))
+            law(t, x, remembered, numbers, u)
         except Exception:
             return failed
         if remembered.undefined != 0.0:
             return undefined_law
-        return answered if finite else undefined_input
+        return answered if all_finite(u) else undefined_input
 
     return compile_c(sample, *LAW.args, returns=LAW.return_type)

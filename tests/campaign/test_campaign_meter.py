@@ -199,7 +199,7 @@ def stepped(asked: Campaign, onset: float, *states: list[float]) -> Any:
     law = metered(asked.laws["lqr"], PERIOD, Windows(tuple(AFTER)), onset)
     memory: Any = law.memory()
     for k, state in enumerate(states):
-        law.law(k * PERIOD, np.array(state), memory, law.parameters)
+        law.input_at(k * PERIOD, np.array(state), memory)
     return memory.meters
 
 

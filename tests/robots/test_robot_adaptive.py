@@ -227,7 +227,7 @@ def test_estimates_hold_while_an_input_is_beyond_its_limit() -> None:
 
 def test_a_law_without_its_workspace_is_undefined() -> None:
     memory = law().memory()
-    asked = np.array(law().law(0.0, np.zeros(2 * N), memory, law().parameters))
+    asked = np.array(law().input_at(0.0, np.zeros(2 * N), memory))
     assert memory.undefined == 1.0
     assert np.isfinite(asked).all()
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law, around
+from grosmc_mj.control.matrices import quadratic, row_times
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
@@ -34,9 +35,7 @@ from grosmc_mj.experiments.metrics.definitions import (
 )
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
-from grosmc_mj.own_law import around
 from grosmc_mj.records import extended
-from grosmc_mj.vectors import each, quadratic, row_times
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
 # for those of the law.
@@ -56,10 +55,16 @@ class LawMeters(Meters):
 
     Attributes:
         optimal: The optimal error state at this sample, (size,).
+        z: The error state at this sample, (size,).
+        after: Where the optimal state is computed, (size,).
+        still: No error, (size,).
         costs: The index up to this sample, if it is wanted.
     """
 
     optimal: Array = field(default_factory=lambda: np.zeros(0))
+    z: Array = field(default_factory=lambda: np.zeros(0))
+    after: Array = field(default_factory=lambda: np.zeros(0))
+    still: Array = field(default_factory=lambda: np.zeros(0))
     costs: Costs = field(default_factory=Costs)
 
 
@@ -127,12 +132,10 @@ def metered(
     law = _metered_law(
         controller.law,
         error.state,
-        error.size,
         tuple(error.output_rows),
-        _one if error.inputs == 1 else _all,
         bool(design.sliding_unit),
         has_cart(error.system),
-        (_one if np.ndim(controller.memory().v) == 0 else _all) if costs else None,
+        costs,
     )
     return replace(
         controller,
@@ -150,56 +153,36 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
 
 def _memory(controller: Controller, numbers: LawMeterNumbers) -> Memory:
     """The law's own memory with meters."""
-    meters = LawMeters.of(numbers, optimal=np.zeros(controller.designed.error.size))
+    size = controller.designed.error.size
+    states = {name: np.zeros(size) for name in ("optimal", "z", "after", "still")}
+    meters = LawMeters.of(numbers, **states)
     return extended(controller.memory(), meters=meters)
 
 
 @cache
 def _metered_law(
-    law: Law,
-    error_state: Any,
-    size: int,
-    outputs: tuple[int, ...],
-    entries: Callable[[Any], Any],
-    surface: bool,
-    cart: bool,
-    weighed: Callable[[Any], Any] | None,
+    law: Law, error_state: Any, outputs: tuple[int, ...], surface: bool, cart: bool, costs: bool
 ) -> Law:
-    """The law, which notes at each sample what it finds, costs if told how v is a vector."""
-    costs, vector = weighed is not None, weighed or _all
-    inner, difference, follow = jitable(law), _difference(outputs), _follower(size)
-    nothing = (0.0,) * size
+    """The law, which notes at each sample what it finds."""
+    inner, difference = jitable(law), _difference(outputs)
 
-    def metered_law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        u = inner(t, x, memory, p)
+    def metered_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        inner(t, x, memory, p, u)
         meters, known = memory.meters, p.meters
-        z = error_state(t, x, p)
-        follow(t, z, meters.optimal, known.transition)
+        z = meters.z
+        error_state(t, x, p, z)
+        _follow(t, z, meters, known.transition)
         s, position = 0.0, 0.0
         if surface:
             s = _largest_entry(memory.s)
         if cart:
             position = x[0]
-        error, deviation = difference(z, nothing), difference(z, meters.optimal)
-        given = _largest_given(entries(u), known.limits)
-        note(t, error, deviation, given, s, position, meters, known)
+        error, deviation = difference(z, meters.still), difference(z, meters.optimal)
+        note(t, error, deviation, _largest_given(u, known.limits), s, position, meters, known)
         if costs:
-            v = vector(memory.v)
-            note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
-        return u
+            note_costs(t, quadratic(z, known.Q), quadratic(memory.v, known.R), meters.costs)
 
     return around(metered_law, law)
-
-
-@jitable
-def _one(value: float) -> Any:
-    """The entries of a number."""
-    return (value,)
-
-
-@jitable
-def _all(values: Any) -> Any:
-    return values
 
 
 @jitable
@@ -242,22 +225,13 @@ def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
     return several
 
 
-@cache
-def _follower(size: int) -> Callable[[float, Any, Any, Any], None]:
-    """Jitable (t, z, optimal, transition): bring the optimum to this sample; it starts at z."""
-    moved = each(size, row_times)
-
-    @jitable
-    def follow(t: float, z: Any, optimal: Any, transition: Any) -> None:
-        if t == 0.0:
-            for i in range(size):
-                optimal[i] = z[i]
-        else:
-            after = moved(transition, optimal)
-            for i in range(size):
-                optimal[i] = after[i]
-
-    return follow
+@jitable
+def _follow(t: float, z: Any, meters: Any, transition: Any) -> None:
+    """Bring the optimum to this sample; it starts at z."""
+    for i in range(len(z)):
+        meters.after[i] = z[i] if t == 0.0 else row_times(i, transition, meters.optimal)
+    for i in range(len(z)):
+        meters.optimal[i] = meters.after[i]
 
 
 def said_by(

@@ -248,14 +248,15 @@ def test_integrals_hold_and_the_observer_is_told_while_an_input_is_cut():
     for make in (lqi, pid):
         law = make(task_of("servo"), 2.0, limit=1.5, linearizing=False).sampled(PERIOD)
         memory: Any = law.memory()
-        assert law.law(0.0, x, memory, law.parameters) > 1.5
+        assert law.input_at(0.0, x, memory) > 1.5
         assert memory.q.tolist() == [0.0]
         memory = law.memory()
-        law.law(0.0, x, memory, replace(law.parameters, limit=math.inf))
+        free = replace(law, parameters=replace(law.parameters, limit=math.inf))
+        free.input_at(0.0, x, memory)
         assert memory.q[0] == pytest.approx(6 * PERIOD, rel=1e-3)
     law = adrc(task_of("servo"), 100.0, limit=1.5, linearizing=False).sampled(PERIOD)
     memory, p = law.memory(), law.parameters
-    assert law.law(0.0, x, memory, p) > 1.5
+    assert law.input_at(0.0, x, memory) > 1.5
     np.testing.assert_allclose(memory.q, p.F @ p.start @ z + p.G @ z + p.L @ [1.5], rtol=1e-12)
 
 
