@@ -80,7 +80,7 @@ typecheck: $(INSTALLED)  ## Check the types
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: $(INSTALLED)  ## Measure throughput against MuJoCo's open loop
-	$(BIN)/grosmc-mj bench $(ARGS)
+	$(BIN)/python -m benchmarks $(ARGS)
 
 gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	for film in 'servo --from 8.5 --to 15.5' 'cart_pendulum --to 4' 'arm --to 4.5' 'two_link_arm --to 4'; do \
@@ -115,7 +115,6 @@ MACHINES := servo cart_pendulum arm two_link_arm
 ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
 	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --loaded &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
-	$(BIN)/python -m grosmc_mj.cli.pages 'bump tests' docs/ladder.md
 	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from grosmc_mj.arguments import real, reals, whole
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 
 Made = TypeVar("Made")
 Returned = TypeVar("Returned")
@@ -127,6 +127,65 @@ class Reals(_Check):
         return array
 
 
+@dataclass(frozen=True)
+class Known(_Check):
+    """One of some names; another one is refused with the nearest of them.
+
+    Attributes:
+        kind: The noun for it, such as ``executor``.
+        names: All that are valid.
+    """
+
+    kind: str
+    names: Collection[str]
+
+    def __call__(self, value: Any) -> str:
+        """The name, if it is one of them."""
+        if not isinstance(value, str) or value not in self.names:
+            line = unknown_name(self.kind, value, self.names)
+            raise PydanticCustomError("unknown", "{line}", {"line": line})
+        return value
+
+
+@dataclass(frozen=True)
+class Is(_Check):
+    """A value of one of some classes.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a plant, such as MujocoPlant.load(...)``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> Any:
+        """The value, if it is one."""
+        if not isinstance(value, self.kinds):
+            raise refused(self.wanted)
+        return value
+
+
+@dataclass(frozen=True)
+class Items(_Check):
+    """A list or tuple of values of some classes; it is kept as a tuple.
+
+    Attributes:
+        kinds: The classes.
+        wanted: In words, such as ``a tuple of Signals``.
+    """
+
+    kinds: type | tuple[type, ...]
+    wanted: str
+
+    def __call__(self, value: Any) -> tuple[Any, ...]:
+        """The values, if all are such."""
+        items = value if isinstance(value, (list, tuple)) else [None]
+        if not all(isinstance(item, self.kinds) for item in items):
+            raise refused(self.wanted)
+        return tuple(value)
+
+
 class _Name(_Check):
     """A name that is not empty."""
 
@@ -157,7 +216,7 @@ _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="
 
 @dataclass_transform(frozen_default=True)
 def checked(
-    error: type[GrosmcError] = ArgumentError,
+    error: type[GrosmcError] = ArgumentError, *, label: str = "", eq: bool = True
 ) -> Callable[[type[Made]], type[Made]]:
     """Make a class a frozen dataclass whose fields check what they are given.
 
@@ -165,10 +224,12 @@ def checked(
 
     Args:
         error: Raised for fields that are refused; all of them are told at once.
+        label: Begins the line; by default the class's ``kind`` and its first field, if it has one.
+        eq: Whether instances of equal fields are equal; else each is itself alone.
     """
 
     def decorate(kind: type[Made]) -> type[Made]:
-        made: Any = pydantic.dataclasses.dataclass(frozen=True, config=_CONFIG)(kind)
+        made: Any = pydantic.dataclasses.dataclass(frozen=True, eq=eq, config=_CONFIG)(kind)
         initialize = made.__init__
         names = list(inspect.signature(made).parameters)
 
@@ -179,8 +240,8 @@ def checked(
             except pydantic.ValidationError as mistakes:
                 title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
                 owner = kwargs.get(names[0], owner)
-                label = f"{title} of {shown(owner)}: " if title else ""
-                raise translated(mistakes, names, error, label) from None
+                start = label or (f"{title} of {shown(owner)}" if title else "")
+                raise translated(mistakes, names, error, start and f"{start}: ") from None
 
         made.__init__ = initialize_checked
         return made
@@ -236,6 +297,10 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
             return f"{place} = {value} must be {mistake['msg']}"
         case "missing" | "missing_argument":
             return f"{place} is missing"
+        case "unknown":
+            return mistake["msg"]
+        case "is_instance_of":
+            return f"{place} = {value} must be a {mistake['ctx']['class']}"
         case "unexpected_keyword_argument" | "unexpected_positional_argument":
             return f"there is no argument {place}; valid: {', '.join(names)}"
     return f"{place} = {value}: {mistake['msg'].replace('Input should be', 'must be')}"

@@ -189,15 +189,6 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
             for case, left in (("nominal", 0), ("case1", 1))
         ],
     },
-    "agreement": {
-        **ORIGIN,
-        "bound": 1e-10,
-        "disagreements": ["servo: 1e-3"],
-        "agreement": [
-            {"system": "servo", "variant": "corrected", "edit": edit, "acceleration": size}
-            for edit, size in (("nominal", 0.0), ("mass x2", 1e-3))
-        ],
-    },
     "switching": {
         **ORIGIN,
         "benchmark": {
@@ -220,31 +211,6 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
                 "ended": "",
             }
         ],
-    },
-    "cart": {
-        **ORIGIN,
-        "runs": [
-            {
-                "case": "case1",
-                "controller": "cart-ism",
-                "ended": "",
-                "measures": {
-                    "travel": {"value": 3.0, "unit": "m", "note": ""},
-                    "rail_margin": {"value": -1.0, "unit": "m", "note": "off the rail"},
-                },
-            }
-        ],
-        "projections": [
-            {
-                "name": "B+",
-                "amplification": 1.25,
-                "gain_ratio": 0.5,
-                "pole": {"value": -0.5, "unit": "1/s"},
-                "deviation": {"value": 38.0, "unit": "%"},
-                "max_input": {"value": 15.0, "unit": "N"},
-            }
-        ],
-        "uncertainties": [{"name": "4m", "matched": 15.0, "unmatched": 0.0}],
     },
     "sweeps": {
         **ORIGIN,

@@ -68,7 +68,7 @@ def test_the_page_on_your_own_runs_and_says_what_comes_out(
     assert names["deviation"]["grosmc"] < 0.1 * names["deviation"]["lqr"]
     # The same steps with the same numbers, in dm_control and in Gymnasium.
     assert names["total"] == names["summed"]
-    assert any("position servo" in sentence for sentence in names["robot"].converted)
+    assert any("position servo" in sentence for sentence in names["robot"].notes)
     assert abs(names["swing"].state[-1, 0] - 1.0) < 0.02
     assert np.array_equal(names["again"].state, names["swing"].state)
     assert "out of the input's reach" in names["held"].designed.declared

@@ -35,8 +35,7 @@ def film_results(
 ) -> None:
     """Film every case of a validation, or say in one line why not; what is there is kept."""
     from grosmc_mj.experiments.films import SMALL, films_of, is_current, write_case_film
-    from grosmc_mj.films.offscreen.backends import find_backend
-    from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+    from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
 
     kept = []
     try:
@@ -69,8 +68,7 @@ def film_runs(
     """Film runs in MuJoCo, side by side, or say in one line why not."""
     from grosmc_mj.experiments.films import film_of, write_case_film
     from grosmc_mj.films.film import MOST_TAKES, Format
-    from grosmc_mj.films.offscreen.backends import find_backend
-    from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+    from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
 
     shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
     if not shown:

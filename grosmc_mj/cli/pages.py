@@ -15,7 +15,7 @@ from typing import Any
 from grosmc_mj.chapter.results_table import results_table
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.report.markdown import replace_marked
-from grosmc_mj.studies.ladder.page import bumps_text, ladders_text
+from grosmc_mj.studies.ladder.page import ladders_text
 from grosmc_mj.studies.rivals.measure import SYSTEMS, rivals
 from grosmc_mj.studies.rivals.report import rivals_table
 from grosmc_mj.studies.tolerance.page import tolerances_text
@@ -32,7 +32,6 @@ TEXTS: Mapping[str, Callable[[Sequence[Any]], str]] = {
     "rivals": _rivals,
     "tolerances": tolerances_text,
     "ladders": ladders_text,
-    "bump tests": lambda _: bumps_text(),
 }
 
 

@@ -17,16 +17,14 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import ABOUT, COMMANDS, STUDIES, STUDY, Studies
 from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.films.offscreen import without_graphics
 
 # Of ``run --save``, what it stands for alone first.
 _FORMATS = ("parquet", "csv", "npz")
 # What commands were called, and how they begin and end now.
 _RENAMED = {
-    "compare": ("study agreement", ""),
     "switching": ("study switching", ""),
     "region": ("study region", ""),
-    "hold": ("study cart", ""),
     "premises": ("claims", "--premises"),
 }
 

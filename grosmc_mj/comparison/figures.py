@@ -138,11 +138,6 @@ def _region(content: study_documents.StoredRegion) -> Iterator[Figure]:
         yield Figure(name, share, MORE, "", True, "%")
 
 
-def _agreement(content: study_documents.StoredAgreements) -> Iterator[Figure]:
-    # Below the bound a difference is rounding.
-    yield Figure("equations and MuJoCo", "disagree" if content.disagreements else "agree")
-
-
 def _switching(content: study_documents.StoredSwitching) -> Iterator[Figure]:
     found = content.benchmark
     for over, samples in (("h", found.sample_times), ("r", found.gain_ratios)):
@@ -153,18 +148,6 @@ def _switching(content: study_documents.StoredSwitching) -> Iterator[Figure]:
     for each in content.cases:
         name = f"{each.system}/{each.case} {each.law}, {each.surface}, at {each.control_period:g} s"
         yield Figure(f"{name}: deviation", each.deviation, LESS, "", True)
-
-
-def _cart(content: study_documents.StoredCart) -> Iterator[Figure]:
-    for each in content.runs:
-        name = f"{each.case} {each.controller}"
-        yield Figure(f"{name}: status", each.ended or "completed")
-        for measure, found in each.measures.items():
-            yield Figure(f"{name}: {measure}", found.value, OTHER, "", True, found.unit)
-    for each in content.projections:
-        deviation = each.deviation
-        name = f"G = {each.name}: deviation"
-        yield Figure(name, deviation.value, LESS, "", True, deviation.unit)
 
 
 def _sweeps(content: study_documents.StoredSweeps) -> Iterator[Figure]:
@@ -194,9 +177,7 @@ _TELL: dict[str, Callable[[Any], Iterator[Figure]]] = {
     "tolerance": _tolerances,
     "ladder": _ladder,
     "region": _region,
-    "agreement": _agreement,
     "switching": _switching,
-    "cart": _cart,
     "sweep": _sweeps,
     "premises": _premises,
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import itertools
 import platform
 import queue
@@ -13,20 +12,15 @@ from collections import Counter
 from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
-from distributed import Client, Future, KilledWorker
+from distributed import Future, KilledWorker
+from distributed.client import ClosedClientError
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors.dask_cluster import cluster_client
-from grosmc_mj.executors.interface import (
-    Finished,
-    Notice,
-    ShardOutcome,
-    Work,
-    attempt,
-    one_line,
-)
+from grosmc_mj.executors.interface import Finished, Notice, ShardOutcome, Work, attempt, one_line
 from grosmc_mj.versions import DECISIVE, versions
 
 # Shards with the scheduler, for each thread of its workers: enough to keep them busy while
@@ -59,145 +53,99 @@ class DaskWorkers:
         """Run the work on each index; see `Executor.run`."""
         if not indices:
             return
-        workers = min(self.workers, len(indices))
-        with cluster_client(workers, self.scheduler) as client:
-            yield from _Flow(client, work, notice).run(indices)
+        with cluster_client(min(self.workers, len(indices)), self.scheduler) as client:
+            try:
+                yield from _reports(client, work, indices, notice)
+            except (CancelledError, ClosedClientError, OSError):
+                address = client.scheduler and client.scheduler.address
+                raise SetupError(
+                    f"the Dask scheduler at {address} has gone: what is finished "
+                    "is kept, start it again and resume"
+                ) from None
 
 
-class _Flow:
-    """The shards on their way through one client."""
+def _reports(
+    # Any: the client's methods are typed for its blocking and its asynchronous face at once.
+    client: Any,
+    work: Work,
+    indices: Sequence[int],
+    notice: Notice,
+) -> Generator[Finished, None, None]:
+    """All shards as they finish, a few for each worker under way at a time."""
+    unseen, versions_here = iter(indices), decisive_versions()
+    # A name for all: Dask keeps a record for each name that it sees.
+    name = f"shard-{uuid.uuid4().hex}"
+    # By key. Dask drops a shard whose future nobody holds.
+    under_way: dict[Any, tuple[int, Future]] = {}
+    attempts: Counter[int] = Counter()
+    # Finished futures and lost workers, in the order in which we hear of them.
+    news: queue.SimpleQueue[Future | dict[str, Any]] = queue.SimpleQueue()
+    warn_once = cache(notice)
 
-    def __init__(self, client: Client, work: Work, notice: Notice) -> None:
-        # Any: the client's methods are typed for its blocking and its asynchronous face at once.
-        self._client: Any = client
-        self._work, self._notice = work, notice
-        # A name for all: Dask keeps a record for each name that it sees.
-        self._name = f"shard-{uuid.uuid4().hex}"
-        # Finished futures, and what happened to workers, in the order in which we hear of it.
-        self._news: queue.SimpleQueue[Future | dict[str, Any]] = queue.SimpleQueue()
-        # By key. Dask drops a shard whose future nobody holds.
-        self._under_way: dict[Any, tuple[int, Future]] = {}
-        self._attempts: Counter[int] = Counter()
-        self._warned: set[str] = set()
+    def hear(event: tuple[float, dict[str, Any]]) -> None:
+        """In Dask's thread: keep what concerns lost workers."""
+        if event[1].get("action") == "remove-worker":
+            news.put(event[1])
 
-    def run(self, indices: Sequence[int]) -> Generator[Finished, None, None]:
-        """All of them, a few for each worker at a time."""
-        unseen = iter(indices)
-        self._client.subscribe_topic("all", self._hear)
-        try:
-            room = self._room()
-            while True:
-                free = max(0, room - len(self._under_way))
-                for index in itertools.islice(unseen, free):
-                    self._submit(index)
-                if not self._under_way:
-                    return
-                futures = []
-                for news in self._next_news():
-                    if isinstance(news, Future):
-                        futures.append(news)
-                    else:
-                        self._tell(news)
-                        room = self._room()
-                yield from self._finish(futures)
-        finally:
-            self._client.unsubscribe_topic("all")
-
-    def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
-        """In Dask's thread: keep what concerns workers."""
-        _, message = event
-        if message.get("action") in ("add-worker", "remove-worker"):
-            self._news.put(message)
-
-    def _room(self) -> int:
-        """How many shards may be under way."""
-        threads = self._threads()
-        if any(count > 1 for count in threads):
-            self._warn(
+    client.subscribe_topic("all", hear)
+    while True:
+        threads = client.nthreads().values()
+        if max(threads, default=1) > 1:
+            warn_once(
                 "a Dask worker has several threads, but shards of one process wait for each other: "
                 "start workers with --nthreads 1"
             )
-        return _AHEAD * max(1, sum(threads))
-
-    def _threads(self) -> list[int]:
-        """Of each worker."""
-        try:
-            return list(self._client.nthreads().values())
-        except OSError as error:
-            raise self._gone() from error
-
-    def _warn(self, text: str) -> None:
-        """A notice that is given once."""
-        if text not in self._warned:
-            self._warned.add(text)
-            self._notice(text)
-
-    def _submit(self, index: int) -> None:
-        """Hand a shard to the scheduler."""
-        key = (self._name, index)
-        try:
-            future = self._client.submit(
-                _attempt, self._work, index, decisive_versions(), key=key, pure=False
-            )
-        except Exception as error:
-            if self._client.status == "running":
-                raise
-            raise self._gone() from error
-        self._under_way[key] = index, future
-        self._attempts[index] += 1
-        future.add_done_callback(self._news.put)
-
-    def _next_news(self) -> list[Future | dict[str, Any]]:
-        """What happens next, and what has happened until now."""
-        while True:
-            try:
-                news = [self._news.get(timeout=_LOOK)]
-                break
-            except queue.Empty:
-                if self._client.status != "running":
-                    raise self._gone() from None
-                if not self._threads():
-                    self._warn("no Dask worker is connected to the scheduler: waiting for one")
-        with contextlib.suppress(queue.Empty):
-            while True:
-                news.append(self._news.get_nowait())
-        return news
-
-    def _finish(self, futures: list[Future]) -> Generator[Finished, None, None]:
-        """Shards that are done; their reports are fetched together, or fetching would be slow."""
-        indices = [self._under_way.pop(future.key)[0] for future in futures]
-        for future, index in zip(futures, indices, strict=True):
+        room = _AHEAD * max(1, sum(threads)) - len(under_way)
+        for index in itertools.islice(unseen, max(0, room)):
+            key = name, index
+            future = client.submit(_attempt, work, index, versions_here, key=key, pure=False)
+            under_way[key] = index, future
+            attempts[index] += 1
+            future.add_done_callback(news.put)
+        if not under_way:
+            return
+        items, done = _next_news(news), []
+        if not items and client.status != "running":
+            raise ClosedClientError
+        if not items and not threads:
+            warn_once("no Dask worker is connected to the scheduler: waiting for one")
+        for item in items:
+            if isinstance(item, Future):
+                done.append(item)
+            else:
+                keys = {*item["processing-tasks"], *item["lost-computed-tasks"]}
+                lost = sorted(under_way[key][0] for key in keys if key in under_way)
+                attempts.update(lost)
+                _tell(item, lost, notice)
+        places = [under_way.pop(future.key)[0] for future in done]
+        for future, index in zip(done, places, strict=True):
             if future.status == "error":
                 raise _failure(future.exception(), index)
-        try:
-            outcomes: list[ShardOutcome] = self._client.gather(futures)
-        except (CancelledError, OSError):
-            raise self._gone() from None
-        for index, outcome in zip(indices, outcomes, strict=True):
-            yield Finished(index, outcome.result(), self._attempts.pop(index))
+        # Fetched together: one by one would be slow.
+        for index, outcome in zip(places, client.gather(done), strict=True):
+            yield Finished(index, outcome.result(), attempts.pop(index))
 
-    def _tell(self, message: dict[str, Any]) -> None:
-        """Say that a worker has gone, and what becomes of its shards."""
-        if message["action"] != "remove-worker":
-            return
-        keys = {*message["processing-tasks"], *message["lost-computed-tasks"]}
-        indices = sorted(self._under_way[key][0] for key in keys if key in self._under_way)
-        self._attempts.update(indices)
-        if indices:
-            shards, them = ("shards", "them") if len(indices) > 1 else ("shard", "it")
-            self._notice(
-                f"Dask worker {message['worker']} was lost while it had {shards} "
-                f"{', '.join(map(str, indices))}: Dask runs {them} again, a few times at most"
-            )
-        elif not message.get("expected", False):
-            self._notice(f"Dask worker {message['worker']} was lost while it had no shard")
 
-    def _gone(self) -> SetupError:
-        """The scheduler does not answer any more."""
-        return SetupError(
-            f"the Dask scheduler at {self._client.scheduler.address} has gone: what is finished is "
-            "kept, start it again and resume"
+def _next_news(news: queue.SimpleQueue) -> list[Any]:
+    """What happens next and what has happened until now; nothing after a while without news."""
+    with contextlib.suppress(queue.Empty):
+        items = [news.get(timeout=_LOOK)]
+        while not news.empty():
+            items.append(news.get())
+        return items
+    return []
+
+
+def _tell(gone: dict[str, Any], lost: list[int], notice: Notice) -> None:
+    """Say that a worker has gone, and what becomes of its shards."""
+    worker, (shards, them) = gone["worker"], ("shards", "them") if lost[1:] else ("shard", "it")
+    if lost:
+        notice(
+            f"Dask worker {worker} was lost while it had {shards} {', '.join(map(str, lost))}: "
+            f"Dask runs {them} again, a few times at most"
         )
+    elif not gone.get("expected", False):
+        notice(f"Dask worker {worker} was lost while it had no shard")
 
 
 def _failure(error: Any, index: int) -> SetupError:
@@ -207,20 +155,16 @@ def _failure(error: Any, index: int) -> SetupError:
             f"shard {index} was with {error.allowed_failures + 1} Dask workers that died: "
             "it may need more memory than there is, or crash the engine"
         )
+    # Dask's own error, on top of the one that began it, only says where to read on.
+    while error.__cause__ is not None:
+        error = error.__cause__
     return SetupError(
-        f"Dask could not hand out shard {index} ({one_line(_root(error))}): "
+        f"Dask could not hand out shard {index} ({one_line(error)}): "
         "install the same packages for its scheduler and workers as here"
     )
 
 
-def _root(error: BaseException) -> BaseException:
-    """The error that began it; Dask's own, on top of it, only says where to read on."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return error
-
-
-@functools.cache
+@cache
 def decisive_versions() -> dict[str, str]:
     """What decides what a shard computes, here and on a worker; of Python 3.11, not 3.11.2."""
     return {"python": platform.python_version().rpartition(".")[0], **versions(DECISIVE)}

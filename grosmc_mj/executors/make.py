@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 from loky import cpu_count
 
-from grosmc_mj.arguments import require_whole
-from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+from grosmc_mj.arguments import require_known, require_whole
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.interface import Executor
 from grosmc_mj.executors.processes import Processes
@@ -44,18 +44,17 @@ def make_executor(
         ArgumentError: If there is no such executor, or it does not take one of the arguments.
         SetupError: If `dask` is asked for and not installed.
     """
-    if name not in EXECUTORS:
-        raise ArgumentError(unknown_name("executor", name, EXECUTORS))
+    require_known("executor", name, EXECUTORS)
     if workers is not None:
-        wanted = f"1 or more, up to {_MOST_WORKERS}, a whole number"
-        workers = require_whole("workers", workers, 1, _MOST_WORKERS, wanted)
+        allowed = f"1 or more, up to {_MOST_WORKERS}, a whole number"
+        workers = require_whole("workers", workers, 1, _MOST_WORKERS, allowed)
     if scheduler is not None and name != "dask":
         raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
-    if workers is not None and (name == "batch" or scheduler is not None):
-        whose = "executor 'batch' is" if name == "batch" else "a scheduler has"
-        what = "one process on all cores" if name == "batch" else "workers of its own"
-        raise ArgumentError(f"{whose} {what}: leave workers out")
+    if workers is not None and scheduler is not None:
+        raise ArgumentError("a scheduler has workers of its own: leave workers out")
     if name == "batch":
+        if workers is not None:
+            raise ArgumentError("executor 'batch' is one process on all cores: leave workers out")
         return Batch()
     if name == "processes":
         return Processes(workers or cpu_count())

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import gc
+import re
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from multiprocessing.connection import wait
-from typing import Any
+from functools import cache
 
 from loky import cpu_count
-from loky.backend.reduction import dumps
+from loky.backend.reduction import dumps, loads
+from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
+from grosmc_mj.child_processes import interrupts_held, worker_pool
 from grosmc_mj.errors import SetupError
-from grosmc_mj.executors.interface import ATTEMPTS, Finished, Notice, Work
-from grosmc_mj.executors.worker import Worker
+from grosmc_mj.executors.interface import ATTEMPTS, Finished, Notice, Work, attempt, failure
+
+# The numerical libraries would start a thread for every core in every worker.
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True)
 class Processes:
     """The executor of spawned workers: a crash in one costs its shard's time, nothing else.
 
-    Process pools of the libraries give up all that is under way when one worker is killed.
+    Each worker is a pool of one process, since a pool gives up all that is under way when one of
+    its processes is killed.
 
     Attributes:
         workers: How many; each is kept from shard to shard.
@@ -37,56 +44,79 @@ class Processes:
         self, work: Work, indices: Sequence[int], notice: Notice
     ) -> Generator[Finished, None, None]:
         """Run the work on each index; see `Executor.run`."""
-        pickled = bytes(dumps(work))
-        unseen = iter(indices)
+        pickled, unseen = bytes(dumps(work)), iter(indices)
+        environment = {name: str(self.threads_per_worker) for name in _THREADS}
         again: deque[int] = deque()
         attempts: Counter[int] = Counter()
-        workers: list[Worker] = []
-        # By the pipe that brings its news: a worker and the shard that it has.
-        busy: dict[Any, tuple[Worker, int]] = {}
+        busy: dict[Future, tuple[ProcessPoolExecutor, int]] = {}
+        pools = [worker_pool(1, environment) for _ in range(min(self.workers, len(indices)))]
 
-        def employ(worker: Worker) -> None:
+        def employ(pool: ProcessPoolExecutor) -> None:
             """Give a worker the next shard, if there is one."""
             index = again.popleft() if again else next(unseen, None)
             if index is not None:
                 attempts[index] += 1
-                busy[worker.pipe] = worker, index
-                worker.give(index)
+                busy[_submit(pool, pickled, index)] = pool, index
 
         try:
-            for _ in range(min(self.workers, len(indices))):
-                workers.append(Worker(pickled, self.threads_per_worker))
-                employ(workers[-1])
+            for pool in pools:
+                employ(pool)
             while busy:
-                for pipe in wait(list(busy)):
-                    worker, index = busy.pop(pipe)
-                    outcome = worker.take()
-                    if outcome is None:
-                        _report(worker, index, attempts[index], notice)
+                for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                    pool, index = busy.pop(future)
+                    try:
+                        report = loads(future.result()).result()
+                    except BrokenProcessPool as death:
+                        _report(death, index, attempts[index], notice)
                         again.append(index)
-                        workers.remove(worker)
-                        workers.append(Worker(pickled, self.threads_per_worker))
-                        employ(workers[-1])
+                        pools[pools.index(pool)] = replacement = worker_pool(1, environment)
+                        employ(replacement)
                     else:
-                        report = outcome.result()
-                        employ(worker)
+                        employ(pool)
                         yield Finished(index, report, attempts.pop(index))
         finally:
-            for worker in workers:
-                worker.dismiss(at_once=worker.pipe in busy)
-            for worker in workers:
-                worker.end()
+            for pool in pools:
+                pool.shutdown(kill_workers=True)
 
 
-def _report(worker: Worker, index: int, attempts: int, notice: Notice) -> None:
+def _submit(pool: ProcessPoolExecutor, pickled: bytes, index: int) -> Future:
+    """The shard's outcome, pickled; a worker that has died while it was idle breaks it too."""
+    try:
+        with interrupts_held():
+            return pool.submit(_run, pickled, index)
+    except BrokenProcessPool as death:
+        future: Future = Future()
+        future.set_exception(death)
+        return future
+
+
+def _run(pickled: bytes, index: int) -> bytes:
+    """In a worker: run a shard and pickle its outcome, or why there is none."""
+    try:
+        return bytes(dumps(attempt(_unpickled(pickled), index)))
+    except Exception as error:
+        return bytes(dumps(failure(error, index)))
+
+
+@cache
+def _unpickled(pickled: bytes) -> Work:
+    """In a worker: the work. Modules that it imports stay: collecting them would be in vain."""
+    work = loads(pickled)
+    gc.freeze()
+    return work
+
+
+def _report(death: Exception, index: int, attempts: int, notice: Notice) -> None:
     """Say that a worker has died; if its shard has no attempt left, by an error."""
-    fate = worker.fate()
+    # loky tells the exit code in its message only: SIGKILL(-9) or EXIT(7).
+    code = re.search(r"(\w+)\((-?\d+)\)", str(death))
+    fate = "ended without an exit code"
+    if code is not None:
+        killed = code[2].startswith("-")
+        fate = f"was killed by {code[1]}" if killed else f"ended with exit code {code[2]}"
     if attempts >= ATTEMPTS:
         raise SetupError(
             f"shard {index} was tried {attempts} times and each time its worker died, "
             f"the last one {fate}: it may need more memory than there is, or crash the engine"
         )
-    notice(
-        f"worker {worker.pid} {fate} while it had shard {index}: "
-        f"replaced, shard {index} is run again"
-    )
+    notice(f"a worker {fate} while it had shard {index}: replaced, shard {index} is run again")

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-import grosmc_mj.films
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.document import case_document, seed_of
-from grosmc_mj.films.board import Storyboard
-from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take, camera_names
+from grosmc_mj.films.camera import camera_names
+from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
+from grosmc_mj.films.frames import Storyboard
+from grosmc_mj.films.frames import __file__ as drawing_code
 from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
@@ -89,54 +90,40 @@ def film_of(
     cases = {(result.case.system, result.case.name) for result in results}
     if len(cases) != 1 or any(result.plant != "physics" for result in results):
         raise ArgumentError("a film shows runs of one case on physics")
-    physics = results[0].true
+    case, system, physics = results[0].case, results[0].trajectory.system, results[0].true
     assert isinstance(physics, MujocoPlant)
-    case = results[0].case
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
     moving = max(spans) > _STILL
-    names = names or [result.controller.name for result in results]
-    takes, styles = [], law_styles(names)
+    errors = [result.controller.designed.error for result in results]
+    # A law of the whole state holds more than the controlled coordinates: the first of these is
+    # shown in place of s. Of a robot the tip's path is drawn, if its model names one.
+    whole = any(isinstance(error, StateCoordinates) for error in errors)
+    others = [i for i in range(len(system.states)) if i not in system.controlled]
+    robots = all(isinstance(error, RobotCoordinates) for error in errors)
+    takes, names = [], names or [result.controller.name for result in results]
+    styles = law_styles(names)
     for result, name in zip(results, names, strict=True):
-        run = result.trajectory
-        ended = _ENDED[result.status]
+        ended, until = _ENDED[result.status], float(result.trajectory.valid_until)
         takes.append(
             Take(
                 label=styles[name].label,
                 colour=styles[name].colour,
-                run=run,
+                run=result.trajectory,
                 ghost=_ghost(result, moving=moving),
                 sliding_unit=result.controller.designed.sliding_unit,
-                ended=ended and f"{ended} at {float(run.valid_until):.2f} s",
+                ended=ended and f"{ended} at {until:.2f} s",
             )
         )
     return Film(
-        title=f"{results[0].trajectory.system.title}, {case.name}: {case.title}",
+        title=f"{system.title}, {case.name}: {case.title}",
         model=physics.model,
         takes=tuple(takes),
         format=form or Format(),
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
-        beside=_held_beside(results),
-        trace=_trace(results),
+        beside=others[0] if whole else None,
+        trace=trace_site(physics.model) if robots else -1,
     )
-
-
-def _trace(results: Sequence[RunResult]) -> int:
-    """The site whose path is drawn: the tip of a robot, if its model names one."""
-    physics = results[0].true
-    assert isinstance(physics, MujocoPlant)
-    errors = [result.controller.designed.error for result in results]
-    robots = all(isinstance(error, RobotCoordinates) for error in errors)
-    return trace_site(physics.model) if robots else -1
-
-
-def _held_beside(results: Sequence[RunResult]) -> int | None:
-    """The first state that a law of the whole state holds beside the controlled ones, if any."""
-    errors = [result.controller.designed.error for result in results]
-    if not any(isinstance(error, StateCoordinates) for error in errors):
-        return None
-    system = results[0].trajectory.system
-    return next(i for i in range(len(system.states)) if i not in system.controlled)
 
 
 def _ghost(result: RunResult, *, moving: bool) -> Array:
@@ -161,14 +148,14 @@ def _ghost(result: RunResult, *, moving: bool) -> Array:
 
 def films_of(results: Sequence[RunResult], form: Format = SMALL) -> list[tuple[Case, Film]]:
     """One film for each case whose runs under ``CONTROLLERS`` are there."""
+    runs = {
+        (result.case, result.controller.name): result
+        for result in results
+        if result.plant == "physics"
+    }
     films = []
     for case in dict.fromkeys(result.case for result in results):
-        shown = [
-            result
-            for name in CONTROLLERS
-            for result in results
-            if (result.case, result.plant, result.controller.name) == (case, "physics", name)
-        ]
+        shown = [runs[case, name] for name in CONTROLLERS if (case, name) in runs]
         if len(shown) == len(CONTROLLERS):
             films.append((case, film_of(shown, form)))
     return films
@@ -190,7 +177,6 @@ def write_case_film(
     Raises:
         SetupError: If it cannot be rendered or written.
     """
-    digest = film_digest(storyboard(film))
     written = write_film(film, path, backend=backend, workers=workers, gif=gif, advance=advance)
     write_json(
         path.with_suffix(".json"),
@@ -200,17 +186,13 @@ def write_case_film(
                 **asdict(settings),
                 "case": case_document(case),
                 "controllers": [take.label for take in film.takes],
-                "film": {
-                    **asdict(film.format),
-                    "camera": film.camera_name,
-                    "stop": film.end if film.format.stop is None else film.format.stop,
-                },
+                "film": {**asdict(film.format), "camera": film.camera_name, "stop": film.stop},
                 "backend": written.backend,
                 "ffmpeg": {"origin": written.ffmpeg.origin, "version": written.ffmpeg.version},
             },
             "frames": written.frames,
             "duration": {"value": written.frames / film.format.fps, "unit": "s"},
-            "drawn_from": digest,
+            "drawn_from": film_digest(written.board),
             "sha256": _sha256(path),
         },
     )
@@ -221,25 +203,21 @@ def is_current(film: Film, path: Path) -> bool:
     """Whether this very film is there, whole: drawn from the same data by the same code."""
     try:
         beside = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        recorded = (beside["drawn_from"], beside["sha256"])
-        there = path.with_suffix(".png").is_file()
-        return there and recorded == (film_digest(storyboard(film)), _sha256(path))
+        there = path.with_suffix(".png").is_file() and beside["sha256"] == _sha256(path)
+        return there and beside["drawn_from"] == film_digest(storyboard(film))
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
 
 def film_digest(board: Storyboard) -> str:
     """Hash of all that a film's frames depend on: states, model, format and drawing code."""
-    digest = hashlib.sha256()
-    size = mujoco.mj_sizeModel(board.model)
-    model = np.zeros(size, np.uint8)
+    digest, model = hashlib.sha256(), np.zeros(mujoco.mj_sizeModel(board.model), np.uint8)
     mujoco.mj_saveModel(board.model, None, model)
-    parts: list[Any] = [model, board.times, board.chart.empty, board.chart.drawn]
+    parts: list[Any] = [model, board.times, *board.chart, board.camera, board.placement]
+    parts += [board.speed, board.largest, mujoco.__version__]
     for scene in board.scenes:
-        parts += [*scene[:5], *(scene.trace or ())]
-    parts += [board.camera, board.placement, board.speed, board.largest, mujoco.__version__]
-    home = Path(grosmc_mj.films.__file__).parent
-    parts += [path.read_bytes() for path in sorted(home.glob("*.py"))]
+        parts += [*scene[:-1], *(scene.trace or ())]
+    parts += [path.read_bytes() for path in sorted(Path(drawing_code).parent.glob("*.py"))]
     for part in parts:
         digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
     return digest.hexdigest()

@@ -162,7 +162,7 @@ def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
         return replace(nominal, plant=plant)
     robot = nominal.robot
     built = plant if robot.built is robot.plant else robot.built.believed(*edits)
-    return replace(nominal, plant=plant, robot=Robot(plant, robot.converted, built))
+    return replace(nominal, plant=plant, robot=Robot(plant, robot.notes, built))
 
 
 @cache

@@ -11,13 +11,17 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 
-# The part of the picture, from its middle, that what moves may fill.
-_MARGIN = 0.92
+# As MuJoCo counts.
+FREE_CAMERA = -1
+# The part of the picture, from its middle, that moving bodies may fill.
+_FILLED = 0.92
 # Further back than this [m] nothing can be told apart.
 _FURTHEST = 60.0
 # Width over height of a window as it opens.
 _WINDOW = 1.5
+# A tracking camera looks at a centre of mass, which is low in a cart with a pole.
 _ROOM = 1.4
+_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
 class Placement(NamedTuple):
@@ -30,8 +34,7 @@ class Placement(NamedTuple):
     def apply(self, scene: mujoco.MjvScene) -> None:
         """Move the cameras of an updated scene."""
         for camera in scene.camera:
-            axes = _axes(camera)
-            camera.pos[:] = camera.pos + np.array(self) @ axes
+            camera.pos[:] = camera.pos + np.array(self) @ _axes(camera)
 
 
 def _axes(camera: Any) -> Array:
@@ -46,43 +49,25 @@ def visible_height(camera: Any, point: Array) -> float:
     return float((camera.frustum_top - camera.frustum_bottom) / camera.frustum_near * depth)
 
 
-def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Let a free camera, which the mouse can turn, begin with the picture of the model's own.
+def camera_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """The cameras of a model."""
+    return tuple(model.camera(i).name for i in range(model.ncam))
 
-    That is the model's camera ``fixed``, else its first; without one nothing is changed. What
-    drives about on a slide is followed.
 
-    Args:
-        free: The camera of a window.
-        model: The model.
-        data: Its pose, kinematics computed.
+def default_camera(model: mujoco.MjModel) -> int:
+    """Id of ``follow``, if it moves along with a body, else ``fixed``.
+
+    Without these, the first that stands still, since one on a hand would not show the hand;
+    ``FREE_CAMERA`` if there is none.
     """
-    if model.ncam == 0:
-        return
-    names = [model.camera(i).name for i in range(model.ncam)]
-    camera = names.index("fixed") if "fixed" in names else 0
-    axes = data.cam_xmat[camera].reshape(3, 3).T
-    eye = data.cam_xpos[camera] + np.array(place(model, camera, [data], _WINDOW)) @ axes
-    # Motors of a machine move without anything to see.
-    moving = [
-        body
-        for body in range(1, model.nbody)
-        if model.body_weldid[body] != 0 and model.body_geomnum[body]
-    ]
-    depth = -float(axes[2] @ (data.xipos[moving].mean(axis=0) - eye))
-    forward = -axes[2]
-    fields = (model.cam_fovy[camera], model.vis.global_.fovy)
-    own, wide = (math.tan(math.radians(field) / 2) for field in fields)
-    free.type = mujoco.mjtCamera.mjCAMERA_FREE
-    free.lookat[:] = eye + depth * forward
-    free.distance = depth * own / wide
-    free.azimuth = math.degrees(math.atan2(forward[1], forward[0]))
-    free.elevation = math.degrees(math.asin(forward[2]))
-    if mujoco.mjtJoint.mjJNT_SLIDE in model.jnt_type:
-        free.type = mujoco.mjtCamera.mjCAMERA_TRACKING
-        free.trackbodyid = moving[0]
-        # Its centre of mass is in the middle now, which is low in a cart with a pole.
-        free.distance *= _ROOM
+    tracking = model.cam_mode == mujoco.mjtCamLight.mjCAMLIGHT_TRACK
+    names = camera_names(model)
+    if "follow" in names and tracking[names.index("follow")]:
+        return names.index("follow")
+    if "fixed" in names:
+        return names.index("fixed")
+    still = model.body_weldid[model.cam_bodyid] == 0
+    return int(np.argmax(still)) if np.any(still) else FREE_CAMERA
 
 
 def place(
@@ -101,43 +86,66 @@ def place(
         poses: The poses of the film, or some of them; kinematics computed.
         aspect: Width of the picture over its height.
     """
-    scene, eye, option = mujoco.MjvScene(model, 1000), mujoco.MjvCamera(), mujoco.MjvOption()
-    free = camera < 0
+    scene, eye = mujoco.MjvScene(model, 1), mujoco.MjvCamera()
+    free = camera == FREE_CAMERA
     if free:
         mujoco.mjv_defaultFreeCamera(model, eye)
     else:
         eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
-    seen, slope = [], 1.0
+    view, seen = scene.camera[0], []
     for data in poses:
-        mujoco.mjv_updateScene(
-            model, data, option, None, eye, mujoco.mjtCatBit.mjCAT_STATIC.value, scene
-        )
-        view = scene.camera[0]
-        slope = float((view.frustum_top - view.frustum_bottom) / 2 / view.frustum_near)
+        mujoco.mjv_updateCamera(model, data, eye, scene)
         seen.append((_corners(model, data) - np.array(view.pos, float)) @ _axes(view).T)
-    right, up, back = np.concatenate(seen).T
-    slopes = {"right": _MARGIN * slope * aspect, "up": _MARGIN * slope}
-    extents = {"right": right, "up": up}
-    # In view at a distance -back: |right| <= slope * -back, and so for up.
-    if not free and all(np.all(np.abs(extents[side]) <= slopes[side] * -back) for side in slopes):
+    points = np.concatenate(seen)
+    half = float((view.frustum_top - view.frustum_bottom) / 2 / view.frustum_near)
+    # At a distance d, |right| and |up| are in view up to slopes * d.
+    slopes, aside, distance = _FILLED * half * np.array([aspect, 1]), points[:, :2], -points[:, 2:]
+    if not len(points) or (not free and np.all(np.abs(aside) <= slopes * distance)):
         return Placement()
-    needed, moves = -np.inf if free else 0.0, {}
-    for side, tangent in slopes.items():
-        most = float((extents[side] + tangent * back).max())
-        least = float((extents[side] - tangent * back).min())
-        needed = max(needed, (most - least) / (2 * tangent))
-        moves[side] = (most + least) / 2
-    return Placement(moves["right"], moves["up"], min(needed, _FURTHEST))
+    most = (aside - slopes * distance).max(axis=0)
+    least = (aside + slopes * distance).min(axis=0)
+    back = float(((most - least) / (2 * slopes)).max())
+    right, up = ((most + least) / 2).tolist()
+    return Placement(right, up, min(back if free else max(back, 0.0), _FURTHEST))
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """Corners of the boxes around the drawn geoms of moving bodies, in world axes, (n, 3)."""
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    found = []
-    for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] == 0 or model.geom_group[geom] > 2:
-            continue
-        centre, half = np.split(model.geom_aabb[geom], 2)
-        rotation = data.geom_xmat[geom].reshape(3, 3)
-        found.append(data.geom_xpos[geom] + (centre + signs * half) @ rotation.T)
-    return np.concatenate(found) if found else np.zeros((1, 3))
+    drawn = (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_group <= 2)
+    centre, half = np.split(model.geom_aabb[drawn][:, None], 2, axis=2)
+    rotation = data.geom_xmat[drawn].reshape(-1, 3, 3)
+    corners = (centre + _CORNERS * half) @ rotation.transpose(0, 2, 1)
+    return (data.geom_xpos[drawn][:, None] + corners).reshape(-1, 3)
+
+
+def aim(free: mujoco.MjvCamera, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let a free camera, which the mouse can turn, begin with the picture of the model's own.
+
+    That is the model's camera ``fixed``, else its first; without one nothing is changed. What
+    drives about on a slide is followed.
+
+    Args:
+        free: The camera of a window.
+        model: The model.
+        data: Its pose, kinematics computed.
+    """
+    if model.ncam == 0:
+        return
+    names = camera_names(model)
+    camera = names.index("fixed") if "fixed" in names else 0
+    axes = data.cam_xmat[camera].reshape(3, 3).T
+    eye = data.cam_xpos[camera] + np.array(place(model, camera, [data], _WINDOW)) @ axes
+    # Motors of a machine move without anything to see.
+    moving = np.flatnonzero((model.body_weldid != 0) & (model.body_geomnum > 0))
+    forward = -axes[2]
+    depth = float(forward @ (data.xipos[moving].mean(axis=0) - eye))
+    own, wide = np.tan(np.radians([model.cam_fovy[camera], model.vis.global_.fovy]) / 2)
+    free.type = mujoco.mjtCamera.mjCAMERA_FREE
+    free.lookat[:] = eye + depth * forward
+    free.distance = depth * own / wide
+    free.azimuth = math.degrees(math.atan2(forward[1], forward[0]))
+    free.elevation = math.degrees(math.asin(forward[2]))
+    if mujoco.mjtJoint.mjJNT_SLIDE in model.jnt_type:
+        free.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+        free.trackbodyid = moving[0]
+        free.distance *= _ROOM

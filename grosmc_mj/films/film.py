@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
+import pydantic
 
-from grosmc_mj.arguments import real, reals, require, require_each
+from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.fields import Positive, Range, Seconds, checked
+from grosmc_mj.films.camera import FREE_CAMERA, camera_names, default_camera
 from grosmc_mj.simulation.trajectory import Trajectory
 
-SMALLEST, LARGEST = (320, 240), (3840, 2160)
-FASTEST = 240
 MOST_TAKES = 4
-# As MuJoCo counts.
-FREE_CAMERA = -1
 # An hour of film at 30 frames per second is as long as one wants to wait for.
 MOST_FRAMES = 100_000
 
 
-@dataclass(frozen=True, eq=False)
+def _rows(values: Any) -> Array | None:
+    """Coordinates with a row an instant, a single one as a column."""
+    rows = None if values is None else reals(values)
+    return rows[:, None] if rows is not None and rows.ndim == 1 else rows
+
+
+@checked()
 class Take:
     """One recorded run in MuJoCo: one picture of the film and one colour of its curves.
 
@@ -41,36 +47,25 @@ class Take:
 
     label: str
     colour: str
-    run: Trajectory
-    ghost: Array | None = None
+    run: pydantic.InstanceOf[Trajectory]
+    ghost: Annotated[Array | None, pydantic.PlainValidator(_rows)] = None
     sliding_unit: str = ""
     ended: str = ""
 
     def __post_init__(self) -> None:
-        for what in ("label", "colour", "sliding_unit", "ended"):
-            require(f"{what} of a take", getattr(self, what), str, "a text")
-        require(f"{self.label}: run", self.run, Trajectory, "what simulate returns")
         if self.run.physics is None or self.run.physics.ndim != 2:
             raise ArgumentError(
                 f"{self.label}: a film needs one recorded run in MuJoCo, with its full states"
             )
-        wanted = (len(self.run.time), len(self.run.system.controlled))
-        ghost = reals(self.ghost)
-        fits = ghost.shape == wanted or (wanted[1] == 1 and ghost.shape == wanted[:1])
-        if self.ghost is not None and not fits:
+        shape = (len(self.run.time), len(self.run.system.controlled))
+        if self.ghost is not None and self.ghost.shape != shape:
             raise ArgumentError(
-                f"{self.label}: the ghost has shape {ghost.shape}, must be {wanted}: one "
+                f"{self.label}: the ghost has shape {self.ghost.shape}, must be {shape}: one "
                 "row an instant, one column for each controlled coordinate"
             )
 
-    @property
-    def ghosts(self) -> Array:
-        """The ghost's coordinates, (N + 1, controlled)."""
-        rows = np.atleast_1d(reals(self.ghost))
-        return rows.reshape(len(rows), -1)
 
-
-@dataclass(frozen=True)
+@checked()
 class Format:
     """How a film is cut.
 
@@ -85,33 +80,21 @@ class Format:
         stop: End of what is shown [s]; None for the end of the longest run.
     """
 
-    width: int = 1280
-    height: int = 720
-    fps: int = 30
-    speed: float = 1.0
+    width: Annotated[int, Range(320, 3840, unit="pixels", whole=True)] = 1280
+    height: Annotated[int, Range(240, 2160, unit="pixels", whole=True)] = 720
+    fps: Annotated[int, Range(1, 240, whole=True)] = 30
+    speed: Positive = 1.0
     camera: str | None = None
-    start: float = 0.0
-    stop: float | None = None
+    start: Seconds = 0.0
+    stop: Seconds | None = None
 
     def __post_init__(self) -> None:
-        for name, value, least, most in zip(
-            ("width", "height"), (self.width, self.height), SMALLEST, LARGEST, strict=True
-        ):
-            if real(value) % 2 or not least <= real(value) <= most:
-                raise ArgumentError(
-                    f"{name} {shown(value)} of the film must be even and from {least} to {most} "
-                    "pixels"
-                )
-        if not 1 <= real(self.fps) <= FASTEST:
-            raise ArgumentError(f"{shown(self.fps)} frames per second: must be from 1 to {FASTEST}")
-        if not 0 < real(self.speed) < math.inf:
-            raise ArgumentError(f"speed {shown(self.speed)} must be finite and positive")
-        stop = math.inf if self.stop is None else self.stop
-        require("camera", self.camera, (str, type(None)), "the name of a camera or None")
-        if not 0 <= real(self.start) < real(stop):
+        if self.width % 2 or self.height % 2:
+            raise ArgumentError(f"a film of {self.width} x {self.height} pixels: both must be even")
+        if self.stop is not None and self.stop <= self.start:
             raise ArgumentError(
-                f"a film from {shown(self.start)} s to {shown(stop)} s shows nothing: it must "
-                "begin at 0 s or later and end after that"
+                f"a film from {self.start:g} s to {self.stop:g} s shows nothing: it must end after "
+                "it begins"
             )
 
     def frames(self, end: float) -> float:
@@ -144,7 +127,7 @@ class Format:
             )
 
 
-@dataclass(frozen=True, eq=False)
+@checked()
 class Film:
     """Runs of one model side by side, at the same times and the same scale.
 
@@ -169,79 +152,53 @@ class Film:
     trace: int = -1
 
     def __post_init__(self) -> None:
-        require("title", self.title, str, "a text")
-        require("model", self.model, mujoco.MjModel, "the compiled model, such as plant.model")
-        require("format", self.format, Format, "a Format")
-        require_each("takes", self.takes, Take, "one to four Takes in a tuple")
         if not 1 <= len(self.takes) <= MOST_TAKES:
             raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
-        for take in self.takes:
-            self._check(take)
-        self.format.check(self.cameras, self.end)
-
-    def _check(self, take: Take) -> None:
-        """Refuse a run of another model, or one without its instants.
-
-        Raises:
-            ArgumentError: Saying which.
-        """
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        run = take.run
-        joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
-        # Those of a machine's parts come after the system's own.
-        joints = joints[: len(run.system.joints)]
-        assert run.physics is not None
-        if run.physics.shape[1] != size or joints != run.system.joints:
-            raise ArgumentError(
-                f"{take.label}: a run of {run.system.name} with states of {run.physics.shape[1]} "
-                f"numbers is not of this model, which has the joints {', '.join(joints)} and "
-                f"states of {size}"
-            )
-        longest = 1.5 * self.model.opt.timestep
-        if len(run.time) == 2 and run.time[1] - run.time[0] > longest:
-            raise ArgumentError(
-                f"{take.label}: the run was not recorded: give simulate(..., record=True)"
-            )
+        all_joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
+        for take in self.takes:
+            run, states = take.run, np.shape(take.run.physics)[1]
+            # Joints of a machine's parts come after the system's own.
+            joints = all_joints[: len(run.system.joints)]
+            if states != size or joints != run.system.joints:
+                raise ArgumentError(
+                    f"{take.label}: a run of {run.system.name} with states of {states} numbers is "
+                    f"not of this model, which has the joints {', '.join(joints)} and states of "
+                    f"{size}"
+                )
+            if len(run.time) == 2 and run.time[1] > 1.5 * self.model.opt.timestep:
+                raise ArgumentError(
+                    f"{take.label}: the run was not recorded: give simulate(..., record=True)"
+                )
+        self.format.check(camera_names(self.model), self.end)
 
     @cached_property
     def longest(self) -> Take:
         """The take that ends last."""
         return max(self.takes, key=lambda take: float(take.run.time[-1]))
 
-    @cached_property
-    def cameras(self) -> tuple[str, ...]:
-        """The cameras of the model."""
-        return camera_names(self.model)
-
-    @cached_property
-    def camera(self) -> int:
-        """Id of the camera: the chosen one or, if it moves along, ``follow``, else ``fixed``.
-
-        Without these, the first that stands still, since one on a hand would not show the hand;
-        -1, MuJoCo's free camera, if there is none.
-        """
-        if self.format.camera is not None:
-            return self.model.camera(self.format.camera).id
-        if "follow" in self.cameras:
-            follow = self.model.camera("follow")
-            if follow.mode[0] == mujoco.mjtCamLight.mjCAMLIGHT_TRACK:
-                return follow.id
-        if "fixed" in self.cameras:
-            return self.model.camera("fixed").id
-        still = self.model.body_weldid[self.model.cam_bodyid] == 0
-        return int(np.argmax(still)) if np.any(still) else FREE_CAMERA
-
-    @cached_property
-    def camera_name(self) -> str:
-        """Name of the camera; ``free`` for MuJoCo's own."""
-        return "free" if self.camera == FREE_CAMERA else self.cameras[self.camera]
-
-    @cached_property
+    @property
     def end(self) -> float:
         """When the longest run ends [s]."""
         return float(self.longest.run.time[-1])
 
-    @cached_property
+    @property
+    def stop(self) -> float:
+        """When the film ends [s]."""
+        return self.end if self.format.stop is None else self.format.stop
+
+    @property
+    def camera(self) -> int:
+        """Id of the camera: the chosen one, else the model's default, see ``default_camera``."""
+        chosen = self.format.camera
+        return default_camera(self.model) if chosen is None else self.model.camera(chosen).id
+
+    @property
+    def camera_name(self) -> str:
+        """Name of the camera; ``free`` for MuJoCo's own."""
+        return "free" if self.camera == FREE_CAMERA else self.model.camera(self.camera).name
+
+    @property
     def times(self) -> Array:
         """The instant that each frame shows [s]: start + k speed / fps, as long as the data."""
         count = max(1, round(self.format.frames(self.end)))
@@ -253,10 +210,5 @@ class Film:
         A run that ended early stays at its last row.
         """
         time = take.run.time
-        step = float(time[1] - time[0]) if len(time) > 1 else 1.0
+        step = float(time[1] - time[0]) if len(time) > 1 else math.inf
         return np.clip(np.rint(self.times / step).astype(int), 0, len(time) - 1)
-
-
-def camera_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """The cameras of a model."""
-    return tuple(model.camera(i).name for i in range(model.ncam))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 # Parts of a frame's height, from the top; the plots have the rest.
 _TITLE, _LABEL, _PICTURE = 0.068, 0.046, 0.50
 _GAP = 2
-_PLOTS = 3
+PLOTS = 3
 
 
 class Box(NamedTuple):
@@ -29,16 +29,15 @@ class Box(NamedTuple):
         """First row beyond it."""
         return self.top + self.height
 
+    @property
+    def pixels(self) -> tuple[slice, slice]:
+        """Its rows and columns, to index a frame with."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
 
 @dataclass(frozen=True)
 class Layout:
-    """The rectangles of a frame.
-
-    Attributes:
-        width: Of the frame.
-        height: Of the frame.
-        pictures: How many stand side by side.
-    """
+    """The rectangles of a frame, by its size in pixels and the number of its pictures."""
 
     width: int
     height: int
@@ -62,17 +61,16 @@ class Layout:
 
     def label(self, index: int) -> Box:
         """The strip above a picture, with the controller's name."""
-        picture = self.picture(index)
-        return Box(picture.left, self.title.bottom, picture.width, round(_LABEL * self.height))
+        picture, height = self.picture(index), round(_LABEL * self.height)
+        return Box(picture.left, self.title.height, picture.width, height)
 
     def picture(self, index: int) -> Box:
         """A picture; all have the same size."""
         width = (self.width - _GAP * (self.pictures - 1)) // self.pictures
-        top = self.title.bottom + round(_LABEL * self.height)
+        top = self.title.height + round(_LABEL * self.height)
         return Box(index * (width + _GAP), top, width, round(_PICTURE * self.height))
 
     def plot(self, index: int) -> Box:
         """A plot, with its axes' numbers and title."""
-        width = self.width // _PLOTS
-        top = self.picture(0).bottom
+        width, top = self.width // PLOTS, self.picture(0).bottom
         return Box(index * width, top, width, self.height - top)

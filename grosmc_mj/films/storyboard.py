@@ -4,44 +4,34 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
 
 import matplotlib as mpl
 import mujoco
 import numpy as np
+from matplotlib.colors import to_rgb
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.films.board import OVERSAMPLING, Scene, Storyboard, Trace, pose
 from grosmc_mj.films.camera import place
 from grosmc_mj.films.chart import draw_chart
 from grosmc_mj.films.film import Film, Take
+from grosmc_mj.films.frames import OVERSAMPLING, Scene, Storyboard, pose
 from grosmc_mj.films.layout import Layout
-from grosmc_mj.films.marks import site_path
+from grosmc_mj.films.marks import Trace, site_path
 
 # Poses at which the camera's place is decided.
 _LOOKS = 60
 # A film's pictures are small: this is all the detail that can be seen in them.
 _QUALITY = {"offsamples": 0, "shadowsize": 2048, "numslices": 48, "numstacks": 16, "numquads": 1}
-
 _AMBIENT, _DIFFUSE = 0.4, 0.6
 
 
-@lru_cache(maxsize=1)
 def storyboard(film: Film) -> Storyboard:
-    """Prepare a film; nothing is rendered yet. The last one is kept."""
-    form = film.format
-    layout = Layout(form.width, form.height, len(film.takes))
-    system = film.takes[0].run.system
-    scenes = tuple(_scene(film, index) for index in range(len(film.takes)))
-    model = film_model(film.model, layout.picture(0).width, layout.picture(0).height)
-    box = layout.picture(0)
+    """Prepare a film; nothing is rendered yet."""
+    layout = Layout(film.format.width, film.format.height, len(film.takes))
+    box, scenes = layout.picture(0), tuple(_scene(film, take) for take in film.takes)
+    model = film_model(film.model, box.width, box.height)
     wrenches = [scene.wrench for scene in scenes if scene.wrench is not None]
-    force, torque = (
-        max((float(np.linalg.norm(w[..., part], axis=-1).max()) for w in wrenches), default=0.0)
-        for part in (slice(0, 3), slice(3, 6))
-    )
-    joints = [model.joint(system.joints[index]) for index in system.controlled]
+    halves = np.concatenate([np.zeros((1, 6)), *(w.reshape(-1, 6) for w in wrenches)])
     return Storyboard(
         model=model,
         camera=film.camera,
@@ -49,12 +39,10 @@ def storyboard(film: Film) -> Storyboard:
         layout=layout,
         chart=draw_chart(film, layout),
         times=film.times,
-        speed=form.speed,
+        speed=film.format.speed,
         scenes=scenes,
-        bodies=tuple(model.body(name).id for name in system.bodies),
-        controlled=tuple(int(joint.qposadr[0]) for joint in joints),
-        largest=(force, torque),
-        telling=_telling(film),
+        largest=np.linalg.norm(halves.reshape(-1, 2, 3), axis=2).max(axis=0),
+        poster=_poster(film),
         fonts=Path(mpl.get_data_path()) / "fonts" / "ttf",
     )
 
@@ -74,51 +62,40 @@ def film_model(model: mujoco.MjModel, width: int, height: int) -> mujoco.MjModel
     return own
 
 
-def _scene(film: Film, index: int) -> Scene:
+def _scene(film: Film, take: Take) -> Scene:
     """The recorded rows of one run that the frames show."""
-    take = film.takes[index]
-    run, rows = take.run, film.rows(take)
-    assert run.physics is not None
-    last = float(run.time[-1])
-    wrench = None
-    if run.wrench is not None:
-        held = run.wrench.reshape(len(run.wrench), len(run.system.bodies), 6)
-        # A run that ended at its start has no interval in which anything acted.
-        held = held if len(held) else np.zeros((1, *held.shape[1:]))
-        wrench = held[np.minimum(rows, len(held) - 1)]
-    over = len(film.times)
+    run, rows, model = take.run, film.rows(take), film.model
+    physics, over = np.asarray(run.physics)[rows], len(film.times)
     if take.ended:
-        over = min(int(np.searchsorted(film.times, last)), len(film.times) - 1)
-    ghost = None if take.ghost is None else take.ghosts[rows]
-    physics = run.physics[rows]
-    trace = None if film.trace < 0 else _traced(film, take, physics, ghost)
+        over = min(int(np.searchsorted(film.times, run.time[-1])), len(film.times) - 1)
+    wrench = ghost = trace = None
+    if run.wrench is not None:
+        bodies = [model.body(name).id for name in run.system.bodies]
+        wrench = np.zeros((len(rows), model.nbody, 6))
+        # There is one interval less than instants, and none in a run that ended at its start.
+        held = np.concatenate([run.wrench, run.wrench[-1:], np.zeros((1, 6 * len(bodies)))])[rows]
+        wrench[:over, bodies] = held.reshape(len(rows), -1, 6)[:over]
+    positions = physics[:, 1 : 1 + model.nq]
+    if take.ghost is not None:
+        joints = [model.joint(run.system.joints[index]) for index in run.system.controlled]
+        ghost = positions.copy()
+        ghost[:, [int(joint.qposadr[0]) for joint in joints]] = take.ghost[rows]
+    if film.trace >= 0:
+        reference = None if ghost is None else site_path(model, film.trace, ghost)
+        trace = Trace(site_path(model, film.trace, positions), reference, to_rgb(take.colour))
     return Scene(physics, ghost, wrench, over, take.ended, trace)
 
 
-def _traced(film: Film, take: Take, physics: Array, ghost: Array | None) -> Trace:
-    """Where the traced site is in each frame, and where the ghost has it."""
-    model, system = film.model, take.run.system
-    positions = physics[:, 1 : 1 + model.nq]
-    wanted = None
-    if ghost is not None:
-        posed = positions.copy()
-        posed[:, list(system.controlled)] = ghost
-        wanted = site_path(model, film.trace, posed)
-    return Trace(site_path(model, film.trace, positions), wanted, take.colour)
-
-
-def _telling(film: Film) -> int:
+def _poster(film: Film) -> int:
     """The frame in which a run is furthest from its ghost; without ghosts, the middle one.
 
     The first sixth does not count: a poster shall show some of the curves.
     """
-    furthest = np.zeros(len(film.times))
+    furthest, early = np.zeros(len(film.times)), len(film.times) // 6
     for take in film.takes:
         if take.ghost is not None:
-            there = take.run.state[:, list(take.run.system.controlled)]
-            distance = np.abs(there - take.ghosts).max(axis=1)
-            furthest = np.maximum(furthest, distance[film.rows(take)])
-    early = len(film.times) // 6
+            errors = take.run.state[:, list(take.run.system.controlled)] - take.ghost
+            furthest = np.maximum(furthest, np.abs(errors).max(axis=1)[film.rows(take)])
     return early + int(furthest[early:].argmax()) if furthest.any() else len(film.times) // 2
 
 
@@ -126,7 +103,7 @@ def _poses(model: mujoco.MjModel, scenes: tuple[Scene, ...]) -> Iterator[mujoco.
     """Some poses of each run, spread over the film."""
     data = mujoco.MjData(model)
     for scene in scenes:
-        count = min(_LOOKS, len(scene.physics))
-        for frame in np.linspace(0, len(scene.physics) - 1, count).astype(int):
+        last = len(scene.physics) - 1
+        for frame in np.linspace(0, last, min(_LOOKS, last + 1)).astype(int):
             pose(model, data, scene.physics[frame])
             yield data

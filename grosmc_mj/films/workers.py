@@ -9,26 +9,25 @@ import os
 import pickle
 from collections import deque
 from collections.abc import Generator
+from functools import cache
+from itertools import islice
 from multiprocessing.util import Finalize
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from loky.process_executor import ProcessPoolExecutor, TerminatedWorkerError
+from loky.process_executor import TerminatedWorkerError
 
-from grosmc_mj.child_processes import end_with, interrupts_held
+from grosmc_mj.child_processes import interrupts_held, worker_pool
 from grosmc_mj.errors import SetupError
+from grosmc_mj.films.offscreen import rendering
 
 if TYPE_CHECKING:
-    from grosmc_mj.films.board import Storyboard
-    from grosmc_mj.films.frames import FrameMaker
+    from grosmc_mj.films.frames import FrameMaker, Storyboard
 
 # Frames under way, for each worker: enough to keep it busy, few enough to keep memory flat.
 _AHEAD = 3
-# In a worker: what draws, or why nothing does.
-_maker: FrameMaker | None = None
-_failure = ""
 
 
 def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.ndarray, None, None]:
@@ -44,21 +43,23 @@ def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.n
     Raises:
         SetupError: If a worker cannot render or dies.
     """
-    workers = min(workers, len(board.times))
-    # PyOpenGL's own setting would contradict MuJoCo's.
-    variables = {"MUJOCO_GL": backend, "PYOPENGL_PLATFORM": ""}
-    if workers > 1:
-        # Software rendering would start a thread for every core in each worker.
-        variables["LP_NUM_THREADS"] = "1"
+    count = len(board.times)
+    workers = min(workers, count)
+    # Software rendering would start a thread for every core in each worker.
+    threads = {"LP_NUM_THREADS": "1"} if workers > 1 else {}
     with TemporaryDirectory(prefix="grosmc_mj-") as folder:
         # By a file: a worker that dies at its start would leave a pipe that nobody reads.
-        given = Path(folder) / "storyboard"
-        given.write_bytes(pickle.dumps(board))
-        executor = ProcessPoolExecutor(
-            workers, initializer=_start, initargs=(given, backend, os.getpid()), env=variables
-        )
+        file = Path(folder) / "storyboard"
+        file.write_bytes(pickle.dumps(board))
+        executor = worker_pool(workers, rendering(backend) | threads)
         try:
-            yield from _in_order(executor, len(board.times), workers)
+            with interrupts_held():
+                waiting = deque(executor.submit(_draw, file, index) for index in range(workers))
+            left = iter(range(workers, count))
+            while waiting:
+                for index in islice(left, _AHEAD * workers - len(waiting)):
+                    waiting.append(executor.submit(_draw, file, index))
+                yield waiting.popleft().result()
         except TerminatedWorkerError as error:
             raise SetupError(
                 f"a rendering process ended unexpectedly with MUJOCO_GL={backend}; "
@@ -68,41 +69,24 @@ def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.n
             executor.shutdown(wait=True, kill_workers=True)
 
 
-def _in_order(
-    executor: ProcessPoolExecutor, count: int, workers: int
-) -> Generator[np.ndarray, None, None]:
-    """The frames, a few of them under way at any time."""
-    waiting: deque = deque()
-    frames = iter(range(count))
-    with interrupts_held():
-        for _ in range(workers):
-            waiting.append(executor.submit(_draw, next(frames)))
-    while waiting:
-        while len(waiting) < _AHEAD * workers and (index := next(frames, None)) is not None:
-            waiting.append(executor.submit(_draw, index))
-        yield waiting.popleft().result()
-
-
-def _start(given: Path, backend: str, parent: int) -> None:
-    """Make a worker ready to draw; it ends when its parent does."""
-    global _maker, _failure
-    end_with(parent)
-    try:
-        from grosmc_mj.films.frames import FrameMaker
-
-        _maker = FrameMaker(pickle.loads(given.read_bytes()))
-    except Exception as error:
-        _failure = (
-            f"MUJOCO_GL={backend} does not render here ({type(error).__name__}: {error}); "
-            "run grosmc-mj doctor"
-        )
-        return
-    # Later than at this point the interpreter would print a traceback for an open renderer.
-    Finalize(None, _maker.close, exitpriority=100)
-
-
-def _draw(index: int) -> np.ndarray:
+def _draw(file: Path, index: int) -> np.ndarray:
     """One frame, in a worker."""
-    if _maker is None:
-        raise SetupError(_failure)
-    return _maker.frame(index)
+    try:
+        maker = _frame_maker(file)
+    except Exception as error:
+        raise SetupError(
+            f"MUJOCO_GL={os.environ['MUJOCO_GL']} does not render here "
+            f"({type(error).__name__}: {error}); run grosmc-mj doctor"
+        ) from None
+    return maker.frame(index)
+
+
+@cache
+def _frame_maker(file: Path) -> FrameMaker:
+    """What draws in a worker, made for its first frame."""
+    from grosmc_mj.films.frames import FrameMaker
+
+    maker = FrameMaker(pickle.loads(file.read_bytes()))
+    # Later than at this point the interpreter would print a traceback for an open renderer.
+    Finalize(None, maker.close, exitpriority=100)
+    return maker

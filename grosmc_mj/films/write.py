@@ -6,35 +6,32 @@ import contextlib
 import errno
 import os
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from tempfile import TemporaryFile
+from typing import Annotated, NamedTuple
 
-import mediapy
 import numpy as np
 from PIL import Image
 
-from grosmc_mj.arguments import require, require_whole
 from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
-from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import Film
-from grosmc_mj.films.offscreen.backends import find_backend, forget
-from grosmc_mj.films.offscreen.ffmpeg import Ffmpeg, find_ffmpeg
+from grosmc_mj.films.frames import Storyboard
+from grosmc_mj.films.offscreen import Ffmpeg, find_backend, find_ffmpeg
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.workers import draw_frames
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
 # Two threads on any machine: their number changes the bytes.
-_ARGUMENTS = (
+_H264 = (
+    "-an -vcodec h264 -pix_fmt yuv420p -crf 23 -preset veryfast -tune animation -threads 2 "
     "-vf scale=out_color_matrix=bt709:out_range=tv "
     "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv "
-    "-xerror -preset veryfast -tune animation -threads 2 -fflags +bitexact -flags:v +bitexact "
-    "-movflags +faststart"
+    "-fflags +bitexact -flags:v +bitexact -movflags +faststart"
 )
-_CRF = 23
-_MOST_WORKERS = 1024
 _GIF_WIDTH, _GIF_FPS, _GIF_COLOURS = 640, 10, 128
 
 
@@ -48,6 +45,7 @@ class Written(NamedTuple):
         frames: How many the film has.
         backend: What rendered it.
         ffmpeg: What wrote it.
+        board: What it was drawn from.
     """
 
     film: Path
@@ -56,14 +54,16 @@ class Written(NamedTuple):
     frames: int
     backend: str
     ffmpeg: Ffmpeg
+    board: Storyboard
 
 
+@checked_call
 def write_film(
     film: Film,
     path: Path | str,
     *,
     backend: str | None = None,
-    workers: int | None = None,
+    workers: Annotated[int, Range(1, 1024, whole=True)] | None = None,
     gif: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Written:
@@ -81,129 +81,91 @@ def write_film(
         ArgumentError: If the path is no ``.mp4``.
         SetupError: If there is no working backend or ffmpeg, or a file cannot be written.
     """
-    require("film", film, Film, "a Film")
-    require("path", path, (str, Path), "a path that ends in .mp4")
     path = Path(path)
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
-    wanted = f"a whole number up to {_MOST_WORKERS}, or None"
-    asked = require_whole("workers", 0 if workers is None else workers, 0, _MOST_WORKERS, wanted)
-    workers = asked or len(os.sched_getaffinity(0))
-    program = find_ffmpeg()
-    wish = os.environ.get("MUJOCO_GL")
-    backend = backend or find_backend(wish).backend
-    board = storyboard(film)
-    poster = path.with_suffix(".png")
-    mediapy.set_ffmpeg(program.path)
-    small = path.with_suffix(".gif") if gif else None
+    program, backend = find_ffmpeg(), backend or find_backend(os.environ.get("MUJOCO_GL")).backend
+    board, size = storyboard(film), f"{film.format.width}x{film.format.height}"
+    poster, small = path.with_suffix(".png"), path.with_suffix(".gif") if gif else None
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
         aside = {
             name: files.enter_context(written_aside(name)) for name in (path, poster, small) if name
         }
-        with contextlib.closing(draw_frames(board, backend, workers)) as frames:
-            best = _encode(aside[path], path, board, film.format.fps, frames, advance, wish)
-        try:
-            Image.fromarray(best).save(aside[poster], optimize=True)
-        except OSError as error:
-            raise cannot_write(poster, error) from error
+        drawing = draw_frames(board, backend, workers or len(os.sched_getaffinity(0)))
+        with contextlib.closing(drawing) as frames:
+            source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", film.format.fps]
+            drawn = _drawn(frames, board, aside[poster], poster, advance)
+            _run_ffmpeg(program, [*source, "-i", "-", *_H264.split(), aside[path]], path, drawn)
         if small is not None:
             _write_gif(program, aside[path], aside[small], small, film.format.width)
-    return Written(path, poster, small, len(board.times), backend, program)
+    return Written(path, poster, small, len(board.times), backend, program, board)
 
 
-def _encode(
-    part: Path,
-    path: Path,
+def _drawn(
+    frames: Iterable[np.ndarray],
     board: Storyboard,
-    fps: int,
-    frames: Iterator[np.ndarray],
+    part: Path,
+    poster: Path,
     advance: Callable[[], object],
-    wish: str | None,
-) -> np.ndarray:
-    """Stream the frames to ffmpeg; returns the poster."""
-    best = board.chart.empty
-    shape = (board.layout.height, board.layout.width)
-    writer = mediapy.VideoWriter(
-        part, shape, fps=fps, crf=_CRF, encoded_format="yuv420p", ffmpeg_args=_ARGUMENTS
-    )
-    try:
-        with interrupts_held():
-            writer.__enter__()
-        for index, frame in enumerate(frames):
-            writer.add_image(frame)
-            advance()
-            if index == board.telling:
-                best = frame
-        writer.close()
-    except SetupError:
-        # The backend has failed since it was tried.
-        forget(wish)
-        raise
-    except (OSError, RuntimeError) as error:
-        raise _ffmpeg_stopped(path, _last_words(writer) or str(error)) from error
-    finally:
-        _stop(writer)
-    return best
-
-
-def _last_words(writer: mediapy.VideoWriter) -> str:
-    """What ffmpeg has said, or which signal ended it."""
-    process = writer._proc
-    if process is None or process.stderr is None or process.stderr.closed:
-        return ""
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(1.0)
-    ended = process.poll()
-    process.kill()
-    said = process.stderr.read().decode(errors="replace")
-    if not said and ended is not None and ended < 0:
-        return f"it was ended by signal {-ended}"
-    return said
-
-
-def _ffmpeg_stopped(path: Path, said: str) -> SetupError:
-    """One line about why ffmpeg did not finish a file."""
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
-    full = [line for line in lines if "No space left" in line]
-    if full:
-        return cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
-    return SetupError(f"{path}: ffmpeg stopped: {lines[-1] if lines else 'it does not say why'}")
-
-
-def _stop(writer: mediapy.VideoWriter) -> None:
-    """End an ffmpeg that is still there."""
-    process = writer._proc
-    if process is not None:
-        process.kill()
-        with contextlib.suppress(OSError):
-            process.__exit__(None, None, None)
-        writer._popen = writer._proc = None
+) -> Iterator[np.ndarray]:
+    """The frames as they are drawn; the poster among them is written."""
+    for index, frame in enumerate(frames):
+        yield frame
+        advance()
+        if index == board.poster:
+            try:
+                Image.fromarray(frame).save(part, optimize=True)
+            except OSError as error:
+                raise cannot_write(poster, error) from error
 
 
 def _write_gif(program: Ffmpeg, film: Path, gif: Path, path: Path, width: int) -> None:
     """A small GIF of a finished film, in two passes, so that memory stays flat."""
     scale = f"fps={_GIF_FPS},scale={min(width, _GIF_WIDTH)}:-2:flags=area"
+    colours = f"palettegen=max_colors={_GIF_COLOURS}:stats_mode=full"
+    use = "paletteuse=dither=none:diff_mode=rectangle"
     palette = gif.with_suffix(".palette.png")
-    options = f"max_colors={_GIF_COLOURS}:stats_mode=full"
-    passes = (
-        ["-i", str(film), "-vf", f"{scale},palettegen={options}", str(palette)],
-        [
-            *("-i", str(film), "-i", str(palette)),
-            *("-lavfi", f"{scale}[x];[x][1:v]paletteuse=dither=none:diff_mode=rectangle"),
-            str(gif),
-        ],
-    )
     try:
-        for arguments in passes:
-            subprocess.run(
-                [program.path, "-v", "error", "-xerror", "-y", *arguments],
-                check=True,
-                capture_output=True,
-                text=True,
-                stdin=subprocess.DEVNULL,
-            )
-    except subprocess.CalledProcessError as error:
-        raise _ffmpeg_stopped(path, error.stderr or str(error)) from error
+        _run_ffmpeg(program, ["-i", film, "-vf", f"{scale},{colours}", palette], path)
+        filters = ["-lavfi", f"{scale}[x];[x][1:v]{use}"]
+        _run_ffmpeg(program, ["-i", film, "-i", palette, *filters, gif], path)
     finally:
         palette.unlink(missing_ok=True)
+
+
+def _run_ffmpeg(
+    program: Ffmpeg, arguments: Iterable[object], path: Path, frames: Iterable[np.ndarray] = ()
+) -> None:
+    """Run ffmpeg on frames that it reads from its standard input.
+
+    Args:
+        program: ffmpeg.
+        arguments: Its own.
+        path: The file that is written, as the user knows it.
+        frames: In order.
+
+    Raises:
+        SetupError: If it does not finish the file.
+    """
+    command = [program.path, "-v", "error", "-xerror", "-y", *map(str, arguments)]
+    with TemporaryFile("w+") as messages:
+        with interrupts_held():
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages)
+        assert process.stdin is not None
+        try:
+            # A pipe that breaks is ffmpeg's end, whose reason is in the messages.
+            with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
+                for frame in frames:
+                    pipe.write(frame.data)
+            code = process.wait()
+        finally:
+            process.kill()
+            process.wait()
+        messages.seek(0)
+        lines = [line.strip() for line in messages if line.strip()]
+    if any("No space left" in line for line in lines):
+        raise cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    if code:
+        ended = f"signal {-code}" if code < 0 else f"exit code {code}"
+        raise SetupError(f"{path}: ffmpeg stopped: {lines[-1] if lines else ended}")

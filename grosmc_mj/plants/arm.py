@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Finite, NotNegative, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
     Signal,
     System,
     Variant,
-    require_nonnegative,
-    require_positive,
     require_unmodelled_absent,
     wrench_symbols,
 )
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-@dataclass(frozen=True)
+@checked(ModelError, label="arm")
 class ArmParameters:
     """Numbers of eq. (57), with M(q) = J + m l^2 + M_c (1 + sin q).
 
@@ -42,16 +40,12 @@ class ArmParameters:
             C = 0.03 cos(q) q'.
     """
 
-    m: float
-    l: float
-    g: float
-    J: float
-    M_c: float
-    printed: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive("arm", m=self.m, l=self.l, g=self.g, J=self.J)
-        require_nonnegative("arm", M_c=self.M_c)
+    m: Positive
+    l: Positive
+    g: Positive
+    J: Positive
+    M_c: NotNegative
+    printed: Finite = 0.0
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, variant: Variant) -> ArmParameters:

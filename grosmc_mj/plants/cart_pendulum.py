@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Finite, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
     Signal,
     System,
     Variant,
-    require_positive,
     require_unmodelled_absent,
     wrench_symbols,
 )
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-@dataclass(frozen=True)
+@checked(ModelError, label="cart_pendulum")
 class CartPendulumParameters:
     """Numbers of eq. (40).
 
@@ -36,14 +36,11 @@ class CartPendulumParameters:
         printed: 1 for the coefficient a as printed, 0 for the energy-true one.
     """
 
-    M: float
-    m: float
-    L: float
-    g: float
-    printed: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive("cart_pendulum", M=self.M, m=self.m, L=self.L, g=self.g)
+    M: Positive
+    m: Positive
+    L: Positive
+    g: Positive
+    printed: Finite = 0.0
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, variant: Variant) -> CartPendulumParameters:

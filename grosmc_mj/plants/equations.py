@@ -128,6 +128,10 @@ class Equations:
         return generate_condition("linearizable", self.region, self.places())
 
 
+# What a system without equations is defined by: it breaks down nowhere.
+_EVERYWHERE = {"singular": jitable(lambda x: False), "linearizable": jitable(lambda x: True)}
+
+
 class NoEquations(Equations):
     """For a system without equations in symbols: it is defined everywhere, and asking tells why.
 
@@ -144,23 +148,13 @@ class NoEquations(Equations):
         Raises:
             ModelError: For all that only symbols could give.
         """
-        if name in ("singular", "linearizable"):
-            return _always if name == "linearizable" else _never
         if name.startswith("_"):
             return object.__getattribute__(self, name)
+        if name in _EVERYWHERE:
+            return _EVERYWHERE[name]
         raise ModelError(
             f"{self._owner} has no equations in symbols ({name}): MuJoCo computes its dynamics"
         )
 
     def __repr__(self) -> str:
         return f"NoEquations({self._owner!r})"
-
-
-@jitable
-def _always(x: Any) -> bool:
-    return True
-
-
-@jitable
-def _never(x: Any) -> bool:
-    return False

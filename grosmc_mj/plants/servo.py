@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
     Signal,
     System,
     Variant,
-    require_nonnegative,
-    require_positive,
     require_unmodelled_absent,
     wrench_symbols,
 )
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-@dataclass(frozen=True)
+@checked(ModelError, label="servo")
 class ServoParameters:
     """Numbers of eqs. (15)-(16).
 
@@ -35,13 +33,9 @@ class ServoParameters:
         Kt: Torque constant K_t [N m/A].
     """
 
-    J: float
-    B: float
-    Kt: float
-
-    def __post_init__(self) -> None:
-        require_positive("servo", J=self.J, Kt=self.Kt)
-        require_nonnegative("servo", B=self.B)
+    J: Positive
+    B: NotNegative
+    Kt: Positive
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, _variant: Variant) -> ServoParameters:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import sympy as sp
 
-from grosmc_mj.arguments import require, require_each
 from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Items, Name, Positive, checked
 from grosmc_mj.plants.equations import Column, Equations, NoEquations
 from grosmc_mj.plants.parametrization import LinearParametrization
 
@@ -30,7 +30,11 @@ class Signal:
     unit: str
 
 
-@dataclass(frozen=True, eq=False)
+Names = Annotated[tuple[str, ...], Items(str, "a tuple of names")]
+Signals = Annotated[tuple[Signal, ...], Items(Signal, "a tuple of Signals")]
+
+
+@checked(ModelError, eq=False)
 class System:
     """An affine system by its equations, and where a model in MuJoCo has its parts.
 
@@ -49,7 +53,7 @@ class System:
         actuators: Names of its actuators, in the order of the inputs.
         bodies: Bodies that a disturbance can act on, in the order of w.
         variants: Sets of equations that the chapter leads to.
-        read_parameters: Parameters from a compiled model and a variant.
+        read_parameters: (model, variant) -> parameters of a compiled model.
         uncertain_body: The body whose mass and length are uncertain.
         position_bound: Largest |position| at which the equations are compared with physics.
         near: A state next to which the plant is used, in the order of the states; zero by default.
@@ -57,31 +61,25 @@ class System:
         parametrization: The inputs as what is linear in unknown parameters; None if there is none.
     """
 
-    name: str
-    title: str
-    states: tuple[Signal, ...]
-    inputs: tuple[Signal, ...]
+    name: Name
+    title: Name
+    states: Signals
+    inputs: Signals
     equations: Equations
     region: str = "everywhere"
     singularity: str = "nowhere"
     controlled: tuple[int, ...] = (0,)
-    joints: tuple[str, ...] = ()
-    actuators: tuple[str, ...] = ()
-    bodies: tuple[str, ...] = ()
+    joints: Names = ()
+    actuators: Names = ()
+    bodies: Names = ()
     variants: tuple[Variant, ...] = ("corrected",)
-    read_parameters: Callable[[mujoco.MjModel, Variant], Any] | None = None
+    read_parameters: Callable[..., Any] | None = None
     uncertain_body: str = ""
-    position_bound: float = math.pi
+    position_bound: Positive = math.pi
     near: tuple[float, ...] = ()
     parametrization: LinearParametrization | None = None
 
     def __post_init__(self) -> None:
-        for what in ("name", "title"):
-            require(f"{what} of the system", getattr(self, what), str, "a text", ModelError)
-        for what, kind in (("states", Signal), ("inputs", Signal), ("bodies", str)):
-            wanted = "a tuple of Signals" if kind is Signal else "a tuple of names"
-            require_each(f"{self.name}: {what}", getattr(self, what), kind, wanted, ModelError)
-        require(f"{self.name}: equations", self.equations, Equations, "Equations", ModelError)
         if not self.symbolic:
             return
         counts = {
@@ -89,10 +87,10 @@ class System:
             "inputs": (len(self.inputs), self.equations.inputs),
             "wrench components": (6 * len(self.bodies), len(self.equations.w)),
         }
-        for what, (named, written) in counts.items():
+        for noun, (named, written) in counts.items():
             if named != written:
                 raise ModelError(
-                    f"{self.name}: {named} {what} are named, the equations have {written}"
+                    f"{self.name}: {named} {noun} are named, the equations have {written}"
                 )
 
     @property
@@ -155,28 +153,6 @@ def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:
     """Symbols of [force, torque] of each body, in world axes."""
     parts = ("fx", "fy", "fz", "tx", "ty", "tz")
     return tuple(sp.Symbol(f"{part}_{body}") for body in bodies for part in parts)
-
-
-def require_positive(owner: str, **values: float) -> None:
-    """Refuse physical numbers that are not finite and positive.
-
-    Raises:
-        ModelError: Naming the first such number.
-    """
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0):
-            raise ModelError(f"{owner}: {name} = {value:g} must be finite and positive")
-
-
-def require_nonnegative(owner: str, **values: float) -> None:
-    """Refuse physical numbers that are not finite or are negative.
-
-    Raises:
-        ModelError: Naming the first such number.
-    """
-    for name, value in values.items():
-        if not (np.isfinite(value) and value >= 0):
-            raise ModelError(f"{owner}: {name} = {value:g} must be finite and not negative")
 
 
 def require_unmodelled_absent(

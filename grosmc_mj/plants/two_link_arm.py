@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
     Signal,
     System,
     Variant,
-    require_nonnegative,
-    require_positive,
     require_unmodelled_absent,
     wrench_symbols,
 )
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
 _BODIES = ("upper", "lower", "payload")
 
 
-@dataclass(frozen=True)
+@checked(ModelError, label="two_link_arm")
 class TwoLinkParameters:
     """Numbers of the two-link arm.
 
@@ -45,23 +43,17 @@ class TwoLinkParameters:
         g: Gravity [m/s^2].
     """
 
-    m1: float
-    l1: float
-    c1: float
-    I1: float
-    m2: float
-    l2: float
-    c2: float
-    I2: float
-    mp: float
-    Ip: float
-    g: float
-
-    def __post_init__(self) -> None:
-        require_positive("two_link_arm", m1=self.m1, l1=self.l1, m2=self.m2, l2=self.l2, g=self.g)
-        require_nonnegative(
-            "two_link_arm", c1=self.c1, I1=self.I1, c2=self.c2, I2=self.I2, mp=self.mp, Ip=self.Ip
-        )
+    m1: Positive
+    l1: Positive
+    c1: NotNegative
+    I1: NotNegative
+    m2: Positive
+    l2: Positive
+    c2: NotNegative
+    I2: NotNegative
+    mp: NotNegative
+    Ip: NotNegative
+    g: Positive
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, _variant: Variant) -> TwoLinkParameters:

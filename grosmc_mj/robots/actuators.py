@@ -1,55 +1,71 @@
-"""A robot's actuators as torque control: what each can give its joint, or why it cannot."""
+"""The actuators of a robot's MJCF as torque inputs: ideal for the laws, as built for the plant."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError
 
-_TRANSMISSIONS = {
-    mujoco.mjtTrn.mjTRN_JOINTINPARENT: "acts on a joint in its parent's frame",
-    mujoco.mjtTrn.mjTRN_SLIDERCRANK: "drives a slider-crank",
-    mujoco.mjtTrn.mjTRN_TENDON: "pulls a tendon",
-    mujoco.mjtTrn.mjTRN_SITE: "acts on a site",
-    mujoco.mjtTrn.mjTRN_BODY: "is an adhesion of a body",
-    mujoco.mjtTrn.mjTRN_SO3: "turns a ball joint",
+_DYNAMICS, _GAIN, _BIAS = mujoco.mjtDyn, mujoco.mjtGain, mujoco.mjtBias
+_INPUT, _TRANSMISSION = mujoco.mjtCtrlInput, mujoco.mjtTrn
+_NOT_ON_A_JOINT = {
+    _TRANSMISSION.mjTRN_JOINTINPARENT: "acts on a joint in its parent's frame",
+    _TRANSMISSION.mjTRN_SLIDERCRANK: "drives a slider-crank",
+    _TRANSMISSION.mjTRN_TENDON: "pulls a tendon",
+    _TRANSMISSION.mjTRN_SITE: "acts on a site",
+    _TRANSMISSION.mjTRN_BODY: "is an adhesion of a body",
+    _TRANSMISSION.mjTRN_SO3: "turns a ball joint",
 }
-
-_LAGS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+_LAGS = (_DYNAMICS.mjDYN_FILTER, _DYNAMICS.mjDYN_FILTEREXACT)
 # Integrals of a servo, which are a part of its own loop.
-_INTEGRALS = (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_PID)
-_INPUT = mujoco.mjtCtrlInput
+_INTEGRALS = (_DYNAMICS.mjDYN_INTEGRATOR, _DYNAMICS.mjDYN_PID)
+_ANY = (-math.inf, math.inf)
+Limits = tuple[float, float]
 
 
-class Drive(NamedTuple):
-    """What torque control of one joint has.
+class TorqueInput(NamedTuple):
+    """Torque control of one joint in the place of an actuator.
 
     Attributes:
-        name: Of the actuator.
-        joint: Of the joint.
-        low: Least torque or force [N m or N]; -inf for none.
-        high: Largest.
-        said: How it differs from the model's actuator; empty if it does not.
-        built: Whether the plant has the model's actuator, which does more than the laws believe.
-        asked: Range of what can be asked for, of a motor at rest [N m or N]; infinite for none.
+        actuator: Name of the actuator.
+        joint: Name of the joint.
+        limits: Least and largest torque or force [N m or N]; infinite for none.
+        built: Fields of the actuator that the plant has, where it does more than the laws know; its
+            input is the same torque. Empty for an ideal one.
+        note: How it differs from the model's actuator; empty if it does not.
     """
 
-    name: str
+    actuator: str
     joint: str
-    low: float
-    high: float
-    said: str
-    built: bool = False
-    asked: tuple[float, float] = (-math.inf, math.inf)
+    limits: Limits
+    built: dict[str, Any]
+    note: str
+
+    def add_to(self, spec: mujoco.MjSpec, *, as_built: bool = False) -> None:
+        """Add the actuator to a model, ideal or as built."""
+        # All that a model's own defaults could say otherwise.
+        ideal: dict[str, Any] = {
+            "dyntype": _DYNAMICS.mjDYN_NONE,
+            "gaintype": _GAIN.mjGAIN_FIXED,
+            "biastype": _BIAS.mjBIAS_NONE,
+            "gear": [1.0, *[0.0] * 5],
+            "gainprm": [1.0, *[0.0] * 9],
+            "biasprm": [0.0] * 10,
+            "dynprm": [1.0, *[0.0] * 9],
+            "forcelimited": mujoco.mjtLimited.mjLIMITED_FALSE,
+        }
+        fields = {**ideal, **_bounded("ctrl", self.limits), **(self.built if as_built else {})}
+        joint = _TRANSMISSION.mjTRN_JOINT
+        spec.add_actuator(name=self.actuator, target=self.joint, trntype=joint, **fields)
 
 
-def torque_drives(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[Drive, ...]:
-    """The named actuators as torque control of their joints.
+def torque_input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> TorqueInput:
+    """An actuator as torque control of its joint.
 
     A motor's torque is g k c for a command c in its range, gear g and gain k; a servo, whose bias
     depends on its joint, gives any torque in its force range once its own loop is left out, and so
@@ -57,153 +73,84 @@ def torque_drives(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[Drive, ...
 
     Args:
         spec: The model, all of whose actuators and joints have names.
-        names: Of the actuators.
+        model: The same, compiled.
+        name: Name of the actuator.
 
     Raises:
-        ModelError: If one cannot be replaced, with the reason.
+        ModelError: If torque control cannot stand for it, with the reason.
     """
-    model = spec.compile()
-    drives = tuple(_drive(spec, model, model.actuator(name).id) for name in names)
-    for drive in drives:
-        same = [each.name for each in drives if each.joint == drive.joint]
-        if len(same) > 1:
-            raise ModelError(
-                f"joint {drive.joint!r} has {len(same)} actuators, {', '.join(same)}: name the one "
-                "to use with actuators=..."
-            )
-    return drives
-
-
-def _drive(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> Drive:
-    """One actuator as torque control."""
-    name, reason = model.actuator(index).name, _unfit(spec, model, index)
-    if reason:
+    own, view = spec.actuator(name), model.actuator(name)
+    is_dc = own.gaintype == _GAIN.mjGAIN_DCMOTOR
+    # The driver of a DC motor's current makes up for its back-EMF; one on a voltage has none.
+    driver = is_dc and model.actuator_ctrlspec[view.id] != _INPUT.mjINPUT_VOLTAGE
+    servo = _servo(own, view, driver=driver)
+    if reason := _unfit(own, view, servo):
         raise ModelError(
             f"actuator {name!r} {reason}: torque control of a joint cannot stand for it"
         )
-    joint = int(model.actuator_trnid[index, 0])
-    beyond = _beyond(spec, model, index)
-    gear, gain = _gear(model, index), _gain(model, index)
-    servo, control = _servo(model, index), int(model.actuator_ctrladr[index])
-    commands = (-math.inf, math.inf)
-    if not servo and model.actuator_ctrllimited[control]:
-        commands = scaled(gain, model.actuator_ctrlrange[control])
-    asked = scaled(gear, commands)
-    if not servo and model.actuator_actlimited[index]:
-        commands = _within(commands, scaled(gain, model.actuator_actrange[index]))
-    if supply := _supply(model, index):
-        most = supply * float(model.actuator_gainprm[index, 1] / model.actuator_gainprm[index, 0])
-        commands = _within(commands, (-most, most))
-    if model.actuator_forcelimited[index]:
-        commands = _within(commands, model.actuator_forcerange[index])
-    low, high = scaled(gear, commands)
-    if model.jnt_actfrclimited[joint]:
-        low, high = _within((low, high), model.jnt_actfrcrange[joint])
-    unit = joint_unit(model, joint)
-    limits = f"within [{low:g}, {high:g}] {unit}" if math.isfinite(high - low) else "without limits"
-    said = ""
-    if beyond:
-        said = f"actuator {name!r}: the plant has {beyond}, which no law knows; torque control "
-        said += f"{limits} instead of the {servo}" if servo else limits
+    gear, joint = float(own.gear[0]), model.joint(int(view.trnid[0]))
+    resistance, constant = (float(number) for number in view.gainprm[:2])
+    gain = 1.0 if servo or driver else constant / resistance if is_dc else resistance
+    torque, asked = gear * gain, _ANY
+    if view.ctrllimited[0] and not servo:
+        asked = _scaled(torque, view.ctrlrange)
+    limits = [asked]
+    if view.actlimited[0] and not servo:
+        limits.append(_scaled(torque, view.actrange))
+    if driver and (supply := view.gainprm[7]):
+        limits.append(_scaled(gear * supply * constant / resistance, (-1.0, 1.0)))
+    if view.forcelimited[0]:
+        limits.append(_scaled(gear, view.forcerange))
+    if model.jnt_actfrclimited[joint.id]:
+        limits.append(_scaled(1.0, model.jnt_actfrcrange[joint.id]))
+    low, high = max(low for low, _ in limits), min(high for _, high in limits)
+    within = f"within [{low:g}, {high:g}] {joint_unit(model, joint.id)}"
+    within = within if math.isfinite(high) else "without limits"
+    extras, note, built = _extras(own, view, driver=driver), "", dict[str, Any]()
+    if extras:
+        note = f"the plant has {' and '.join(extras)}, which no law knows; torque control {within}"
+        note += f" instead of the {servo}" if servo else ""
+        built = _built(own, view, asked, 0.0 if servo else torque)
+        built |= _motor_at_joint(view, gear, driver=driver) if is_dc else {}
     elif servo:
-        said = f"actuator {name!r}: the {servo} is left out, torque control {limits} instead"
-    elif gear * gain != 1:
-        said = f"actuator {name!r}: its input is torque at the joint, with its gear {gear:g} and "
-        said += f"gain {gain:g} in the limits, {limits}"
-    return Drive(name, model.joint(joint).name, low, high, said, bool(beyond), asked)
+        note = f"the {servo} is left out, torque control {within} instead"
+    elif torque != 1:
+        note = f"its input is torque at the joint, with its gear {gear:g} and gain {gain:g} in the "
+        note += f"limits, {within}"
+    note = note and f"actuator {name!r}: {note}"
+    return TorqueInput(name, joint.name, (low, high), built, note)
 
 
-def _is_dcmotor(model: mujoco.MjModel, index: int) -> bool:
-    """Whether it is one of MuJoCo's DC motors."""
-    return mujoco.mjtGain(int(model.actuator_gaintype[index])) == mujoco.mjtGain.mjGAIN_DCMOTOR
+def joint_unit(model: mujoco.MjModel, joint: int) -> str:
+    """Unit of a joint's torque or force: N m or N."""
+    slides = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+    return "N" if slides else "N m"
 
 
-def _driven(model: mujoco.MjModel, index: int) -> bool:
-    """Whether it is a DC motor whose driver makes up for its back-EMF: all but one on a voltage."""
-    on_voltage = model.actuator_ctrlspec[index] == int(_INPUT.mjINPUT_VOLTAGE)
-    return _is_dcmotor(model, index) and not on_voltage
+def _scaled(factor: float, limits: Sequence[float]) -> Limits:
+    """Limits times a factor of either sign."""
+    low, high = sorted(factor * float(limit) for limit in limits)
+    return low, high
 
 
-def _supply(model: mujoco.MjModel, index: int) -> float:
-    """Largest voltage of a DC motor's driver [V]; 0 for none, as for an input in volts."""
-    return float(model.actuator_gainprm[index, 7]) if _driven(model, index) else 0.0
+def _bounded(field: str, limits: Limits) -> dict[str, Any]:
+    """``ctrl``, ``act`` or ``force`` limited to a range, if it is finite."""
+    finite = math.isfinite(limits[1])
+    limited = mujoco.mjtLimited(int(finite))
+    return {f"{field}limited": limited, f"{field}range": limits if finite else [0.0, 0.0]}
 
 
-def _gear(model: mujoco.MjModel, index: int) -> float:
-    """Torque at the joint for one unit of force."""
-    return float(model.actuator_gear[model.actuator_outadr[index], 0])
-
-
-def _gain(model: mujoco.MjModel, index: int) -> float:
-    """Force for one unit of control, of a motor at rest; 1 of a servo, which has another unit."""
-    if _servo(model, index) or _driven(model, index):
-        return 1.0
-    if _is_dcmotor(model, index):
-        return float(model.actuator_gainprm[index, 1] / model.actuator_gainprm[index, 0])
-    return float(model.actuator_gainprm[index, 0])
-
-
-def _beyond(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
-    """What an actuator does beyond torque control, in words; empty for nothing."""
-    own, found = spec.actuator(model.actuator(index).name), []
-    dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[index]))
-    if dynamics in _LAGS:
-        found.append(f"a lag of {model.actuator_dynprm[index, 0]:g} s")
-    if _driven(model, index):
-        supply = _supply(model, index)
-        within = f" within {supply:g} V" if supply else ""
-        found.append(f"a DC motor with a driver of its current{within}")
-    elif _is_dcmotor(model, index):
-        found.append("a DC motor with its back-EMF")
-    if own.nsample:
-        found.append(f"a delay of {own.delay:g} s")
-    return " and ".join(found)
-
-
-def _unfit(spec: mujoco.MjSpec, model: mujoco.MjModel, index: int) -> str:
-    """Why torque control cannot stand for an actuator; empty if it can."""
-    own = spec.actuator(model.actuator(index).name)
-    transmission = mujoco.mjtTrn(int(model.actuator_trntype[index]))
-    dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[index]))
-    gain = mujoco.mjtGain(int(model.actuator_gaintype[index]))
-    bias = mujoco.mjtBias(int(model.actuator_biastype[index]))
-    if mujoco.mjtGain.mjGAIN_MUSCLE == gain or dynamics == mujoco.mjtDyn.mjDYN_MUSCLE:
-        return "is a muscle, which pulls by its length and takes no torque"
-    if transmission in _TRANSMISSIONS:
-        return _TRANSMISSIONS[transmission]
-    dcmotor = _is_dcmotor(model, index)
-    if dcmotor and model.actuator_ctrlspec[index] == int(_INPUT.mjINPUT_NONE):
-        return "is a DC motor without an input, which actuators=... can leave out"
-    known = (mujoco.mjtDyn.mjDYN_NONE, *_LAGS, *(_INTEGRALS if _servo(model, index) else ()))
-    if dynamics not in known and not dcmotor:
-        return f"has activation dynamics ({dynamics.name.removeprefix('mjDYN_').lower()})"
-    if gain not in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtGain.mjGAIN_PID) and not dcmotor:
-        return "has a gain that depends on the state"
-    if dynamics == mujoco.mjtDyn.mjDYN_FILTER and model.actuator_dynprm[index, 0] <= 0:
-        return "has a lag of 0 s, which nothing can simulate"
-    if not dcmotor and bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
-        return f"has a bias of kind {bias.name.removeprefix('mjBIAS_').lower()}"
-    if own.plugin.active:
-        return "is a plugin"
-    if own.armature or np.any(own.damping):
-        return "has an armature or damping of its own, which belongs to its joint"
-    if _gear(model, index) == 0 or _gain(model, index) == 0:
-        return "has no gear or no gain"
-    return ""
-
-
-def _servo(model: mujoco.MjModel, index: int) -> str:
-    """What kind of servo an actuator is; empty for a motor."""
-    if _driven(model, index):
-        kp, ki, kd = (float(each) for each in model.actuator_gainprm[index, 4:7])
-        inputs = int(model.actuator_ctrlspec[index])
-        if inputs & int(_INPUT.mjINPUT_POS):
+def _servo(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> str:
+    """Kind of the servo with its gains; empty for a motor."""
+    if driver:
+        kp, ki, kd = view.gainprm[4:7]
+        if own.ctrlspec & _INPUT.mjINPUT_POS:
             return f"inner position controller (kp {kp:g}, ki {ki:g}, kd {kd:g})"
-        velocity = inputs & int(_INPUT.mjINPUT_VEL)
+        velocity = own.ctrlspec & _INPUT.mjINPUT_VEL
         return f"inner velocity controller (kd {kd:g})" if velocity else ""
-    if mujoco.mjtBias(int(model.actuator_biastype[index])) != mujoco.mjtBias.mjBIAS_AFFINE:
+    constant, of_position, of_velocity = view.biasprm[:3]
+    if own.biastype != _BIAS.mjBIAS_AFFINE:
         return ""
-    constant, of_position, of_velocity = model.actuator_biasprm[index, :3]
     if of_position:
         return f"position servo (kp {0.0 - of_position:g}, kv {0.0 - of_velocity:g})"
     if of_velocity:
@@ -211,18 +158,104 @@ def _servo(model: mujoco.MjModel, index: int) -> str:
     return f"constant bias {constant:g}" if constant else ""
 
 
-def scaled(factor: float, limits: Sequence[float]) -> tuple[float, float]:
-    """Limits times a factor of either sign."""
-    low, high = sorted((factor * float(limits[0]), factor * float(limits[1])))
-    return low, high
+def _extras(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> list[str]:
+    """What an actuator does beyond torque control, in words."""
+    supply = f" within {view.gainprm[7]:g} V" if view.gainprm[7] else ""
+    motor = f"a DC motor with a driver of its current{supply}"
+    extras = {
+        f"a lag of {view.dynprm[0]:g} s": own.dyntype in _LAGS,
+        motor if driver else "a DC motor with its back-EMF": (own.gaintype == _GAIN.mjGAIN_DCMOTOR),
+        f"a delay of {own.delay:g} s": own.nsample > 0,
+    }
+    return [words for words, there in extras.items() if there]
 
 
-def _within(limits: tuple[float, float], others: Sequence[float]) -> tuple[float, float]:
-    """What is within both."""
-    return max(limits[0], float(others[0])), min(limits[1], float(others[1]))
+def _unfit(own: mujoco.MjsActuator, view: Any, servo: str) -> str:
+    """Why torque control cannot stand for an actuator; empty if it can."""
+    transmission, dynamics, lag = own.trntype, own.dyntype, view.dynprm[0]
+    gain, bias = own.gaintype, own.biastype
+    is_dc = gain == _GAIN.mjGAIN_DCMOTOR
+    static = (_DYNAMICS.mjDYN_NONE, *_LAGS, *(_INTEGRALS if servo else ()))
+    reasons = {
+        "is a muscle, which pulls by its length and takes no torque": (
+            gain == _GAIN.mjGAIN_MUSCLE or dynamics == _DYNAMICS.mjDYN_MUSCLE
+        ),
+        _NOT_ON_A_JOINT.get(transmission, ""): transmission in _NOT_ON_A_JOINT,
+        "is a DC motor without an input, which actuators=... can leave out": (
+            own.ctrlspec == _INPUT.mjINPUT_NONE
+        ),
+        f"has activation dynamics ({dynamics.name.removeprefix('mjDYN_').lower()})": (
+            dynamics not in static and not is_dc
+        ),
+        "has a gain that depends on the state": (
+            gain not in (_GAIN.mjGAIN_FIXED, _GAIN.mjGAIN_PID) and not is_dc
+        ),
+        "has a lag of 0 s, which nothing can simulate": (
+            dynamics == _DYNAMICS.mjDYN_FILTER and lag <= 0
+        ),
+        f"has a bias of kind {bias.name.removeprefix('mjBIAS_').lower()}": (
+            bias not in (_BIAS.mjBIAS_NONE, _BIAS.mjBIAS_AFFINE) and not is_dc
+        ),
+        "is a plugin": own.plugin.active,
+        "has an armature or damping of its own, which belongs to its joint": (
+            own.armature or np.any(own.damping)
+        ),
+        "has no gear or no gain": (
+            own.gear[0] == 0 or (view.gainprm[int(is_dc)] == 0 and not servo)
+        ),
+    }
+    return next((reason for reason, applies in reasons.items() if applies), "")
 
 
-def joint_unit(model: mujoco.MjModel, joint: int) -> str:
-    """N m or N."""
-    slides = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
-    return "N" if slides else "N m"
+def _built(own: mujoco.MjsActuator, view: Any, asked: Limits, torque: float) -> dict[str, Any]:
+    """Fields of an actuator with its lag, delay and limits, whose input is a torque.
+
+    Args:
+        own: The model's actuator.
+        view: The same, compiled.
+        asked: Range of the input [N m or N].
+        torque: At the joint for one unit of its activation; 0 of a servo, whose activation is a
+            position or a velocity.
+    """
+    built = _bounded("ctrl", asked)
+    built |= {field: getattr(own, field) for field in ("actearly", "delay", "nsample", "interp")}
+    if view.forcelimited[0]:
+        built |= _bounded("force", _scaled(own.gear[0], view.forcerange))
+    if own.dyntype in _LAGS:
+        built |= {"dyntype": own.dyntype, "dynprm": view.dynprm.copy()}
+        if view.actlimited[0] and torque:
+            built |= _bounded("act", _scaled(torque, view.actrange))
+    return built
+
+
+def _motor_at_joint(view: Any, gear: float, *, driver: bool) -> dict[str, Any]:
+    """Fields of a DC motor without a gear whose input is the torque that it has at rest.
+
+    With a gear g its force at the joint is g times as large and its length 1/g times; a negative
+    gear is a motor whose current flows the other way. On a voltage it has K = R = K^2/R where the
+    unit of voltage gives it 1 N m at rest; a driver's inner controller is left out.
+    """
+    gain, dynamics, bias = (
+        getattr(view, field).copy() for field in ("gainprm", "dynprm", "biasprm")
+    )
+    size = abs(gear)
+    gain[1] *= size
+    # Cogging: amplitude, periods, phase. Bristles: Coulomb and static friction, Stribeck speed.
+    bias[:6] *= [size, size, math.copysign(1.0, gear), size, size, 1 / size]
+    dynamics[5:7] *= size**2
+    # The inner controller: its gains, then slew rate and clamp of its integral.
+    gain[4:7], dynamics[7:9] = 0.0, 0.0
+    if not driver:
+        dynamics[1] *= gain[0] / gain[1]
+        gain[:2] = gain[1] ** 2 / gain[0]
+    return {
+        "gaintype": _GAIN.mjGAIN_DCMOTOR,
+        "dyntype": _DYNAMICS.mjDYN_DCMOTOR,
+        "biastype": _BIAS.mjBIAS_DCMOTOR,
+        "gainprm": gain,
+        "dynprm": dynamics,
+        "biasprm": bias,
+        "ctrlspec": int(_INPUT.mjINPUT_FF if driver else _INPUT.mjINPUT_VOLTAGE),
+        # Temperature, deflection of the bristles, and current of the winding.
+        "actdim": sum(dynamics[index] > 0 for index in (2, 5, 0)),
+    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arguments import require_each, require_known
-from grosmc_mj.errors import ModelError
-from grosmc_mj.physics.files import compile_spec
-from grosmc_mj.robots.actuators import torque_drives
-from grosmc_mj.robots.drives import write_drives
+from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.physics.files import compile_spec, joint_names
+from grosmc_mj.robots.actuators import torque_input
 
-_JOINT = mujoco.mjtJoint
+_JOINT, _DISABLE = mujoco.mjtJoint, mujoco.mjtDisableBit
+Names = Iterable[str] | None
 
 
 def read_spec(model: Any) -> mujoco.MjSpec:
@@ -27,14 +27,9 @@ def read_spec(model: Any) -> mujoco.MjSpec:
     Raises:
         ModelError: If it is something else, or MuJoCo cannot read it.
     """
-    if isinstance(model, mujoco.MjSpec):
-        return model.copy()
-    if isinstance(model, mujoco.MjModel):
-        raise ModelError(
-            "a compiled MjModel cannot be edited, and a true plant is an edited one: give its "
-            "MJCF file, XML text or MjSpec"
-        )
     try:
+        if isinstance(model, mujoco.MjSpec):
+            return model.copy()
         if hasattr(model, "to_xml_string") and hasattr(model, "get_assets"):
             return mujoco.MjSpec.from_string(model.to_xml_string(), assets=model.get_assets())
         if isinstance(model, str) and model.lstrip().startswith("<"):
@@ -42,21 +37,26 @@ def read_spec(model: Any) -> mujoco.MjSpec:
         if isinstance(model, (str, Path)) and Path(model).is_file():
             return mujoco.MjSpec.from_file(str(model))
     except ValueError as error:
-        raise ModelError(f"the MJCF cannot be read: {' '.join(str(error).split())}") from error
+        raise ModelError(f"the MJCF cannot be read: {one_line(str(error))}") from error
     if isinstance(model, (str, Path)):
         raise ModelError(f"there is no MJCF file {str(model)!r}")
+    if isinstance(model, mujoco.MjModel):
+        raise ModelError(
+            "a compiled MjModel cannot be edited, and a true plant is an edited one: give its "
+            "MJCF file, XML text or MjSpec"
+        )
     raise ModelError(
         f"a {type(model).__name__} is no model: give a path, XML text, an MjSpec or an MJCF "
         "element of dm_control"
     )
 
 
-def robot_spec(
-    model: Any, joints: Iterable[str] | None = None, actuators: Iterable[str] | None = None
-) -> tuple[mujoco.MjSpec, mujoco.MjSpec | None, tuple[str, ...]]:
-    """A model of a robot, whose inputs are torques at joints; as it is built; and what changed.
+def robot_specs(
+    model: Any, joints: Names = None, actuators: Names = None
+) -> tuple[mujoco.MjSpec, mujoco.MjSpec | None, list[str]]:
+    """A robot's model with ideal torque inputs, the same as it is built, and notes.
 
-    As built, actuators with lags, delays or DC motors are what the model has, with torque at the
+    As built, actuators with lags, delays or DC motors are those of the model, with torque at the
     joint as their input, and joints are coupled as in the model; None where there is none of this.
 
     Args:
@@ -65,194 +65,172 @@ def robot_spec(
             default.
         actuators: The actuators to use; all others are left out. All by default.
 
+    Returns:
+        Both models and what was changed in the one that was given, in sentences.
+
     Raises:
         ModelError: If it is no such robot, with the reason and what to do.
     """
-    spec = read_spec(model)
-    _name_everything(spec)
-    said: list[str] = []
-    removed = _keep(spec, joints, actuators, said)
-    lost = [sensor for sensor in spec.sensors if {sensor.objname, sensor.refname} & removed]
-    for part in (*spec.keys, *lost):
-        spec.delete(part)
-    couplings = _kept_couplings(spec, said)
+    spec, notes = read_spec(model), list[str]()
+    _name_all_parts(spec)
+    _select(spec, joints, actuators, notes)
+    couplings = _couplings(spec, notes)
     compiled = compile_spec(spec)
-    _refuse_unfit(compiled)
-    drives = torque_drives(spec, [each.name for each in spec.actuators])
-    driven = {drive.joint: drive for drive in drives}
-    names = [compiled.joint(i).name for i in range(compiled.njnt)]
-    idle = [name for name in names if name not in driven]
+    for problem in _problems(compiled):
+        raise ModelError(problem)
+    inputs = [torque_input(spec, compiled, actuator.name) for actuator in spec.actuators]
+    notes += [torque.note for torque in inputs if torque.note]
+    order = list(joint_names(compiled))
+    inputs.sort(key=lambda torque: order.index(torque.joint))
+    for joint in order:
+        rivals = [torque.actuator for torque in inputs if torque.joint == joint]
+        if len(rivals) > 1:
+            raise ModelError(
+                f"joint {joint!r} has {len(rivals)} actuators, {', '.join(rivals)}: name the one "
+                "to use with actuators=..."
+            )
+    driven = {torque.joint for torque in inputs}
+    idle = [joint for joint in order if joint not in driven]
     if not driven:
         raise ModelError(
             f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..."
         )
-    for name in (name for coupled in couplings for name in coupled if name in idle):
-        raise ModelError(
-            f"joint {name!r} is coupled (equality) and no actuator drives it: leave it out "
-            "of joints=..., which locks it, or give it an actuator"
-        )
-    chosen = [driven[name] for name in names if name in driven]
-    built = spec.copy() if couplings or any(drive.built for drive in chosen) else None
-    for equality in spec.equalities:
-        spec.delete(equality)
-    write_drives(spec, chosen)
-    if built is not None:
-        write_drives(built, chosen, as_built=True)
-    said += [drive.said for drive in drives if drive.said]
-    said += map(_coupling_words, couplings)
+    for coupled in couplings:
+        for joint in coupled:
+            if joint in idle:
+                raise ModelError(
+                    f"joint {joint!r} is coupled (equality) and no actuator drives it: leave it "
+                    "out of joints=..., which locks it, or give it an actuator"
+                )
+        names = " and ".join(map(repr, coupled))
+        kind = f"couples the joints {names}" if len(coupled) > 1 else f"holds the joint {names}"
+        notes.append(f"the plant {kind} (equality), which no law knows: laws move each on its own")
     if idle:
-        said.append(
+        notes.append(
             f"no actuator drives {', '.join(idle)}: laws are designed from MuJoCo's linearization "
             "about an operating point (a joint left out of joints=... is locked)"
         )
-    return spec, built, (*said, *_not_compensated(compile_spec(spec)))
+    for actuator in spec.actuators:
+        spec.delete(actuator)
+    built = spec.copy() if couplings or any(torque.built for torque in inputs) else None
+    for equality in spec.equalities:
+        spec.delete(equality)
+    for torque in inputs:
+        torque.add_to(spec)
+        if built is not None:
+            torque.add_to(built, as_built=True)
+    return spec, built, [*notes, *_not_compensated(compiled)]
 
 
-def _name_everything(spec: mujoco.MjSpec) -> None:
+def _name_all_parts(spec: mujoco.MjSpec) -> None:
     """Name bodies, joints and actuators that have no name."""
-    for kind, parts in (
-        ("body", spec.bodies[1:]),
-        ("joint", spec.joints),
-        ("actuator", spec.actuators),
-    ):
+    kinds = {"body": spec.bodies[1:], "joint": spec.joints, "actuator": spec.actuators}
+    for kind, parts in kinds.items():
         taken = {part.name for part in parts}
         for index, part in enumerate(parts, start=1):
-            if not part.name:
-                name = f"{kind}{index}"
-                part.name = name if name not in taken else f"{name}_"
+            name = f"{kind}{index}"
+            part.name = part.name or (f"{name}_" if name in taken else name)
 
 
-def _keep(
-    spec: mujoco.MjSpec,
-    joints: Iterable[str] | None,
-    actuators: Iterable[str] | None,
-    said: list[str],
-) -> set[str]:
-    """Remove the joints that are not named, and the actuators that are not or that have none."""
-    locked: list[str] = []
-    if joints is not None:
-        kept = _chosen("joint", joints, [joint.name for joint in spec.joints])
-        for joint in spec.joints:
-            if joint.name not in kept:
-                locked.append(joint.name)
-                spec.delete(joint)
-    wanted = [actuator.name for actuator in spec.actuators]
-    if actuators is not None:
-        wanted = _chosen("actuator", actuators, wanted)
-    left_out = []
-    for actuator in spec.actuators:
-        idle = actuator.target in locked
-        if idle and actuators is not None and actuator.name in wanted:
+def _select(spec: mujoco.MjSpec, joints: Names, actuators: Names, notes: list[str]) -> None:
+    """Remove the joints and actuators that are not named, and all that refers to them."""
+    moved = _names("joint", joints, [joint.name for joint in spec.joints])
+    used = _names("actuator", actuators, [actuator.name for actuator in spec.actuators])
+    locked = [joint for joint in spec.joints if joint.name not in moved]
+    left_out = [
+        actuator
+        for actuator in spec.actuators
+        if actuator.name not in used or actuator.target in {joint.name for joint in locked}
+    ]
+    for actuator in left_out:
+        if actuators is not None and actuator.name in used:
             raise ModelError(
                 f"actuator {actuator.name!r} drives the joint {actuator.target!r}, which joints="
                 "... leaves out"
             )
-        if idle or actuator.name not in wanted:
-            left_out.append(actuator.name)
-            spec.delete(actuator)
     if locked:
-        said.append(f"locked where the model has them: joints {', '.join(locked)}")
+        names = ", ".join(joint.name for joint in locked)
+        notes.append(f"locked where the model has them: joints {names}")
     if left_out:
-        said.append(f"left out: actuators {', '.join(left_out)}")
-    return {*locked, *left_out}
+        names = ", ".join(actuator.name for actuator in left_out)
+        notes.append(f"left out: actuators {names}")
+    removed = {part.name for part in (*locked, *left_out)}
+    lost = [sensor for sensor in spec.sensors if {sensor.objname, sensor.refname} & removed]
+    for part in (*locked, *left_out, *lost, *spec.keys):
+        spec.delete(part)
 
 
-def _kept_couplings(spec: mujoco.MjSpec, said: list[str]) -> list[tuple[str, ...]]:
-    """The joints of each coupling; those that are off, or of joints that are not there, go.
+def _names(kind: str, names: Names, valid: Sequence[str]) -> list[str]:
+    """Names of parts that exist, each once; all of them for None."""
+    chosen: Any = valid if names is None else [names] if isinstance(names, str) else names
+    require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
+    for name in chosen:
+        require_known(kind, name, valid, error=ModelError)
+        if list(chosen).count(name) > 1:
+            raise ModelError(f"{kind} {name!r} is named twice")
+    return list(chosen)
 
-    Args:
-        spec: The model; what is left out is removed from it.
-        said: What differs from the model as it was given; more is added.
+
+def _couplings(spec: mujoco.MjSpec, notes: list[str]) -> list[list[str]]:
+    """The joints of each coupling; those that are off, or of joints that are locked, go.
 
     Raises:
         ModelError: If a constraint is none between joints.
     """
-    joints, found = {joint.name for joint in spec.joints}, []
+    joints, couplings = {joint.name for joint in spec.joints}, []
     for equality in spec.equalities:
-        kind = mujoco.mjtEq(equality.type).name.removeprefix("mjEQ_").lower()
-        names = tuple(name for name in (equality.name1, equality.name2) if name)
-        if not equality.active:
-            spec.delete(equality)
-        elif equality.type != mujoco.mjtEq.mjEQ_JOINT:
+        coupled = [name for name in (equality.name1, equality.name2) if name]
+        if equality.active and equality.type != mujoco.mjtEq.mjEQ_JOINT:
+            kind = mujoco.mjtEq(equality.type).name.removeprefix("mjEQ_").lower()
             raise ModelError(
                 f"the model has equality constraints ({kind}): they close loops, and its torques "
                 "are no function of q, q' and q'' alone; remove them, or couple joints"
             )
-        elif set(names) <= joints:
-            found.append(names)
-        else:
-            spec.delete(equality)
-            left = ", ".join(sorted({*names} - joints))
-            said.append(f"left out: the coupling (equality) with {left}")
-    return found
+        if equality.active and joints.issuperset(coupled):
+            couplings.append(coupled)
+            continue
+        if equality.active:
+            left = ", ".join(sorted({*coupled} - joints))
+            notes.append(f"left out: the coupling (equality) with {left}")
+        spec.delete(equality)
+    return couplings
 
 
-def _coupling_words(joints: tuple[str, ...]) -> str:
-    """What a coupling is to the laws."""
-    names = " and ".join(map(repr, joints))
-    what = f"couples the joints {names}" if len(joints) > 1 else f"holds the joint {names}"
-    return f"the plant {what} (equality), which no law knows: laws move each on its own"
-
-
-def _chosen(kind: str, names: Iterable[str], valid: Sequence[str]) -> list[str]:
-    """Names that exist, each once."""
-    chosen = [names] if isinstance(names, str) else names
-    require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
-    chosen = list(chosen)
-    for name in chosen:
-        require_known(kind, name, valid, error=ModelError)
-        if chosen.count(name) > 1:
-            raise ModelError(f"{kind} {name!r} is named twice")
-    return chosen
-
-
-def _refuse_unfit(model: mujoco.MjModel) -> None:
-    """Refuse what is no tree of hinges and slides that inverse dynamics is exact for.
-
-    Raises:
-        ModelError: With the reason.
-    """
+def _problems(model: mujoco.MjModel) -> Iterator[str]:
+    """What makes it no tree of hinges and slides that inverse dynamics is exact for."""
+    if not model.njnt:
+        yield "the model has no joint that a law could move"
     for index in range(model.njnt):
         name, kind = model.joint(index).name, _JOINT(int(model.jnt_type[index]))
         if kind in (_JOINT.mjJNT_FREE, _JOINT.mjJNT_BALL):
-            what = "free" if kind == _JOINT.mjJNT_FREE else "ball"
-            raise ModelError(
-                f"joint {name!r} is a {what} joint: a robot here has hinges and slides only; leave "
-                "it out of joints=... to fix its body"
+            yield (
+                f"joint {name!r} is a {kind.name.removeprefix('mjJNT_').lower()} joint: a robot "
+                "here has hinges and slides only; leave it out of joints=... to fix its body"
             )
         if model.jnt_actgravcomp[index]:
-            raise ModelError(
+            yield (
                 f"joint {name!r} has actuatorgravcomp: its actuator would bear gravity as well as "
                 "the law; set it to false"
             )
-    if not model.njnt:
-        raise ModelError("the model has no joint that a law could move")
-    active = (
-        model.tendon_stiffness.any()
-        or model.tendon_damping.any()
-        or model.tendon_frictionloss.any()
-        or model.tendon_armature.any()
-        or model.tendon_limited.any()
-    )
-    if active:
-        raise ModelError(
+    fields = ("stiffness", "damping", "frictionloss", "armature", "limited")
+    if any(np.any(getattr(model, f"tendon_{field}")) for field in fields):
+        yield (
             "the model has tendons with stiffness, damping, friction, armature or limits: the law "
             "does not know them; remove them"
         )
     if model.nflex or model.nplugin:
-        raise ModelError("the model has flexible bodies or plugins, which have states of their own")
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
-        raise ModelError("the model has its actuation disabled")
+        yield "the model has flexible bodies or plugins, which have states of their own"
+    if model.opt.disableflags & _DISABLE.mjDSBL_ACTUATION:
+        yield "the model has its actuation disabled"
 
 
 def _not_compensated(model: mujoco.MjModel) -> list[str]:
     """What of the nominal model the law does without."""
-    found = []
-    if np.any(model.dof_frictionloss):
-        found.append("dry joint friction (frictionloss)")
-    if np.any(model.jnt_limited):
-        found.append("joint limits")
-    touching = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    if touching and np.any(model.geom_contype | model.geom_conaffinity):
-        found.append("contacts")
-    return [f"not compensated by the law, a disturbance to it: {', '.join(found)}"] if found else []
+    touching = not model.opt.disableflags & _DISABLE.mjDSBL_CONTACT
+    present = {
+        "dry joint friction (frictionloss)": np.any(model.dof_frictionloss),
+        "joint limits": np.any(model.jnt_limited),
+        "contacts": touching and np.any(model.geom_contype | model.geom_conaffinity),
+    }
+    words = ", ".join(word for word, there in present.items() if there)
+    return [f"not compensated by the law, a disturbance to it: {words}"] if words else []

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any
 
 import mujoco
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.errors import ModelError
@@ -21,8 +20,8 @@ from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.robots.actuators import joint_unit
 from grosmc_mj.robots.coordinates import RobotCoordinates
-from grosmc_mj.robots.dynamics import InWorkspace, bias, inertia, nominal_model
-from grosmc_mj.robots.model import robot_spec
+from grosmc_mj.robots.dynamics import InWorkspace, nominal_model
+from grosmc_mj.robots.model import robot_specs
 
 _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
@@ -37,15 +36,14 @@ class Robot:
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
-        converted: What differs from the model as it was given, in sentences.
-        as_built: The same with what laws do not believe in: lags, delays, DC motors and couplings
-            of joints; None of a model without them.
+        notes: What was changed in the model that was given and why, in sentences.
+        built: The robot as it is built, with what laws do not know of: lags, delays, DC motors and
+            couplings of joints; ``plant`` itself where there is none of this.
     """
 
     plant: MujocoPlant
-    converted: tuple[str, ...] = ()
-    as_built: MujocoPlant | None = None
-    _coordinates: dict[ReferenceFunction, RobotCoordinates] = field(default_factory=dict)
+    notes: tuple[str, ...]
+    built: MujocoPlant
 
     @classmethod
     def from_mjcf(
@@ -75,16 +73,9 @@ class Robot:
             ModelError: If the model is no such robot, with the reason and what to do.
         """
         with quiet_reading():
-            spec, own, converted = robot_spec(model, joints, actuators)
+            spec, built, notes = robot_specs(model, joints, actuators)
         plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
-        if own is None:
-            return cls(plant, converted)
-        return cls(plant, converted, replace(plant, spec=own))
-
-    @property
-    def built(self) -> MujocoPlant:
-        """The robot with its true actuators; the nominal one, if those are ideal."""
-        return self.plant if self.as_built is None else self.as_built
+        return cls(plant, tuple(notes), plant if built is None else replace(plant, spec=built))
 
     @property
     def joints(self) -> int:
@@ -96,37 +87,10 @@ class Robot:
         """Whether a joint has no torque of its own."""
         return len(self.plant.system.inputs) < self.joints
 
-    @property
-    def limits(self) -> Array:
-        """Least and largest torque of each input [N m or N], (m, 2); infinite for none."""
-        return self.plant.input_limits.T
-
     @cached_property
     def nominal(self) -> mujoco.MjModel:
-        """The model of the dynamics that the laws believe in."""
+        """The model of the dynamics that the laws know."""
         return nominal_model(self.plant.spec)
-
-    @property
-    def _carriers(self) -> dict[str, int]:
-        """Which body of the nominal model each body that moves is a part of."""
-        full, found = self.plant.model, {}
-        for index in range(1, full.nbody):
-            carrier = full.body_weldid[index]
-            if carrier:  # not welded to the world
-                joint = full.body_jntadr[carrier]
-                found[full.body(index).name] = int(self.nominal.jnt_bodyid[joint])
-        return found
-
-    def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
-        """The errors of all joints from a reference in joint space.
-
-        One reference has one set of coordinates, so that its laws are compiled once.
-        """
-        if reference not in self._coordinates:
-            self._coordinates[reference] = RobotCoordinates(
-                self.plant.system, reference, model=self.nominal, carriers=self._carriers
-            )
-        return self._coordinates[reference]
 
     def task(
         self,
@@ -154,34 +118,37 @@ class Robot:
                 f"{self.joints} joints, so its joints cannot all be led: take a StateTask"
             )
         nominal = AnalyticPlant(self.plant.system, InWorkspace())
-        return Task(nominal, self.coordinates(reference), parameters, Q, R, realization)
+        return Task(nominal, _coordinates(self, reference), parameters, Q, R, realization)
 
-    def inertia(self, q: ArrayLike) -> Array:
-        """M(q) of the nominal model with the joints' armature, (n, n)."""
-        return inertia(self.nominal, q)
 
-    def bias(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """h(q, q') - passive: Coriolis and gravity torques less springs' and damping's, (n,)."""
-        return bias(self.nominal, q, dq)
+@cache
+def _coordinates(robot: Robot, reference: ReferenceFunction) -> RobotCoordinates:
+    """The errors of all joints from a reference, made once so that its laws are compiled once."""
+    full, nominal = robot.plant.model, robot.nominal
+    carriers = {full.body(i).name: full.body_weldid[i] for i in range(1, full.nbody)}
+    carriers = {
+        name: int(nominal.jnt_bodyid[full.body_jntadr[carrier]])
+        for name, carrier in carriers.items()
+        if carrier  # not welded to the world
+    }
+    return RobotCoordinates(robot.plant.system, reference, model=nominal, carriers=carriers)
 
 
 def _system(spec: mujoco.MjSpec) -> System:
     """Names and signals of a robot, read from its model."""
-    model = compile_spec(spec)
-    joints = joint_names(model)
-    torques = [joint_unit(model, i) for i in range(model.njnt)]
-    driven = [int(model.actuator_trnid[i, 0]) for i in range(model.nu)]
-    units = ["m" if unit == "N" else "rad" for unit in torques]
-    numbers = [str(i).translate(_SUBSCRIPTS) for i in range(1, model.njnt + 1)]
-    named = list(zip(joints, numbers, units, strict=True))
-    positions = [Signal(joint, f"q{i}", unit) for joint, i, unit in named]
-    rates = [Signal(f"{joint} rate", f"q̇{i}", f"{unit}/s") for joint, i, unit in named]
+    model, name = compile_spec(spec), spec.modelname or "robot"
+    joints, driven = joint_names(model), [int(row[0]) for row in model.actuator_trnid]
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
+    forces = [joint_unit(model, i) for i in range(model.njnt)]
+    units = ["m" if force == "N" else "rad" for force in forces]
+    numbers = [str(i).translate(_SUBSCRIPTS) for i in range(1, model.njnt + 1)]
+    signals = list(zip(joints, numbers, units, strict=True))
+    positions = [Signal(joint, f"q{number}", unit) for joint, number, unit in signals]
+    rates = [Signal(f"{joint} rate", f"q̇{number}", f"{unit}/s") for joint, number, unit in signals]
     inputs = [
-        Signal(each, f"τ{numbers[joint]}", torques[joint])
-        for each, joint in zip(actuators, driven, strict=True)
+        Signal(actuator, f"τ{numbers[joint]}", forces[joint])
+        for actuator, joint in zip(actuators, driven, strict=True)
     ]
-    name = spec.modelname or "robot"
     return System(
         name=name,
         title=name,

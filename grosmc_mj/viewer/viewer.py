@@ -18,7 +18,7 @@ import numpy as np
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.films.camera import aim
-from grosmc_mj.films.offscreen.backends import has_display
+from grosmc_mj.films.offscreen import has_display
 from grosmc_mj.physics.quiet import warnings_counted_only
 from grosmc_mj.viewer.playback import Motion, Playback, press
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import grosmc_mj as gm
-from grosmc_mj.bench import timing
-from grosmc_mj.bench.batches import batch_at
-from grosmc_mj.bench.loops import benchmark
-from grosmc_mj.bench.machines import benchmark_machines
-from grosmc_mj.bench.tables import tables_text, throughput_table
-from grosmc_mj.bench.timing import Throughput
+from benchmarks import timing
+from benchmarks.batches import batch_at
+from benchmarks.loops import benchmark
+from benchmarks.machines import benchmark_machines
+from benchmarks.tables import tables_text, throughput_table
+from benchmarks.timing import Throughput
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.report.markdown import replace_marked
@@ -28,7 +28,7 @@ from grosmc_mj.report.markdown import replace_marked
 def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("grosmc_mj.bench.loops._STEPS", {1: 500, 1024: 2})
+    monkeypatch.setattr("benchmarks.loops._STEPS", {1: 500, 1024: 2})
     rows = {row.loop: row for row in benchmark("implicitfast", rounds=1)}
     assert {row.simulations for row in rows.values()} == {1, 1024}
     for row in rows.values():
@@ -74,8 +74,8 @@ def test_a_page_has_every_table_and_what_it_was_measured_on(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_every_machine_is_measured_with_all_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grosmc_mj.bench.machines._SIMULATIONS", 3)
-    monkeypatch.setattr("grosmc_mj.bench.machines._STEPS", 4)
+    monkeypatch.setattr("benchmarks.machines._SIMULATIONS", 3)
+    monkeypatch.setattr("benchmarks.machines._STEPS", 4)
     found = benchmark_machines(rounds=1)
     assert list(found) == [f"{system}/machine" for system in SYSTEMS]
     for case, (open_loop, closed) in found.items():

@@ -30,7 +30,7 @@ from grosmc_mj.campaign.runs.screening import (
 from grosmc_mj.campaign.runs.shard import EQUATIONS, PHYSICS, Outcomes, evaluate_all
 from grosmc_mj.campaign.whole import run_campaign
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.studies.agreement.lacking import FACTOR, LEAST_BAND
+from grosmc_mj.studies.agreement import FACTOR, LEAST_BAND
 
 POLE = """
 [[uncertain]]

@@ -17,6 +17,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.films.marks import trace_site
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -48,10 +49,10 @@ def deviation(run: Trajectory, law: Controller) -> float:
 def test_its_servos_are_torques_within_their_limits() -> None:
     robot = arm()
     assert robot.plant.system.joints == arms.JOINTS
-    np.testing.assert_array_equal(robot.limits[:, 1], [30.5] * 3 + [6.8] * 3)
+    np.testing.assert_array_equal(robot.plant.input_limits.T[:, 1], [30.5] * 3 + [6.8] * 3)
     assert robot.plant.model.opt.timestep == 1e-3
-    assert sum("velocity servo (kv 500)" in line for line in robot.converted) == 6
-    assert "frictionloss" in robot.converted[-1]
+    assert sum("velocity servo (kv 500)" in line for line in robot.notes) == 6
+    assert "frictionloss" in robot.notes[-1]
 
 
 def test_the_nominal_dynamics_are_the_whole_models() -> None:
@@ -62,7 +63,7 @@ def test_the_nominal_dynamics_are_the_whole_models() -> None:
     for x in np.random.default_rng(0).uniform(-2, 2, (5, 18)):
         data.qpos[:], data.qvel[:], data.qacc[:] = np.split(x, 3)
         mujoco.mj_inverse(model, data)
-        wanted = robot.inertia(x[:6]) @ x[12:] + robot.bias(x[:6], x[6:12])
+        wanted = inertia(robot.nominal, x[:6]) @ x[12:] + bias(robot.nominal, x[:6], x[6:12])
         np.testing.assert_allclose(wanted, data.qfrc_inverse, rtol=0, atol=1e-12)
 
 
@@ -121,7 +122,7 @@ def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram(name: str) 
     assert off["lqr"] > 0.2
     assert off["pd"] > 0.08
     for run in runs.values():
-        assert np.all(np.abs(run.input) <= arm().limits[:, 1])
+        assert np.all(np.abs(run.input) <= arm().plant.input_limits.T[:, 1])
 
 
 def test_without_dm_control_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,7 @@ from grosmc_mj.chapter.claims.ledger import CLAIMS
 from grosmc_mj.experiments.catalogue import select_experiments
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.studies.agreement import measure as agreement
+from grosmc_mj.studies import agreement
 
 pytestmark = pytest.mark.slow
 

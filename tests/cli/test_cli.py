@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -49,21 +48,12 @@ def run(*arguments: str) -> int:
             ("frobnicate",),
             "new, run, campaign, film, view, validate, claims, study, report, diff, list",
         ),
-        (("study", "agreement"), "SYSTEM"),
-        (("study", "agreement", "arm", "--states", "0"), "must be from 1 to 1000000"),
-        (("study", "agreement", "arm", "--edits", "-1"), "must be from 0 to"),
-        (("study", "agreement", "arm", "--seed", "-1"), "must be from 0 to"),
         (("study", "tolerance", "arm", "--seeds", "0"), "must be from 1 to 1000"),
         (("study", "tolerance", "maglev"), "there is no loop"),
-        (("study", "agreement", "leg"), "valid: arm, ball_beam, cart_pendulum"),
-        (("bench", "--rounds", "0"), "must be from 1 to 10000"),
-        (("bench", "--page", "nowhere.md"), "nowhere.md has no <!-- bench -->"),
-        (("bench", "--page", "nowhere.md", "--robot"), "leave out what names a part"),
         (("claims", "--page", "docs"), "must be a file that ends in .md"),
         (("claims", "--json", "--self-test"), "--json is for the ledger"),
         (("claims", "servo", "--explain", "proof-3"), "leave out the system"),
         (("claims", "arm/case7", "--premises"), "did you mean 'arm/case2'"),
-        (("bench", "--integrator", "heun"), "valid: Euler, RK4"),
         (("film",), "SYSTEM"),
         (("film", "leg"), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
         (("film", "servo/case9"), "did you mean 'servo/case2'"),
@@ -155,8 +145,7 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
         "film": ("FILE.toml", "--controllers", "--camera", "--size", "--from", "-o"),
         "doctor": ("Exit code 1",),
         "list": (),
-        "study": ("agreement", "switching", "region", "cart", "tolerance"),
-        "bench": ("--integrator", "--rounds"),
+        "study": ("switching", "region", "tolerance", "ladder"),
     }.items():
         assert command in summary
         assert run(command, "--help") == cli.DONE
@@ -221,21 +210,6 @@ def test_names_that_are_listed_are_taken(
     assert "[/] of mine" in text
 
 
-def test_agreement_holds_and_shows_that_the_printed_equations_do_not(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    few = ("--states", "50", "--edits", "1", "--out", str(tmp_path))
-    assert run("study", "agreement", "arm", *few) == cli.DONE
-    text = capsys.readouterr().out
-    assert "printed" in text
-    assert "differ by up to" in text
-    document = json.loads((tmp_path / "agreement_arm.json").read_text(encoding="utf-8"))
-    assert document["schema_version"] == 1
-    assert document["disagreements"] == []
-    worst = {row["variant"]: row["acceleration"] for row in document["agreement"]}
-    assert worst["corrected"] < document["bound"] < worst["printed"]
-
-
 def test_a_closed_pipe_is_no_error() -> None:
     program = f"{sys.executable} -m grosmc_mj.cli list | head -1"
     done = subprocess.run(
@@ -250,17 +224,7 @@ def test_a_graphics_backend_that_is_not_there_hinders_no_more_than_films() -> No
     for arguments, code, said in (
         (("list",), cli.DONE, ""),
         (
-            (
-                "study",
-                "agreement",
-                "servo",
-                "--states",
-                "5",
-                "--edits",
-                "0",
-                "--out",
-                "/dev/null/x",
-            ),
+            ("run", "servo/nominal", "--no-figures", "--out", "/dev/null/x"),
             cli.WRONG,
             "cannot write",
         ),

@@ -135,7 +135,7 @@ main(["run", {str(case)!r}])
 # What becomes of the results.
 
 # Of the documents of the commands that judge.
-SCHEMAS = {"run": 1, "agreement": 1, "premises": 1, "claims": 1, "campaign": 3}
+SCHEMAS = {"run": 1, "premises": 1, "claims": 1, "campaign": 3}
 
 
 def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path, int]]:
@@ -146,11 +146,6 @@ def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path,
     few = ("--runs", 4, "--shard", 2)
     return {
         "run": (("run", case, *out), folder / "out" / "small.json", 0),
-        "agreement": (
-            ("study", "agreement", "servo", "--states", 2, "--edits", 0, *out),
-            folder / "out" / "agreement_servo.json",
-            0,
-        ),
         "premises": (
             ("claims", "servo/nominal", "--premises", *out),
             folder / "out" / "premises_servo.json",
@@ -165,7 +160,7 @@ def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path,
     }
 
 
-@pytest.mark.parametrize("name", ["run", "agreement", "premises", "claims", "campaign"])
+@pytest.mark.parametrize("name", ["run", "premises", "claims", "campaign"])
 def test_results_are_written_before_anything_is_printed(
     name: str, tmp_path: Path, case: Path, monkeypatch, capsys
 ):
@@ -190,7 +185,7 @@ def test_a_full_disk_at_the_figure_leaves_results_and_verdict(
     assert said.out
 
 
-@pytest.mark.parametrize("name", ["run", "agreement", "campaign"])
+@pytest.mark.parametrize("name", ["run", "campaign"])
 @pytest.mark.parametrize("reader", ["has gone", "has a full disk"])
 def test_the_verdict_does_not_depend_on_who_reads_it(
     name: str, reader: str, tmp_path: Path, case: Path, monkeypatch, capsys

@@ -245,9 +245,7 @@ def test_documents_that_lack_something_are_compared_as_far_as_they_go(
     ("kind", "path", "value", "effect"),
     [
         ("region", ("maps", 0, "counts", "left the region"), 2, Effect.WORSE),
-        ("agreement", ("disagreements",), [], Effect.BETTER),
         ("switching", ("benchmark", "sample_times", 0, "max_sliding"), 2.2e-3, Effect.WORSE),
-        ("cart", ("projections", 0, "deviation", "value"), 37.0, Effect.BETTER),
         ("sweeps", ("sweeps", 0, "values", 0, "holds"), True, Effect.CHANGED),
         ("premises", ("premises", 0, "premises", 0, "holds"), True, Effect.BETTER),
         ("premises", ("premises", 0, "premises", 0, "region", "margin"), -0.6, Effect.WORSE),

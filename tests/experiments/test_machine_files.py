@@ -25,6 +25,7 @@ from grosmc_mj.machine import (
 )
 from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.dynamics import bias
 
 HEAD = """
 [plant]
@@ -340,7 +341,9 @@ def test_a_robots_known_edits_are_in_the_dynamics_of_its_laws(tmp_path: Path) ->
     assert robot is not None
     assert robot.plant.model.body("a").mass[0] == 2
     # What it believes of damping is the model's.
-    assert robot.bias([0.0], [1.0]) - robot.bias([0.0], [0.0]) == pytest.approx(0.1)
+    assert bias(robot.nominal, [0.0], [1.0]) - bias(robot.nominal, [0.0], [0.0]) == pytest.approx(
+        0.1
+    )
     physics: Any = experiment.plant("physics")
     assert physics.model.body("a").mass[0] == 2
     assert physics.model.dof_damping[0] == 0.5

@@ -28,10 +28,9 @@ from grosmc_mj.cli import screen
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.films.board import Storyboard
 from grosmc_mj.films.film import Format
-from grosmc_mj.films.offscreen.backends import find_backend
-from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+from grosmc_mj.films.frames import Storyboard
+from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.workers import draw_frames
 from grosmc_mj.films.write import write_film

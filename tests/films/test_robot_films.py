@@ -16,16 +16,16 @@ from grosmc_mj.control.references import FourierSeries, fourier_series
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.films import film_digest, film_of
 from grosmc_mj.experiments.runs import RunResult, Settings
-from grosmc_mj.films.board import Trace
-from grosmc_mj.films.camera import place
+from grosmc_mj.films.camera import FREE_CAMERA, camera_names, place
 from grosmc_mj.films.chart import draw_chart
-from grosmc_mj.films.film import FREE_CAMERA, Film, Format, camera_names
+from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.layout import Layout
-from grosmc_mj.films.marks import add_trace, trace_site
-from grosmc_mj.films.plots import distances, loads
+from grosmc_mj.films.marks import Trace, add_trace, trace_site
+from grosmc_mj.films.plots import inputs, outputs
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.machine import Transmission
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.report.palette import red_green_blue
 from grosmc_mj.robots.robot import Robot
 
 pytestmark = pytest.mark.slow
@@ -85,42 +85,39 @@ def planar_tip(q: Array) -> Array:
 
 
 def test_the_distance_of_all_joints_is_the_norm_of_the_tracking_error() -> None:
-    size = distances(film())
-    assert size is not None
+    size = outputs(film())
     assert size.title == "distance of all joints |q − yᵣ| [rad]"
-    for values, result in zip(size.curves, results(chain(LIMITED)), strict=True):
+    for curve, result in zip(size.curves, results(chain(LIMITED)), strict=True):
         # The same numbers, subtracted in another place.
-        np.testing.assert_allclose(values, result.comparison.error, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(curve.values, result.comparison.error, rtol=0, atol=1e-12)
 
 
 def test_joints_of_another_unit_are_not_added_to_angles() -> None:
     mixed = film(chain(last="slide"))
-    size, load = distances(mixed), loads(mixed)
-    assert size is not None
-    assert load is not None
+    size, load = outputs(mixed), inputs(mixed)
     assert size.title == "distance of 2 joints |q − yᵣ| [rad]"
     assert load.title == "largest input of 2 joints |τ| [N m]"
-    for take, values, torque in zip(mixed.takes, size.curves, load.curves, strict=True):
-        off = take.run.state[:, :2] - take.ghosts[:, :2]
-        np.testing.assert_array_equal(values, np.sqrt((off**2).sum(axis=1)))
-        np.testing.assert_array_equal(torque, np.abs(take.run.input[:, :2]).max(axis=1))
+    for take, distance, torque in zip(mixed.takes, size.curves, load.curves, strict=True):
+        assert take.ghost is not None
+        off = take.run.state[:, :2] - take.ghost[:, :2]
+        np.testing.assert_array_equal(distance.values, np.sqrt((off**2).sum(axis=1)))
+        np.testing.assert_array_equal(torque.values, np.abs(take.run.input[:, :2]).max(axis=1))
 
 
 def test_torques_are_shares_of_their_limits_where_all_have_one() -> None:
-    size = loads(film())
-    assert size is not None
+    size = inputs(film())
     assert size.title == "largest input, of its limit [%]"
-    for take, values in zip(film().takes, size.curves, strict=True):
+    for take, curve in zip(film().takes, size.curves, strict=True):
         tau = take.run.input
         wanted = np.where(tau > 0, tau / 40, -tau / 20).max(axis=1) * 100
-        np.testing.assert_allclose(values, wanted, rtol=1e-14)
+        np.testing.assert_allclose(curve.values, wanted, rtol=1e-14)
 
 
 def test_two_joints_keep_their_own_curves() -> None:
     case = replace(find_case("two_link_arm", "nominal"), duration=0.1)
     two = film_of([run_case(case, "physics", "grosmc", Settings())], SMALL)
-    assert distances(two) is None
-    assert loads(two) is None
+    assert outputs(two).title.startswith("q₁ dark, q₂ pale [rad]")
+    assert inputs(two).title == "τ₁ dark, τ₂ pale [N m]"
     assert two.trace == -1
 
 
@@ -146,13 +143,13 @@ def test_the_trace_is_where_the_recorded_states_put_the_tip() -> None:
     board = storyboard(film())
     for scene, take in zip(board.scenes, film().takes, strict=True):
         assert scene.trace is not None
-        assert scene.trace.wanted is not None
+        assert scene.trace.reference is not None
         rows = film().rows(take)
-        been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghosts[rows])
+        been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghost[rows])
         # Metres, from some sums of products of double precision.
-        np.testing.assert_allclose(scene.trace.been, been, rtol=0, atol=1e-14)
-        np.testing.assert_allclose(scene.trace.wanted, wanted, rtol=0, atol=1e-14)
-        assert scene.trace.colour == take.colour
+        np.testing.assert_allclose(scene.trace.actual, been, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(scene.trace.reference, wanted, rtol=0, atol=1e-14)
+        assert scene.trace.colour == red_green_blue(take.colour)
 
 
 def test_the_trace_of_a_robot_with_gears_that_give_way_is_its_links() -> None:
@@ -164,11 +161,11 @@ def test_the_trace_of_a_robot_with_gears_that_give_way_is_its_links() -> None:
     (scene,), (take,) = storyboard(shown).scenes, shown.takes
     assert plant.model.nq == 2 * N
     assert scene.trace is not None
-    assert scene.trace.wanted is not None
+    assert scene.trace.reference is not None
     rows = shown.rows(take)
-    been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghosts[rows])
-    np.testing.assert_allclose(scene.trace.been, been, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(scene.trace.wanted, wanted, rtol=0, atol=1e-14)
+    been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghost[rows])
+    np.testing.assert_allclose(scene.trace.actual, been, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(scene.trace.reference, wanted, rtol=0, atol=1e-14)
 
 
 def drawn(trace: Trace, frame: int) -> list[tuple[int, Array]]:
@@ -188,8 +185,8 @@ def drawn(trace: Trace, frame: int) -> list[tuple[int, Array]]:
 def test_dots_lie_on_the_wanted_path_and_a_second_round_adds_none() -> None:
     angle = np.linspace(0, 2 * np.pi, 300, endpoint=False)
     circle = np.stack([0.3 * np.cos(angle), np.zeros(300), 0.3 * np.sin(angle)], axis=1)
-    once = drawn(Trace(circle, circle, "#123456"), 0)
-    twice = drawn(Trace(circle, np.tile(circle, (2, 1)), "#123456"), 0)
+    once = drawn(Trace(circle, circle, (0.1, 0.2, 0.3)), 0)
+    twice = drawn(Trace(circle, np.tile(circle, (2, 1)), (0.1, 0.2, 0.3)), 0)
     assert all(kind == mujoco.mjtGeom.mjGEOM_SPHERE for kind, _ in once)
     places = np.array([place for _, place in once])
     # Scenes are in single precision.
@@ -202,7 +199,7 @@ def test_dots_lie_on_the_wanted_path_and_a_second_round_adds_none() -> None:
 def test_the_line_ends_where_the_tip_is() -> None:
     path = np.linspace([0, 0, 0], [0.9, 0, 0.3], 10)
     for frame in (0, 4, 9):
-        segments = drawn(Trace(path, None, "#123456"), frame)
+        segments = drawn(Trace(path, None, (0.1, 0.2, 0.3)), frame)
         middles = (path[1 : frame + 1] + path[:frame]) / 2
         assert len(segments) == frame
         for (kind, centre), middle in zip(segments, middles, strict=True):

@@ -34,6 +34,7 @@ from grosmc_mj.premises.audit import Audit, Premise, Reading
 from grosmc_mj.premises.balance import balance
 from grosmc_mj.premises.robot import is_robots, robot_audit
 from grosmc_mj.report.document import json_text
+from grosmc_mj.robots.dynamics import inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
 
@@ -172,7 +173,7 @@ def test_the_least_that_is_left_of_rho_is_that_of_the_inertias() -> None:
     data.qpos[:] = found.worst.x[:N]
     mujoco.mj_forward(plant.model, data)
     mujoco.mj_fullM(plant.model, data, M)
-    R = np.linalg.solve(M, arm().inertia(data.qpos))
+    R = np.linalg.solve(M, inertia(arm().nominal, data.qpos))
     left = (2 * np.diag(R) - np.abs(R).sum(axis=1)).min()
     assert found.margin == pytest.approx(left, rel=1e-9, abs=1e-9)
 
@@ -231,7 +232,7 @@ def test_headroom_is_what_inverse_dynamics_and_switching_leave_of_the_limits() -
     data = mujoco.MjData(arm().plant.model)
     data.qpos[:], data.qvel[:], data.qacc[:] = y.T
     mujoco.mj_inverse(arm().plant.model, data)
-    switching = 2.0 * np.abs(arm().inertia(y[:, 0])).sum(axis=1)
+    switching = 2.0 * np.abs(inertia(arm().nominal, y[:, 0])).sum(axis=1)
     left = (1 - (np.abs(data.qfrc_inverse) + switching) / [25.0, 9.0]).min()
     assert found.along.margin == pytest.approx(left, rel=1e-9)
     # Without switching there is more of it.

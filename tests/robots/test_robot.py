@@ -42,6 +42,7 @@ from grosmc_mj.physics.files import load_spec, model_path
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.premises.balance import balance
+from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
@@ -140,7 +141,7 @@ def test_the_inertia_matrix_is_that_of_the_kinetic_energy() -> None:
             ]
         )
         # (a + b)'M(a + b) - (a - b)'M(a - b) = 4 a'M b, and the energy is half of each.
-        np.testing.assert_allclose(robot.inertia(x[:N]), twice / 2, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(inertia(robot.nominal, x[:N]), twice / 2, rtol=0, atol=1e-13)
 
 
 def test_the_bias_is_that_of_lagranges_equations() -> None:
@@ -151,7 +152,8 @@ def test_the_bias_is_that_of_lagranges_equations() -> None:
         q, dq = x[:N], x[N:]
         slopes = np.array(
             [
-                (robot.inertia(q + e * row) - robot.inertia(q - e * row)) / (2 * e)
+                (inertia(robot.nominal, q + e * row) - inertia(robot.nominal, q - e * row))
+                / (2 * e)
                 for row in np.eye(N)
             ]
         )
@@ -168,7 +170,7 @@ def test_the_bias_is_that_of_lagranges_equations() -> None:
         )
         # The differences' rounding is eps/e of the energy, their curvature e^2.
         np.testing.assert_allclose(
-            robot.bias(q, dq), coriolis + force + damping * dq, rtol=0, atol=1e-8
+            bias(robot.nominal, q, dq), coriolis + force + damping * dq, rtol=0, atol=1e-8
         )
 
 
@@ -409,9 +411,11 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
     assert system.actuators == ("turn_servo", "lift_servo", "push_force")
     assert [signal.unit for signal in system.inputs] == ["N m", "N m", "N"]
     assert [signal.unit for signal in system.states] == ["rad", "rad", "m", "rad/s", "rad/s", "m/s"]
-    np.testing.assert_array_equal(robot.limits, [[-30, 30], [-math.inf, math.inf], [-10, 20]])
+    np.testing.assert_array_equal(
+        robot.plant.input_limits.T, [[-30, 30], [-math.inf, math.inf], [-10, 20]]
+    )
     assert np.all(model.actuator_gear[:, 0] == 1)
-    text = "\n".join(robot.converted)
+    text = "\n".join(robot.notes)
     assert "position servo (kp 50, kv 5) is left out" in text
     assert "velocity servo (kv 9) is left out, torque control without limits" in text
     assert "gear -20" in text
@@ -421,7 +425,7 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
 def test_contacts_that_a_model_disables_are_none_that_the_law_misses() -> None:
     spec = mujoco.MjSpec.from_string(TREE)
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    assert "contacts" not in "\n".join(Robot.from_mjcf(spec).converted)
+    assert "contacts" not in "\n".join(Robot.from_mjcf(spec).notes)
 
 
 def test_a_converted_motor_moves_its_joint_as_the_geared_one_did() -> None:
@@ -438,18 +442,18 @@ def test_a_converted_motor_moves_its_joint_as_the_geared_one_did() -> None:
 
 def test_a_joints_own_force_range_limits_its_torque() -> None:
     xml = one_joint("actuatorfrcrange='-2 3'", "<motor joint='j' gear='4' ctrlrange='-1 1'/>")
-    np.testing.assert_array_equal(Robot.from_mjcf(xml).limits, [[-2, 3]])
+    np.testing.assert_array_equal(Robot.from_mjcf(xml).plant.input_limits.T, [[-2, 3]])
 
 
 def test_joints_that_are_not_named_are_locked() -> None:
     robot = Robot.from_mjcf(TREE, joints=["lift", "turn"])
     assert robot.plant.system.joints == ("turn", "lift")
     assert robot.plant.system.actuators == ("turn_servo", "lift_servo")
-    assert "locked where the model has them: joints push" in robot.converted
-    assert "left out: actuators push_force" in robot.converted
+    assert "locked where the model has them: joints push" in robot.notes
+    assert "left out: actuators push_force" in robot.notes
     q = [0.3, -0.2]
-    locked = tree().inertia([*q, 0.0])[:2, :2]
-    np.testing.assert_allclose(robot.inertia(q), locked, rtol=0, atol=1e-14)
+    locked = inertia(tree().nominal, [*q, 0.0])[:2, :2]
+    np.testing.assert_allclose(inertia(robot.nominal, q), locked, rtol=0, atol=1e-14)
 
 
 def test_what_a_model_says_of_a_joint_that_is_left_out_goes_with_it() -> None:
@@ -466,7 +470,7 @@ def test_every_kind_of_source_gives_the_same_robot(tmp_path: Path) -> None:
     q = [0.1, 0.2, 0.3]
     for source in (file, str(file), mujoco.MjSpec.from_string(TREE)):
         robot = Robot.from_mjcf(source)
-        np.testing.assert_array_equal(robot.inertia(q), tree().inertia(q))
+        np.testing.assert_array_equal(inertia(robot.nominal, q), inertia(tree().nominal, q))
         assert robot.plant.system.name == "tree"
 
 
@@ -498,7 +502,7 @@ def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics() -> No
             data.qpos[:], data.qvel[:] = x[:N], x[N:]
             mujoco.mj_forward(model, data)
             whole = data.qfrc_bias - data.qfrc_passive
-            np.testing.assert_allclose(robot.bias(x[:N], x[N:]), whole, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), whole, rtol=0, atol=1e-12)
 
 
 def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics() -> None:
@@ -584,9 +588,9 @@ def test_wrong_names_are_told_with_the_nearest() -> None:
 
 def test_a_joint_without_an_actuator_is_told_and_cannot_be_led() -> None:
     robot = Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
-    assert any("no actuator drives push" in said for said in robot.converted)
+    assert any("no actuator drives push" in said for said in robot.notes)
     assert robot.underactuated
-    assert len(robot.limits) == 2
+    assert len(robot.plant.input_limits.T) == 2
     with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a StateTask"):
         robot.task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0)
     with pytest.raises(ModelError, match="no actuator drives"):

@@ -21,6 +21,7 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.edits import AddedMass
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
@@ -117,13 +118,13 @@ def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str) -> N
 
 
 def test_limits_are_torques_whatever_they_were_limits_of() -> None:
-    np.testing.assert_array_equal(robot(LAG).limits, [[-40, 24]])
-    np.testing.assert_array_equal(robot(DELAY).limits, [[-20, 20]])
-    np.testing.assert_allclose(robot(DCMOTOR).limits, [[-30, 30]])
+    np.testing.assert_array_equal(robot(LAG).plant.input_limits.T, [[-40, 24]])
+    np.testing.assert_array_equal(robot(DELAY).plant.input_limits.T, [[-20, 20]])
+    np.testing.assert_allclose(robot(DCMOTOR).plant.input_limits.T, [[-30, 30]])
     for actuator in ALL.values():
         made = robot(actuator)
         np.testing.assert_array_equal(made.built.input_limits, made.plant.input_limits)
-        low, high = made.limits[0]
+        low, high = made.plant.input_limits.T[0]
         heavy = made.built.edited(AddedMass("link", 1e9, (0.0, 0.0, 0.5)))
         for u, end in ((1e3, high), (-1e3, low)):
             assert torques(heavy, u, 400)[-1] == pytest.approx(end, rel=1e-6)
@@ -133,11 +134,11 @@ def test_an_activations_limits_are_torques_too() -> None:
     limited = LAG.replace("ctrlrange", 'actlimited="true" actrange="-1 2" ctrlrange')
     # RK4 looks beyond them within a step.
     made = robot(limited, integrator="implicitfast")
-    np.testing.assert_array_equal(made.limits, [[-16, 8]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-16, 8]])
     ends = [torques(made.built, u, 400)[-1] for u in (-1e3, 1e3)]
     assert ends == pytest.approx([-16, 8], rel=1e-6)
     beyond = robot(LAG.replace("ctrlrange", 'actlimited="true" actrange="-9 9" ctrlrange'))
-    np.testing.assert_array_equal(beyond.limits, [[-40, 24]])
+    np.testing.assert_array_equal(beyond.plant.input_limits.T, [[-40, 24]])
 
 
 def test_a_motor_within_a_current_may_be_asked_for_what_its_speed_takes() -> None:
@@ -146,7 +147,7 @@ def test_a_motor_within_a_current_may_be_asked_for_what_its_speed_takes() -> Non
         'gear="50"', 'gear="50" saturation="0.08 0 0"'
     )
     made = robot(limited)
-    np.testing.assert_array_equal(made.limits, [[-4, 4]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-4, 4]])
     heavy = made.built.edited(AddedMass("link", 1e9, (0.0, 0.0, 0.5)))
     for volts, torque in ((24, 4.0), (22, 2.5), (20, 0.0), (0, -4.0)):
         found = torques(heavy, volts * 50 * 0.05 / 2, 2, v=8.0)[-1]
@@ -155,7 +156,7 @@ def test_a_motor_within_a_current_may_be_asked_for_what_its_speed_takes() -> Non
 
 def test_a_joints_own_force_range_holds_on_the_built_plant() -> None:
     made = robot(DELAY, " actuatorfrcrange='-2 3'")
-    np.testing.assert_array_equal(made.limits, [[-2, 3]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-2, 3]])
     assert torques(made.built, 1e3, 20)[-1] == 3
 
 
@@ -165,7 +166,7 @@ def test_a_delayed_servo_loses_its_own_loop() -> None:
     made = robot(servo)
     for plant in (made.plant, made.built):
         assert torques(plant, 0.7, 30, q=0.5, v=1.0)[-1] == pytest.approx(0.7, rel=1e-12)
-    assert "instead of the position servo (kp 30, kv 2)" in made.converted[0]
+    assert "instead of the position servo (kp 30, kv 2)" in made.notes[0]
 
 
 def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
@@ -177,8 +178,8 @@ def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
         assert model.actuator_dyntype[0] == mujoco.mjtDyn.mjDYN_NONE
         assert model.actuator_gear[0, 0] == 1
         x = np.array([0.2, -0.4])
-        assert made.inertia(x[:1]) == ideal.inertia(x[:1])
-        assert made.bias(x[:1], x[1:]) == ideal.bias(x[:1], x[1:])
+        assert inertia(made.nominal, x[:1]) == inertia(ideal.nominal, x[:1])
+        assert bias(made.nominal, x[:1], x[1:]) == bias(ideal.nominal, x[:1], x[1:])
         first, second = law_of(made), law_of(ideal)
         asked = []
         for law in (first, second):
@@ -201,7 +202,7 @@ def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
     ],
 )
 def test_converted_says_what_the_plant_has(actuator: str, said: str) -> None:
-    first = robot(actuator).converted[0]
+    first = robot(actuator).notes[0]
     assert first.startswith("actuator 'drive': ")
     assert said in first
 

@@ -17,6 +17,7 @@ from grosmc_mj.control.references import Setpoints, setpoints
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.edits import AddedMass
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
@@ -76,7 +77,7 @@ def test_the_inner_controller_goes_and_motor_and_driver_stay(inner: str, gear: f
 
 def test_a_supply_beside_an_input_in_volts_limits_nothing_as_in_mujoco() -> None:
     made = Robot.from_mjcf(motor('controller="0 0 0 0 0 24"'))
-    np.testing.assert_array_equal(made.limits, [[-np.inf, np.inf]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-np.inf, np.inf]])
     assert torques(made.built.edited(HEAVY), 100.0, 400)[-1] == pytest.approx(100.0, rel=1e-6)
 
 
@@ -90,8 +91,8 @@ def test_a_supply_beside_an_input_in_volts_limits_nothing_as_in_mujoco() -> None
 )
 def test_what_was_replaced_is_told(name: str, said: str) -> None:
     made = Robot.from_mjcf(motor(INNER[name]))
-    assert "has a DC motor with a driver of its current within 24 V, which no" in made.converted[0]
-    assert said in made.converted[0]
+    assert "has a DC motor with a driver of its current within 24 V, which no" in made.notes[0]
+    assert said in made.notes[0]
     assert made.plant.model.na == 0
 
 
@@ -142,7 +143,7 @@ POSITION = (
 
 def test_a_servo_behind_a_lag_is_torque_behind_that_lag() -> None:
     made = Robot.from_mjcf(ONE.format(POSITION))
-    np.testing.assert_array_equal(made.limits, [[-8, 8]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-8, 8]])
     assert made.plant.model.na == 0
     # Neither its place nor its speed pulls, and a torque of 5 is not a place beyond 1.
     for q, v in ((0.0, 0.0), (0.6, 3.0)):
@@ -152,7 +153,7 @@ def test_a_servo_behind_a_lag_is_torque_behind_that_lag() -> None:
             (5 - found[1:20]) / (5 - found[:19]), math.exp(-1e-3 / 0.02), rtol=1e-9
         )
     assert torques(made.built, 100.0, 600)[-1] == 8
-    assert made.converted[0] == (
+    assert made.notes[0] == (
         "actuator 'drive': the plant has a lag of 0.02 s, which no law knows; torque control "
         "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"
     )
@@ -163,7 +164,7 @@ def test_limits_of_a_servos_activation_are_places_and_no_torques() -> None:
     text = text.replace('kp="30" kv="2"', 'gainprm="30" biastype="affine" biasprm="0 -30 -2"')
     lagging = 'dyntype="filterexact" dynprm="0.02" actlimited="true" actrange="-0.1 0.1" />'
     made = Robot.from_mjcf(ONE.format(text.replace("/>", lagging)))
-    np.testing.assert_array_equal(made.limits, [[-8, 8]])
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-8, 8]])
     assert torques(made.built, 7.0, 600)[-1] == pytest.approx(7.0, rel=1e-9)
 
 
@@ -178,7 +179,7 @@ def test_limits_of_a_servos_activation_are_places_and_no_torques() -> None:
 )
 def test_servos_with_integrals_lose_them(actuator: str) -> None:
     made = Robot.from_mjcf(ONE.format(actuator))
-    assert "position servo (kp 30" in made.converted[0]
+    assert "position servo (kp 30" in made.notes[0]
     for plant in (made.plant, made.built):
         assert plant.model.na == 0
         assert torques(plant, 3.0, 30, q=0.4, v=1.0)[-1] == pytest.approx(3.0, rel=1e-12)
@@ -203,14 +204,14 @@ def test_coupled_joints_are_the_plants_and_no_laws(coupled: str) -> None:
     made, free = Robot.from_mjcf(text), Robot.from_mjcf(TWO.format(SECOND, ""))
     assert made.plant.model.neq == made.nominal.neq == 0
     assert made.built.model.neq == 1
-    assert made.converted == (
+    assert made.notes == (
         "the plant couples the joints 'first' and 'second' (equality), which no law knows: laws "
         "move each on its own",
-        *free.converted,
+        *free.notes,
     )
     q, dq = [0.2, -0.4], [1.0, 0.3]
-    np.testing.assert_array_equal(made.inertia(q), free.inertia(q))
-    np.testing.assert_array_equal(made.bias(q, dq), free.bias(q, dq))
+    np.testing.assert_array_equal(inertia(made.nominal, q), inertia(free.nominal, q))
+    np.testing.assert_array_equal(bias(made.nominal, q, dq), bias(free.nominal, q, dq))
     original, runs = mujoco.MjModel.from_xml_string(text), []
     for model in (original, made.built.model, made.plant.model):
         data, rows = mujoco.MjData(model), []
@@ -254,7 +255,8 @@ def test_closed_loops_are_refused_in_one_line(constraint: str, said: str) -> Non
         Robot.from_mjcf(TWO.format(SECOND, constraint))
     assert "\n" not in str(told.value)
     off = constraint.replace("/>", ' active="false"/>')
-    assert Robot.from_mjcf(TWO.format(SECOND, off)).as_built is None
+    made = Robot.from_mjcf(TWO.format(SECOND, off))
+    assert made.built is made.plant
 
 
 def test_a_joint_that_only_its_coupling_moves_is_refused_and_may_be_left_out() -> None:
@@ -262,14 +264,14 @@ def test_a_joint_that_only_its_coupling_moves_is_refused_and_may_be_left_out() -
     with pytest.raises(ModelError, match=r"joint 'second' is coupled .* leave it out of joints"):
         Robot.from_mjcf(text)
     made = Robot.from_mjcf(text, joints=["first"])
-    assert made.as_built is None
-    assert "left out: the coupling (equality) with second" in made.converted
+    assert made.built is made.plant
+    assert "left out: the coupling (equality) with second" in made.notes
 
 
 def test_one_joint_may_be_held() -> None:
     held = '<joint joint1="first" polycoef="0.1 0 0 0 0" solref="-40 -2"/>'
     made = Robot.from_mjcf(TWO.format(SECOND, held))
-    assert made.converted[0].startswith("the plant holds the joint 'first' (equality), which no")
+    assert made.notes[0].startswith("the plant holds the joint 'first' (equality), which no")
 
 
 CASE = """

@@ -583,7 +583,7 @@ def display() -> Iterator[str]:
 
 PROGRAM = """
 import os
-from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.films.offscreen import without_graphics
 with without_graphics():
     import mujoco
 from grosmc_mj.viewer.live import Live, LiveRun

@@ -15,7 +15,7 @@ from grosmc_mj.campaign.runs.shard import Outcomes, plants_of, run_on
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
-from grosmc_mj.studies.agreement.lacking import FACTOR, LEAST_BAND, lacking
+from grosmc_mj.studies.agreement import FACTOR, LEAST_BAND, model_mismatch
 
 # Runs of the sample, and on how many of its plants accelerations are compared.
 SAMPLE, _PLANTS = 32, 8
@@ -50,7 +50,7 @@ def screening_of(campaign: Campaign) -> Screening:
         return UNSCREENED
     if wanted == "auto" and runs < FEWEST:
         return UNSCREENED
-    if why_not := _lacking(campaign):
+    if why_not := _campaign_mismatch(campaign):
         return Screening({}, why_not)
     dimensions, seed = len(campaign.family.quantities), campaign.specification.seed
     # Of another seed: the campaign's own first runs would be judged twice.
@@ -58,7 +58,7 @@ def screening_of(campaign: Campaign) -> Screening:
     samples = [campaign.plant_sample(row, run) for run, row in enumerate(values)]
     physics = plants_of(campaign, samples)
     for plant in physics[:_PLANTS]:
-        if why_not := lacking(plant):
+        if why_not := model_mismatch(plant):
             return Screening({}, why_not)
     try:
         equations = equations_of(physics)
@@ -128,12 +128,12 @@ def verdicts_overturned(ours: Outcomes, theirs: Outcomes) -> Array:
     return count
 
 
-def _lacking(campaign: Campaign) -> str:
+def _campaign_mismatch(campaign: Campaign) -> str:
     """What no equations of any of its plants can have; empty if they may have everything."""
     plant = campaign.plant
     nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
     if isinstance(nominal, MujocoPlant) and (nominal.parts or not nominal.system.symbolic):
-        return lacking(nominal)
+        return model_mismatch(nominal)
     if plant.stepped_by != "RK4":
         return f"equations are stepped by RK4, the model by {plant.stepped_by}"
     return ""

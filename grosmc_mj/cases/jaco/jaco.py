@@ -11,7 +11,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.references import FourierSeries, ReferenceFunction, fourier_series
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.robots.robot import Robot
 
 JOINTS = tuple(f"joint_{i}" for i in range(1, 7))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands.bench import BenchCommand
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.cli.commands.claims import ClaimsCommand
 from grosmc_mj.cli.commands.diff import DiffCommand
@@ -15,8 +14,6 @@ from grosmc_mj.cli.commands.list import ListCommand
 from grosmc_mj.cli.commands.new import NewCommand
 from grosmc_mj.cli.commands.report import ReportCommand
 from grosmc_mj.cli.commands.run import RunCommand
-from grosmc_mj.cli.commands.study.agreement import AgreementCommand
-from grosmc_mj.cli.commands.study.cart import CartCommand
 from grosmc_mj.cli.commands.study.ladder import LadderCommand
 from grosmc_mj.cli.commands.study.region import RegionCommand
 from grosmc_mj.cli.commands.study.switching import SwitchingCommand
@@ -27,10 +24,8 @@ from grosmc_mj.cli.commands.view import ViewCommand
 Studies = Mapping[str, type[Command]]
 
 STUDIES: Studies = {
-    "agreement": AgreementCommand,
     "switching": SwitchingCommand,
     "region": RegionCommand,
-    "cart": CartCommand,
     "tolerance": ToleranceCommand,
     "ladder": LadderCommand,
 }
@@ -47,7 +42,6 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "diff": DiffCommand,
     "list": ListCommand,
     "doctor": DoctorCommand,
-    "bench": BenchCommand,
 }
 STUDY = "Measure one thing: " + ", ".join(STUDIES) + "."
 

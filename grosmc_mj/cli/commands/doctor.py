@@ -19,14 +19,14 @@ class DoctorCommand(Command):
 
     def execute(self) -> int:
         """What is missing, then what there is."""
-        from grosmc_mj.films.offscreen.doctor import diagnose
+        from grosmc_mj.films.offscreen import diagnose, has_display
         from grosmc_mj.report.document import versions
 
         found, console = diagnose(os.environ.get("MUJOCO_GL")), screen.console()
-        words = "Films can be made."
-        if not found.films_can_be_made:
+        good, words = not found.problems, "Films can be made."
+        if not good:
             words = "Films cannot be made; everything else works."
-        screen.say_verdict(console, words, good=found.films_can_be_made)
+        screen.say_verdict(console, words, good=good)
         for problem in found.problems:
             console.print(f"missing: {problem}", style="red", soft_wrap=True, markup=False)
         for remedy in found.remedies:
@@ -45,10 +45,10 @@ class DoctorCommand(Command):
             tool = found.ffmpeg
             words = f"  {tool.origin:<12} [green]works[/]: {tool.version}, {tool.path}"
             console.print(words, soft_wrap=True)
-        console.print(f"[bold]Machine[/]\n  cores        {found.cores}")
-        console.print(f"  display      {'yes' if found.display else 'none (only glfw needs one)'}")
+        console.print(f"[bold]Machine[/]\n  cores        {len(os.sched_getaffinity(0))}")
+        console.print(f"  display      {'yes' if has_display() else 'none (only glfw needs one)'}")
         console.print(f"  MUJOCO_GL    {os.environ.get('MUJOCO_GL') or 'not set'}")
         console.print("[bold]Versions[/]")
         for package, version in versions().items():
             console.print(f"  {package:<12} {version}")
-        return screen.DONE if found.films_can_be_made else screen.DIFFERS
+        return screen.DONE if good else screen.DIFFERS

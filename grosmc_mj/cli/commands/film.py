@@ -55,7 +55,6 @@ class FilmCommand(Command):
         output: The film; by default renders/films/SYSTEM_CASE.mp4.
         gif: Whether to write a small GIF too.
         workers: Rendering processes; by default one a core.
-        probe: Whether to try the backends anew instead of trusting the last answer.
         switching: Switching law of the sliding mode laws, as for validate.
         surface: printed or discrete, as for validate.
     """
@@ -84,7 +83,6 @@ class FilmCommand(Command):
     ] = None
     gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    probe: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     switching: Annotated[str, arg(metavar="NAME")] = "sign"
     surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
 
@@ -93,8 +91,7 @@ class FilmCommand(Command):
         from grosmc_mj.experiments.films import check_request, film_of, write_case_film
         from grosmc_mj.experiments.runs import Settings
         from grosmc_mj.films.film import Format
-        from grosmc_mj.films.offscreen.backends import find_backend
-        from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+        from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
 
         width, height = _size(self.size)
         form = Format(width, height, self.fps, self.speed, self.camera, self.start, self.stop)
@@ -119,7 +116,7 @@ class FilmCommand(Command):
         if path.suffix.lower() != ".mp4":
             raise ArgumentError(f"-o {path} must end in .mp4")
         find_ffmpeg()
-        backend = find_backend(os.environ.get("MUJOCO_GL"), fresh=self.probe).backend
+        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
         results = [experiment.run("physics", name) for name in names]
         shown = film_of(results, form, names)
         with screen.progress(len(shown.times), "frames") as advance:

@@ -76,7 +76,7 @@ def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool
 
 def _shrunk(film: Path, most: int) -> bytes | None:
     """A film in at most so many bytes, or None."""
-    from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+    from grosmc_mj.films.offscreen import find_ffmpeg
 
     try:
         ffmpeg = find_ffmpeg().path

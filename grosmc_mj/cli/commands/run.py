@@ -238,7 +238,7 @@ def _answer(console: Console, done: _JudgedExperiment, *, full: bool) -> None:
     screen.say_lines(console, _in_loop(done.experiment), "dim", all=full)
     screen.say_lines(console, _on_its_machine(done.experiment), "dim", all=full)
     robot = done.experiment.nominal.robot
-    changed = [*_at_rest(done.experiment), *(robot.converted if robot is not None else ())]
+    changed = [*_at_rest(done.experiment), *(robot.notes if robot is not None else ())]
     screen.say_lines(console, list(changed), "dim", all=full)
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.case import Case
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.runs import RunResult, Settings
-    from grosmc_mj.studies.agreement.measure import Agreement
+    from grosmc_mj.studies.agreement import Agreement
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class ValidateCommand(Command):
         from grosmc_mj.experiments.runs import Settings
         from grosmc_mj.physics.mujoco_plant import MujocoPlant
         from grosmc_mj.report.document import write_json
-        from grosmc_mj.studies.agreement.measure import agreements, disagreements
+        from grosmc_mj.studies.agreement import agreements, disagreements
 
         started, seed = time.perf_counter(), 0
         settings = Settings(
@@ -322,7 +322,7 @@ def _deviations_table(results: Sequence[RunResult]) -> Table:
 def _tables(console: Console, done: _Validation) -> None:
     """Everything that was measured."""
     from grosmc_mj.experiments import tables
-    from grosmc_mj.studies.agreement.report import agreement_table
+    from grosmc_mj.studies.agreement import agreement_table
 
     for table in tables.results_tables(done.results):
         console.print()

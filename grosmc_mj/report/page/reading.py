@@ -26,8 +26,6 @@ from grosmc_mj.report.page.documents import (
     StoredValidation,
 )
 from grosmc_mj.report.page.studies.documents import (
-    StoredAgreements,
-    StoredCart,
     StoredPremises,
     StoredRegion,
     StoredSweeps,
@@ -47,8 +45,6 @@ KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (
     ("diff", frozenset({"compared", "changes"}), StoredDiff),
     ("region", frozenset({"maps", "outcomes"}), StoredRegion),
     ("switching", frozenset({"benchmark", "cases"}), StoredSwitching),
-    ("cart", frozenset({"projections", "runs"}), StoredCart),
-    ("agreement", frozenset({"agreement", "bound"}), StoredAgreements),
     ("sweep", frozenset({"sweeps"}), StoredSweeps),
     ("premises", frozenset({"premises"}), StoredPremises),
     ("self-test", frozenset({"noticed_by"}), StoredSelfTest),

@@ -1,4 +1,4 @@
-"""The tables of ``docs/ladder.md``, from what the study has written and the servo's bump test."""
+"""The tables of ``docs/ladder.md``, from what the study has written."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import number, numbers, words
+from grosmc_mj.report.tables import numbers, words
 from grosmc_mj.studies.ladder.answers import STANDS, cell_text, deviation_text
-from grosmc_mj.studies.ladder.bump_test import MEASURED, simulated
 from grosmc_mj.studies.ladder.report import assumed_text, shown_unit
 
 
@@ -111,17 +110,3 @@ def _cell(row: Mapping[str, Any]) -> str:
     share = row["share_of_the_tightest_limit"]
     used = math.inf if share is None else share
     return cell_text(used, row["tightest"] or "", row["impossible"] or "")
-
-
-def bumps_text() -> str:
-    """Gain and time constant of the servo: rigid, as built, measured."""
-    rows = [
-        (name, number(bump.gain), number(1e3 * bump.time_constant))
-        for name, bump in simulated().items()
-    ]
-    rows += [
-        (f"measured: {each.source}", f"{each.gain:g}", f"{1e3 * each.time_constant:g}")
-        for each in MEASURED
-    ]
-    columns = [*words("servo"), *numbers("K [rad/(V s)]", "τ [ms]")]
-    return "\n".join(markdown_table(columns, rows))

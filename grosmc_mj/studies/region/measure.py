@@ -20,7 +20,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import System
-from grosmc_mj.studies.agreement.lacking import lacking
+from grosmc_mj.studies.agreement import model_mismatch
 from grosmc_mj.studies.region.axes import Axis, choose_axes, starts_on
 from grosmc_mj.studies.region.loop import RegionLoop
 from grosmc_mj.studies.region.outcome import Outcome, judge, tolerance_of
@@ -182,7 +182,7 @@ class Region:
         """Why no map of a case is made on equations, by its name; empty where they are."""
         if self.question.screen == "none":
             return dict.fromkeys([case.name for case in self.cases], "it is not asked for")
-        return {each.case.name: lacking(each.plant("physics")) for each in self.experiments}
+        return {each.case.name: model_mismatch(each.plant("physics")) for each in self.experiments}
 
 
 def outcomes(

@@ -13,7 +13,7 @@ import numpy as np
 
 from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.studies.agreement.lacking import FACTOR, LEAST_BAND
+from grosmc_mj.studies.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 from grosmc_mj.studies.tolerance.search import Search, Span
 from grosmc_mj.studies.tolerance.setting import Condition, Setting, StudiedLaw

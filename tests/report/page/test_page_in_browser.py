@@ -13,7 +13,7 @@ import pytest
 from page_documents import DOCUMENTS, TIMES, write_documents, write_film
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.films.offscreen.ffmpeg import find_ffmpeg
+from grosmc_mj.films.offscreen import find_ffmpeg
 from grosmc_mj.report.page.reading import read_results
 from grosmc_mj.report.page.write import write_page
 

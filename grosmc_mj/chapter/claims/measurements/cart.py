@@ -13,32 +13,38 @@ from collections.abc import Callable
 
 import numpy as np
 
-from grosmc_mj.cases.cart_pendulum.cart import LEAN
+from grosmc_mj.arrays import Array
+from grosmc_mj.cases.cart_pendulum.cart import LEAN, holding_ism, holding_lqr
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign, lqr
+from grosmc_mj.control.state_design import mismatch, sliding_dynamics
+from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics.definitions import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.studies.cart.measure import (
-    ALONE,
-    CART_BAND,
-    SYSTEM,
-    UNCERTAINTIES,
-    amplification,
-    holding_case,
-    projected_law,
-    projections_of,
-    rail_half_length,
-    slowest_pole,
-)
 
+SYSTEM = "cart_pendulum"
+# [s]: the cart takes longer than the pole; case 2 begins its disturbance at 9 s.
+HORIZONS = {"nominal": 20.0, "case1": 20.0, "case2": 30.0}
+# The cart has settled within this of the origin [m].
+CART_BAND = 0.02
+# Changes of the pole: matched in mass, not in length.
+UNCERTAINTIES = {
+    "4m": BodyEdit("pole", mass_scale=4.0),
+    "4L": BodyEdit("pole", length_scale=4.0),
+    "4m, 4L": BodyEdit("pole", mass_scale=4.0, length_scale=4.0),
+}
+ALONE = "LQR alone"
 # A run is judged by what it does in its last part [s].
 _LAST = 5.0
 # What is largest in the first second or two is looked at for this long [s].
@@ -46,6 +52,72 @@ _SHORT = 8.0
 _STARTS = range(5, 65, 5)
 # A cart that is held stiffly: what makes the unmatched length cost most.
 _STIFF = np.diag([10.0, 100.0, 1.0, 1.0])
+
+
+def holding_case(name: str) -> Experiment:
+    """A case of the chapter over the time that the cart needs."""
+    return find_experiment(SYSTEM, name).varied(duration=HORIZONS[name])
+
+
+def rail_half_length(plant: MujocoPlant) -> float:
+    """How far the cart's centre can go to either side [m], from the drawn rail."""
+    rail = plant.model.geom("rail")
+    return float(rail.size[0] - abs(rail.pos[0]))
+
+
+def _nominal_lqr() -> LqrDesign:
+    """The optimum that cart-lqr and cart-ism share."""
+    physics = MujocoPlant.load(SYSTEM)
+    return holding_lqr(physics.analytic(), linearize(physics)).designed.lqr
+
+
+def projections_of(optimum: LqrDesign) -> dict[str, Array | None]:
+    """The choices of G that are compared, (1, 4) each, and LQR without any."""
+    return {
+        "B+": np.linalg.pinv(optimum.B),
+        "[0 0 1 0]": np.array([[0.0, 0.0, 1.0, 0.0]]),
+        "[0 0 0 1]": np.array([[0.0, 0.0, 0.0, 1.0]]),
+        "B'P": optimum.B.T @ optimum.P,
+        ALONE: None,
+    }
+
+
+def projected_law(G: Array | None, realization: Realization) -> Controller:
+    """cart-ism with this G, or cart-lqr.
+
+    Raises:
+        GainError: If no switching gain holds the declared family with it.
+    """
+    physics = MujocoPlant.load(SYSTEM)
+    if G is None:
+        return holding_lqr(physics.analytic(), linearize(physics))
+    return realized(holding_ism(physics.analytic(), linearize(physics), G=G), realization)
+
+
+def uncertainty(optimum: LqrDesign, model: tuple[Array, Array]) -> tuple[Array, Array]:
+    """The matched and the unmatched part of dA - dB K, (n, n) each."""
+    added, matched = mismatch(optimum, *model)
+    return matched, added - matched
+
+
+def amplification(optimum: LqrDesign, G: Array | None, model: tuple[Array, Array]) -> float | None:
+    """|(I - B (G B)^-1 G) phi_u| / |phi_u| in the spectral norm; None if nothing is unmatched.
+
+    On s = 0 the switching input answers phi_u with -(G B)^-1 G phi_u, which adds to it.
+    """
+    matched, unmatched = uncertainty(optimum, model)
+    size = float(np.linalg.norm(unmatched, 2))
+    if G is None or size <= 1e-9 * np.linalg.norm(matched, 2):
+        return None
+    answered = unmatched - optimum.B @ np.linalg.solve(G @ optimum.B, G @ unmatched)
+    return float(np.linalg.norm(answered, 2) / size)
+
+
+def slowest_pole(optimum: LqrDesign, G: Array | None, model: tuple[Array, Array]) -> float:
+    """Largest real part of the sliding dynamics or, without G, of A_t - B_t K [1/s]."""
+    A_t, B_t = model
+    loop = A_t - B_t @ optimum.K if G is None else sliding_dynamics(optimum, G, A_t, B_t)
+    return float(np.linalg.eigvals(loop).real.max())
 
 
 def distance_from_hold(lab: Laboratory, plant: PlantName, *, controller: str) -> Measured:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pydantic import BaseModel
 
 from grosmc_mj.report.page.studies.documents import (
-    StoredAgreements,
-    StoredCart,
     StoredPremises,
     StoredRegion,
     StoredSweeps,
@@ -24,12 +22,8 @@ def study_answer(content: BaseModel | None) -> Answer | None:
     match content:
         case StoredRegion():
             return _region(content)
-        case StoredAgreements():
-            return _agreement(content)
         case StoredSwitching():
             return _switching(content)
-        case StoredCart():
-            return _cart(content)
         case StoredSweeps():
             return _sweeps(content)
         case StoredPremises():
@@ -57,18 +51,6 @@ def _region(content: StoredRegion) -> Answer:
     return Answer(f"Region of {content.system}", MEASURED, "; ".join(words) or "no maps", said)
 
 
-def _agreement(content: StoredAgreements) -> Answer:
-    """How far equations and MuJoCo differ."""
-    sizes = [x.acceleration for x in content.agreement if x.acceleration is not None]
-    said = f"accelerations differ by {number(max(sizes, default=None))} of their largest term"
-    asked = "Agreement of equations and MuJoCo"
-    if content.disagreements:
-        words = f"{len(content.disagreements)} of {len(content.agreement)} models disagree"
-        return Answer(asked, BROKEN, words, content.disagreements[0])
-    words = f"all {len(content.agreement)} models agree"
-    return Answer(asked, KEPT, words, f"{said}, {number(content.bound)} is allowed")
-
-
 def _switching(content: StoredSwitching) -> Answer:
     """The most accurate law at the shortest sample time, and the orders of all."""
     samples = [x for x in content.benchmark.sample_times if x.max_sliding is not None]
@@ -79,22 +61,6 @@ def _switching(content: StoredSwitching) -> Answer:
         words = f"the most accurate is {best.law}: {size}"
     orders = [f"{law} {number(order)}" for law, order in content.benchmark.orders.items()]
     return Answer("Switching laws", MEASURED, words, f"orders: {', '.join(orders)}")
-
-
-def _cart(content: StoredCart) -> Answer:
-    """Whether the laws stay on the rail, and which G costs the least."""
-    off = [
-        each
-        for each in content.runs
-        if each.ended
-        or ("rail_margin" in each.measures and (each.measures["rail_margin"].value or 0.0) < 0)
-    ]
-    words = f"{len(off)} of {len(content.runs)} runs end early or leave the rail"
-    known = [(x.deviation.value, x.name) for x in content.projections
-             if x.deviation.value is not None]  # fmt: skip
-    deviation, name = min(known, default=(None, ""))
-    said = f"the least deviation of a choice of G: {number(deviation)} % with {name}"
-    return Answer("Holding the cart", MEASURED, words, said if known else "")
 
 
 def _sweeps(content: StoredSweeps) -> Answer:

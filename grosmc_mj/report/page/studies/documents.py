@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from grosmc_mj.report.page.documents import Number, StoredMetric, StoredPart, Text
+from grosmc_mj.report.page.documents import Number, StoredPart, Text
 
 
 class StoredAxis(StoredPart):
@@ -55,25 +55,6 @@ class StoredRegion(StoredPart):
     maps: list[StoredMap]
 
 
-class StoredAgreement(StoredPart):
-    """How far equations and MuJoCo differ."""
-
-    system: Text = ""
-    variant: Text
-    edit: Text
-    acceleration: Number = None
-    trajectory: Number = None
-    states: int = 0
-
-
-class StoredAgreements(StoredPart):
-    """What ``study agreement`` writes."""
-
-    bound: Number = None
-    disagreements: list[Text] = Field(default=[])
-    agreement: list[StoredAgreement]
-
-
 class StoredSample(StoredPart):
     """A switching law on the scalar benchmark."""
 
@@ -109,42 +90,6 @@ class StoredSwitching(StoredPart):
 
     benchmark: StoredBenchmark
     cases: list[StoredSwitchingCase]
-
-
-class StoredHeld(StoredPart):
-    """A law that holds the cart, or leaves it alone, in a case."""
-
-    case: Text
-    controller: Text
-    ended: Text = ""
-    measures: dict[str, StoredMetric] = Field(default={})
-
-
-class StoredProjection(StoredPart):
-    """What a choice of G makes of what is not matched."""
-
-    name: Text
-    amplification: Number = None
-    gain_ratio: Number = None
-    pole: StoredMetric = StoredMetric()
-    deviation: StoredMetric = StoredMetric()
-    max_input: StoredMetric = StoredMetric()
-
-
-class StoredUncertainty(StoredPart):
-    """What the input reaches of an uncertainty."""
-
-    name: Text
-    matched: Number = None
-    unmatched: Number = None
-
-
-class StoredCart(StoredPart):
-    """What ``study cart`` writes."""
-
-    runs: list[StoredHeld]
-    projections: list[StoredProjection]
-    uncertainties: list[StoredUncertainty] = Field(default=[])
 
 
 class StoredTrial(StoredPart):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from pydantic import BaseModel
 
-from grosmc_mj.report.page.documents import StoredMetric
 from grosmc_mj.report.page.sheets import (
     Line,
     Sheet,
@@ -18,9 +17,7 @@ from grosmc_mj.report.page.sheets import (
     lines_chart,
 )
 from grosmc_mj.report.page.studies.documents import (
-    StoredAgreements,
     StoredAudit,
-    StoredCart,
     StoredPremises,
     StoredReading,
     StoredRegion,
@@ -48,12 +45,8 @@ def study_sheets(content: BaseModel | None) -> Sequence[Sheet]:
     match content:
         case StoredRegion():
             return [_region(content)]
-        case StoredAgreements():
-            return [_agreement(content)]
         case StoredSwitching():
             return [_scalar(content), _switching(content.cases)]
-        case StoredCart():
-            return list(_cart(content))
         case StoredSweeps():
             return [_sweeps(content.sweeps)]
         case StoredPremises():
@@ -100,37 +93,6 @@ def _region(content: StoredRegion) -> Sheet:
 
 def _share(count: int, of: int) -> str:
     return f"{count} ({number(count / of * 100)} %)" if of > 0 else str(count)
-
-
-def _agreement(content: StoredAgreements) -> Sheet:
-    """How far equations and MuJoCo differ."""
-    numbered = [(str(place), each) for place, each in enumerate(content.agreement, 1)]
-    rows = [
-        [
-            place, f"{each.system}, {each.variant}", each.edit, number(each.acceleration),
-            number(each.trajectory), str(each.states),
-        ]
-        for place, each in numbered
-    ]  # fmt: skip
-    lines = [
-        Line(
-            variant,
-            [place for place, each in numbered if each.variant == variant],
-            # On a logarithmic axis there is no zero.
-            [each.acceleration or None for _, each in numbered if each.variant == variant],
-            [each.edit for _, each in numbered if each.variant == variant],
-        )
-        for variant in dict.fromkeys(each.variant for each in content.agreement)
-    ]
-    return Sheet(
-        "Agreement of the equations with MuJoCo",
-        f"Dashed: the bound, {number(content.bound)}. Below it there is rounding alone.",
-        ["model", "equations", "its edits", "acceleration difference over largest term",
-         "trajectory difference [m, rad]", "states"],
-        rows,
-        [lines_chart("accelerations", ("model", "acceleration difference"), lines,
-                     limit=content.bound)],
-    )  # fmt: skip
 
 
 def _scalar(content: StoredSwitching) -> Sheet:
@@ -187,80 +149,6 @@ def _switching(cases: Sequence[StoredSwitchingCase]) -> Sheet:
 
 def _deviation(each: StoredSwitchingCase) -> str:
     return f"ended: {each.ended}" if each.ended else number(each.deviation)
-
-
-def _cart(content: StoredCart) -> Iterator[Sheet]:
-    """What holding the cart costs, what G does, and what the input reaches."""
-    names = list(dict.fromkeys(name for each in content.runs for name in each.measures))
-    yield Sheet(
-        "Holding the cart: each law in each case",
-        "Settled: within 2 % of the start angle, and the cart in its band.",
-        ["case, law", *(name.replace("_", " ") for name in names), "ended"],
-        [
-            [
-                f"{each.case}, {each.controller}",
-                *(_measured(each.measures.get(name)) for name in names),
-                each.ended,
-            ]
-            for each in content.runs
-        ],
-        [
-            lines_chart(
-                name.replace("_", " "),
-                ("case", f"{name.replace('_', ' ')}{_unit(content, name)}"),
-                [
-                    Line(
-                        law,
-                        [each.case for each in own],
-                        [each.measures.get(name, StoredMetric()).value for each in own],
-                    )
-                    for law, own in _by(content.runs, "controller")
-                ],
-            )
-            for name in names
-        ],
-    )
-    yield Sheet(
-        "What each choice of G makes of what is not matched",
-        "Amplification of what is unmatched; r: input gain on s, true over nominal.",
-        ["G", "amplification", "r", "slowest pole", "deviation", "max |u|"],
-        [
-            [
-                each.name, number(each.amplification), number(each.gain_ratio),
-                *(_measured(x) for x in (each.pole, each.deviation, each.max_input)),
-            ]
-            for each in content.projections
-        ],
-        [
-            lines_chart(
-                "deviation",
-                ("amplification of what is unmatched", "deviation [% of the start]"),
-                [
-                    Line(each.name, [each.amplification], [each.deviation.value])
-                    for each in content.projections
-                    if each.amplification is not None
-                ],
-            )
-        ],
-    )  # fmt: skip
-    if content.uncertainties:
-        yield Sheet(
-            "What the input reaches of each uncertainty",
-            "Norms of what is added to A - B K.",
-            ["uncertainty", "matched", "unmatched"],
-            [[x.name, number(x.matched), number(x.unmatched)] for x in content.uncertainties],
-        )
-
-
-def _unit(content: StoredCart, name: str) -> str:
-    units = {each.measures[name].unit for each in content.runs if name in each.measures}
-    return f" [{units.pop()}]" if len(units) == 1 else ""
-
-
-def _measured(metric: StoredMetric | None) -> str:
-    if metric is None or metric.value is None:
-        return "-"
-    return number(metric.value) + ("" if metric.unit == "1" else f" {metric.unit}")
 
 
 def _sweeps(sweeps: Sequence[StoredSweep]) -> Sheet:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.bench.batches import closed_loop, open_batch
-from grosmc_mj.bench.timing import Throughput, measured
+from benchmarks.batches import closed_loop, open_batch
+from benchmarks.timing import Throughput, measured
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import specification_of
 from grosmc_mj.campaign.runs.folder import Folder
@@ -24,7 +24,7 @@ from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
-from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
 
 _PLANTS, _STEPS = 4096, 800

@@ -7,8 +7,8 @@ from typing import Any
 
 from mujoco.batch import Batch
 
+from benchmarks.timing import TimedLoop
 from grosmc_mj.arrays import Array
-from grosmc_mj.bench.timing import TimedLoop
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.machine.unseen import starts
 from grosmc_mj.plants import Plant

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grosmc_mj.bench.batches import closed_loop, open_batch
-from grosmc_mj.bench.timing import Throughput, measured
+from benchmarks.batches import closed_loop, open_batch
+from benchmarks.timing import Throughput, measured
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.plants import SYSTEMS
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from grosmc_mj.bench.campaigns import Cost, Scaling
-from grosmc_mj.bench.films import FilmRate
-from grosmc_mj.bench.timing import Throughput
+from benchmarks.campaigns import Cost, Scaling
+from benchmarks.timing import Throughput
 from grosmc_mj.report.document import origin
 from grosmc_mj.report.markdown import markdown_table
 from grosmc_mj.report.tables import TableData, numbers, words
@@ -66,13 +65,4 @@ def throughput_table(rows: Sequence[Throughput], what: str) -> TableData:
             )
             for row in rows
         ],
-    )
-
-
-def film_rates_table(rows: Sequence[FilmRate], title: str) -> TableData:
-    """What the benchmark of films measured."""
-    return TableData(
-        title,
-        [*words("frames"), *numbers("per second", "film's rate over it")],
-        [(row.what, f"{row.rate:.1f}", f"{row.ratio:.2f}") for row in rows],
     )

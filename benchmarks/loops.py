@@ -8,11 +8,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from grosmc_mj.bench.batches import OPEN_LOOP, closed_loop, open_batch
-from grosmc_mj.bench.timing import Throughput, TimedLoop, measured
+from benchmarks.batches import OPEN_LOOP, closed_loop, open_batch
+from benchmarks.timing import Throughput, TimedLoop, measured
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.films.offscreen.backends import without_graphics
+from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from grosmc_mj.bench.batches import closed_loop, open_batch
-from grosmc_mj.bench.timing import Throughput, measured
+from benchmarks.batches import closed_loop, open_batch
+from benchmarks.timing import Throughput, measured
 from grosmc_mj.cases.jaco.jaco import jaco
 from grosmc_mj.experiments.experiment import Experiment
 

@@ -1,1 +1,0 @@
-"""Do the equations and MuJoCo agree, to rounding?"""
