@@ -161,7 +161,7 @@ class RobotCoordinates(OutputCoordinates):
         """(alpha, E) of z_i'' = alpha_i + (E u)_i: (m,) and (m, m)."""
         x, n = np.asarray(x, float), self.inputs
         E = np.linalg.inv(inertia(self.model, x[:n]))
-        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised(t, p)[1::2]
+        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised_along([t], p)[0, 1::2]
         return self.sign * alpha, self.sign * E
 
     def moved(
@@ -193,7 +193,7 @@ class RobotCoordinates(OutputCoordinates):
         gain[1::2] = np.linalg.inv(M)
         # The torques of the motors, which are the inputs within their limits.
         drift[0::2], drift[1::2] = x[n:], data.qacc - gain[1::2] @ data.qfrc_actuator
-        return self.sign * (drift - self.raised(t, p)), self.sign * gain
+        return self.sign * (drift - self.raised_along([t], p)[0]), self.sign * gain
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """q and q' of each joint at every state of a trajectory, (N, n); returns (N, size)."""

@@ -239,11 +239,13 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
 
 def test_the_acceleration_that_an_input_was_computed_for_is_found_again() -> None:
     law = two_link_law()
-    error, p, v = law.coordinates, law.parameters, (1.5, -0.7)
+    error, p, v = law.coordinates, law.parameters, np.array([1.5, -0.7])
     memory, _kept = law.begin()
     for x in states(2):
-        u = error.feedback(0.3, x, v, memory, p)
-        np.testing.assert_allclose(error.driven(0.3, x, u, memory, p), v, rtol=1e-10)
+        u, back = np.zeros(2), np.zeros(2)
+        error.feedback(0.3, x, v, memory, p, u)
+        error.virtual_input(0.3, x, u, memory, p, back)
+        np.testing.assert_allclose(back, v, rtol=1e-10)
 
 
 def test_the_design_model_moves_by_mujocos_accelerations() -> None:

@@ -284,12 +284,8 @@ class OutputCoordinates(Coordinates):
 
     @cached_property
     def _lower(self) -> tuple[int, ...]:
-        """Where the reference's values are that z is measured from."""
-        places, first = [], 0
-        for degree in self.linearization.relative_degree:
-            places += range(first, first + degree)
-            first += degree + 1
-        return tuple(places)
+        """Places of the reference's values that z is measured from."""
+        return tuple(i for i in range(self.size + self.inputs) if i not in self._highest)
 
     @cached_property
     def _highest(self) -> tuple[int, ...]:
@@ -312,26 +308,20 @@ class OutputCoordinates(Coordinates):
         return self.sign * (self.outputs_along(x, p.plant) - reference)
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""
+        """y_r and its derivatives that z is measured from, at the instants (N,): (N, size)."""
+        return self._reference_rows(time, parameters)[:, self._lower]
+
+    def raised_along(self, t: ArrayLike, p: Any) -> Array:
+        """Derivatives of what z is measured from, at the instants (N,): (N, size)."""
+        return self._reference_rows(t, p.reference)[:, [row + 1 for row in self._lower]]
+
+    def _reference_rows(self, time: ArrayLike, parameters: Any) -> Array:
+        """All that the reference returns at the instants, one row each."""
         times = np.asarray(time, float)
         if not getattr(self.reference, "moves", True):
-            return np.tile(
-                np.array(self.reference(0.0, parameters))[list(self._lower)], (len(times), 1)
-            )
-        rows = [self.reference(t, parameters) for t in times.tolist()]
-        return np.array(rows)[:, self._lower]
-
-    def raised(self, t: float, p: Any) -> Array:
-        """The derivatives of what z is measured from, (size,)."""
-        return np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
-
-    def raised_along(self, t: Sequence[float], p: Any) -> Array:
-        """``raised`` at instants (N,), (N, size)."""
-        if not getattr(self.reference, "moves", True):
-            return np.tile(self.raised(0.0, p), (len(t), 1))
-        return np.array([self.raised(each, p) for each in t])
+            return np.tile(np.array(self.reference(0.0, parameters)), (len(times), 1))
+        return np.array([self.reference(t, parameters) for t in times.tolist()])
 
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""
-        lower = np.array(self.reference(t, p.reference))[list(self._lower)]
-        return lower + self.sign * np.asarray(z, float)
+        return self.reference_along([t], p.reference)[0] + self.sign * np.asarray(z, float)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, shown
 
 
-class Dynamics(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Dynamics:
     """The matrices of a law with N states q, at one control period.
 
     Attributes:
@@ -49,28 +50,18 @@ class Dynamics(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DynamicParameters(Sampled):
-    """Numbers of a law with dynamics: ``Dynamics``, flat.
+    """Numbers of a law with dynamics.
 
     Attributes:
         plant: The nominal plant's parameters.
         reference: The reference's parameters.
-        K: See ``Dynamics``, as all that follow.
-        H: (m, N).
-        F: (N, N).
-        G: (N, n).
-        L: (N, m).
-        start: (N, n).
+        dynamics: The matrices at the run's control period.
         limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
     """
 
     plant: Any
     reference: Any
-    K: Array
-    H: Array
-    F: Array
-    G: Array
-    L: Array
-    start: Array
+    dynamics: Dynamics
     limit: float = math.inf
 
 
@@ -87,13 +78,14 @@ def dynamic_feedback(error: OutputCoordinates, *, linearizing: bool, holds: bool
     error_state, (apply, virtual_input) = error.state, error.input_maps(linearizing=linearizing)
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        d = p.dynamics
         z, v, q, after = memory.z, memory.v, memory.q, memory.after
         error_state(t, x, p, z)
         if t == memory.first:
             for i in range(len(q)):
-                q[i] = row_times(i, p.start, z)
+                q[i] = row_times(i, d.start, z)
         for i in range(len(v)):
-            v[i] = 0.0 - (row_times(i, p.K, z) + row_times(i, p.H, q))
+            v[i] = 0.0 - (row_times(i, d.K, z) + row_times(i, d.H, q))
             memory.applied[i] = v[i]
         apply(t, x, v, memory, p, u)
         cut = False
@@ -105,8 +97,8 @@ def dynamic_feedback(error: OutputCoordinates, *, linearizing: bool, holds: bool
         if cut:
             virtual_input(t, x, memory.within, memory, p, memory.applied)
         for i in range(len(q)):
-            after[i] = row_times(i, p.F, q) + row_times(i, p.G, z)
-            after[i] += row_times(i, p.L, memory.applied)
+            after[i] = row_times(i, d.F, q) + row_times(i, d.G, z)
+            after[i] += row_times(i, d.L, memory.applied)
         for i in range(len(q)):
             q[i] = after[i]
 
@@ -143,19 +135,17 @@ def dynamic_controller(
     """
     if not real(limit) > 0:
         raise GainError(f"{name}: limit = {shown(limit)} must be positive")
-    # Shapes are the same at every period; before there is one the law is not run.
-    bare = Dynamics(*(np.zeros_like(matrix) for matrix in at(1.0)))
-    order, m, n = len(bare.F), task.error.inputs, task.error.size
-
-    def numbers(period: float) -> dict[str, Array]:
-        return {key: np.ascontiguousarray(M) for key, M in at(period)._asdict().items()}
-
-    plain = vars(task.feedback(bare.K)) | bare._asdict()
+    # Shapes are the same at every period; a run takes the matrices of its own.
+    dynamics, m, n = at(1.0), task.error.inputs, task.error.size
+    order = len(dynamics.F)
+    parameters = DynamicParameters(
+        plant=task.plant.parameters, reference=task.reference, dynamics=dynamics, limit=float(limit)
+    )
     shown_gains = gains | ({"limit": float(limit)} if math.isfinite(limit) else {})
     return Controller(
         name,
         dynamic_feedback(task.error, linearizing=linearizing, holds=holds),
-        DynamicParameters(**plain, limit=float(limit)),
+        parameters,
         memory_of(
             m,
             z=np.zeros(n),
@@ -170,7 +160,7 @@ def dynamic_controller(
             source=source,
             gains=shown_gains,
             linearizing=linearizing,
-            numbers_at=numbers,
+            numbers_at=lambda period: {"dynamics": at(period)},
             # Of these laws the observer's alone is the LQR where there is no load.
             follows_optimum=not holds,
         ),
