@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
@@ -48,11 +49,11 @@ class Range(_Check):
 
     Attributes:
         low: Smallest value.
-        high: Largest value; infinite for none, and then infinity itself is refused.
+        high: Largest value; infinite for none.
         unit: Such as ``s``; empty for a pure number.
         above: Whether ``low`` itself is refused.
         below: Whether ``high`` itself is refused.
-        infinite: Whether infinity is a value, which stands for no limit.
+        infinite: Whether infinity is a value too, which stands for no limit.
         whole: Whether it must be a whole number.
     """
 
@@ -67,15 +68,19 @@ class Range(_Check):
     def __call__(self, value: Any) -> float | int:
         """The number, if it is within."""
         number = whole(value) if self.whole else real(value)
-        if number is None or not self.holds(number):
+        # A whole number beyond all floats is no infinity.
+        beyond = isinstance(value, int) and number is not None and math.isinf(number)
+        if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
         """Whether a number is within the bounds; NaN is not."""
+        if math.isinf(number):
+            return self.infinite and (number > 0 or self.low == -math.inf)
         over = number > self.low if self.above else number >= self.low
         under = number < self.high if self.below else number <= self.high
-        return over and under and (self.infinite or math.isfinite(number))
+        return over and under
 
     @property
     def wanted(self) -> str:
@@ -93,7 +98,8 @@ class Range(_Check):
             start = f"above {self.low:g}" if self.above else f"from {self.low:g}"
             bounds = f"{start} to {'below ' if self.below else ''}{self.high:g}"
         unit = f" {self.unit}" if self.unit and any(c.isdigit() for c in bounds) else ""
-        return f"{kind}{bounds}{unit}"
+        endless = ", or infinite" if self.infinite and self.high < math.inf else ""
+        return f"{kind}{bounds}{unit}{endless}"
 
     @property
     def _end(self) -> str:
@@ -186,6 +192,17 @@ class Items(_Check):
         return tuple(value)
 
 
+class _Vector(_Check):
+    """Three finite numbers."""
+
+    def __call__(self, value: Any) -> tuple[float, float, float]:
+        """The numbers as a tuple, which can be compared and hashed."""
+        array = reals(value)
+        if array.shape != (3,) or not np.all(np.isfinite(array)):
+            raise refused("three finite numbers")
+        return tuple(array.tolist())
+
+
 class _Name(_Check):
     """A name that is not empty."""
 
@@ -208,6 +225,7 @@ Finite = Annotated[float, Range()]
 Positive = Annotated[float, Range(0, above=True)]
 NotNegative = Annotated[float, Range(0)]
 Seconds = Annotated[float, Range(0, unit="s")]
+Vector = Annotated[tuple[float, float, float], _Vector()]
 Name = Annotated[str, _Name()]
 Flag = Annotated[bool, _Flag()]
 
@@ -240,7 +258,9 @@ def checked(
             except pydantic.ValidationError as mistakes:
                 title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
                 owner = kwargs.get(names[0], owner)
-                start = label or (f"{title} of {shown(owner)}" if title else "")
+                start = label or (
+                    f"{title} of {shown(owner)}" if isinstance(title, str) and title else ""
+                )
                 raise translated(mistakes, names, error, start and f"{start}: ") from None
 
         made.__init__ = initialize_checked
@@ -295,6 +315,9 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
     match mistake["type"]:
         case "refused":
             return f"{place} = {value} must be {mistake['msg']}"
+        case "literal_error":
+            valid = re.findall("'([^']*)'", mistake["ctx"]["expected"])
+            return unknown_name(place, mistake["input"], valid)
         case "missing" | "missing_argument":
             return f"{place} is missing"
         case "unknown":

@@ -1,21 +1,19 @@
-"""The machine as built: what a rigid, frictionless model leaves out.
+"""The machine as built: what a rigid, frictionless model leaves out, one file a part.
 
-``parts`` are values; ``building`` writes them into a model as edits, ``motors`` those that drive a
-joint; ``stability`` says what timestep they need, ``unseen`` what of their states no law sees.
+A part is an edit of a model: it knows how it is written, the timestep it needs and its states.
 """
 
 from __future__ import annotations
 
-from grosmc_mj.machine.parts import (
-    LuGre,
-    MachinePart,
-    Motor,
-    SlidingLoad,
-    Stop,
-    SwingingLoad,
-    Transmission,
-    Wall,
-)
+from grosmc_mj.machine.backlash import Transmission
+from grosmc_mj.machine.friction import LuGre
+from grosmc_mj.machine.loads import SlidingLoad, SwingingLoad
+from grosmc_mj.machine.motor import Motor
+from grosmc_mj.machine.part import MachinePart
+from grosmc_mj.machine.stops import Stop, Wall
+
+# All kinds, in the order in which a case file is read.
+PARTS = (Transmission, LuGre, Stop, Motor, SwingingLoad, SlidingLoad, Wall)
 
 __all__ = [
     "LuGre",

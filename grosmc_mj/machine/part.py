@@ -1,83 +1,115 @@
-"""What every part of a machine has: one thing that it is of, and numbers within bounds."""
+"""Common ground of a machine's parts: bounds of their numbers, and the timestep they need."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
+import mujoco
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require
-from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Range
+from grosmc_mj.physics.edits import Edit
 
 # Sizes of numbers, in any unit: beyond them is a slip, and squares leave what floats hold.
-LEAST, _MOST = 1e-15, 1e15
+LEAST, MOST = 1e-15, 1e15
+# MuJoCo wants mass and inertia on every body that moves: too little to matter.
+TOKEN = 1e-12
+# Of the largest stable timestep: what else moves needs a share of it.
+_SAFE = 0.9
+
+# Units of a joint's numbers: of a hinge, or of a slide.
+ANGLE, FORCE, INERTIA = "rad or m", "N m or N", "kg m^2 or kg"
+SPEED, STIFFNESS, DAMPING = "rad/s or m/s", "N m/rad or N/m", "N m s/rad or N s/m"
+
+
+def positive(unit: str = "", *, infinite: bool = False) -> Range:
+    """Of a number above zero, or of a limit that may be infinite."""
+    return Range(LEAST, MOST, unit, infinite=infinite)
+
+
+def not_negative(unit: str = "") -> Range:
+    """Of a number from zero on."""
+    return Range(0, MOST, unit)
+
+
+def signed(unit: str = "") -> Range:
+    """Of a number of either sign."""
+    return Range(-MOST, MOST, unit)
 
 
 @dataclass(frozen=True)
-class Part:
-    """What all parts have: one thing that they are of, and numbers with bounds."""
+class Oscillation:
+    """q'' + d q' + w^2 q = 0: the motion of a part alone, against the rest of the machine.
 
-    kind: ClassVar[str]
-    owner: ClassVar[str]
-    # Numbers that must be more than zero, and those that may be infinite.
-    positive: ClassVar[frozenset[str]] = frozenset()
-    infinite: ClassVar[frozenset[str]] = frozenset()
-    signed: ClassVar[frozenset[str]] = frozenset()
+    Attributes:
+        square: w^2 [1/s^2]; zero of a first-order lag.
+        damping: d [1/s].
+        constrained: Whether it is a constraint's, whose damping no integrator makes implicit.
+    """
 
-    def __post_init__(self) -> None:
-        require(self.owner, self.of, str, f"the name of {_a(self.owner)}", ModelError)
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name == self.owner or isinstance(item.default, tuple):
-                continue
-            if isinstance(item.default, bool):
-                require(item.name, value, bool, "True or False", ModelError)
-                continue
-            self._require(item.name, value)
-        self._check()
+    square: float
+    damping: float
+    constrained: bool = False
 
-    @property
-    def of(self) -> str:
-        """Name of the joint, body or input that it is of."""
-        return getattr(self, self.owner)
+    def __str__(self) -> str:
+        if not self.square:
+            return f"follows its input in {1 / self.damping:.2g} s"
+        return f"moves at {math.sqrt(self.square):.4g} rad/s"
 
-    def _require(self, name: str, value: Any) -> None:
-        number = real(value)
-        if name in self.signed:
-            fine, wanted = math.isfinite(number), "finite"
-        elif name in self.positive:
-            fine, wanted = number > 0, "positive"
+    def stable(self, h: float, integrator: mujoco.mjtIntegrator) -> bool:
+        """Whether it does not grow in a timestep h [s]."""
+        square, d = self.square, self.damping
+        if integrator == mujoco.mjtIntegrator.mjINT_RK4:
+            z = h * np.array([[0.0, 1.0], [-square, -d]])
+            step = np.eye(2) + z @ (np.eye(2) + z @ (np.eye(2) / 2 + z @ (np.eye(2) / 6 + z / 24)))
         else:
-            fine, wanted = number >= 0, "not negative"
-        # A whole number beyond floats is no infinity.
-        if math.isinf(number) and not (name in self.infinite and isinstance(value, float)):
-            fine, wanted = False, f"finite and {wanted}"
-        elif name in self.positive and 0 < number < LEAST:
-            fine, wanted = False, f"at least {LEAST:g}"
-        elif math.isfinite(number) and abs(number) > _MOST:
-            fine, wanted = False, f"at most {_MOST:g}" if number > 0 else f"at least {-_MOST:g}"
-        if not fine:
-            self.refuse(f"{name} = {shown(value)} must be {wanted}")
+            implicit = integrator != mujoco.mjtIntegrator.mjINT_EULER and not self.constrained
+            divided = 1.0 / (1.0 + h * d) if implicit else 1.0
+            kept, push = divided if implicit else 1.0 - h * d, -h * square * divided
+            step = np.array([[1.0 + h * push, h * kept], [push, kept]])
+        return float(np.abs(np.linalg.eigvals(step)).max()) <= 1 + 1e-9
 
-    def refuse(self, said: str) -> None:
-        """Say what is wrong with this part.
-
-        Raises:
-            ModelError: Always.
-        """
-        raise ModelError(f"{self.kind} of {shown(self.of)}: {said}")
-
-    def require_place(self, name: str) -> None:
-        """Refuse what is no three finite numbers."""
-        place = reals(getattr(self, name))
-        if place.shape != (3,) or not np.all(np.isfinite(place)):
-            self.refuse(f"{name} = {shown(getattr(self, name))} must be three finite numbers")
-
-    def _check(self) -> None:
-        """Refuse numbers that do not go together."""
+    def longest_timestep(self, unstable: float, integrator: mujoco.mjtIntegrator) -> float:
+        """The longest stable timestep below one that is not stable [s]."""
+        stable = unstable
+        while not self.stable(stable, integrator) and stable > 1e-9:
+            stable /= 2
+        for _ in range(30):
+            middle = math.sqrt(stable * unstable)
+            if self.stable(middle, integrator):
+                stable = middle
+            else:
+                unstable = middle
+        return stable
 
 
-def _a(noun: str) -> str:
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+class MachinePart(Edit):
+    """A part of the machine as built; numbers of a joint are at the joint, whatever the gear.
+
+    A part that has an ``oscillation`` needs a timestep with which it is stable. A stiff part is so
+    by far, so each is looked at alone.
+
+    Attributes:
+        remedy: What else may be done about an unstable one, for the message.
+    """
+
+    rigid = False
+    remedy: ClassVar[str] = "make it softer"
+
+    def oscillation(self, model: mujoco.MjModel) -> Oscillation | None:
+        """Its motion alone in a compiled model; None of a part without a spring or lag."""
+
+    def require_timestep(self, model: mujoco.MjModel, system: str) -> None:
+        """Refuse a timestep with which it is unstable, as ``Edit`` says."""
+        h, integrator = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
+        oscillation = self.oscillation(model)
+        if oscillation is None or oscillation.stable(h, integrator):
+            return
+        longest = _SAFE * oscillation.longest_timestep(h, integrator)
+        raise ModelError(
+            f"{system}: {self.kind} of {self.of!r} {oscillation}, which {integrator.name[6:]} with "
+            f"a timestep of {h:g} s makes unstable: take at most {longest:.2g} s, or {self.remedy}"
+        )

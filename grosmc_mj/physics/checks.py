@@ -28,7 +28,7 @@ _OPTIONS = ("gravity", "wind", "magnetic", "density", "viscosity", "impratio", "
 _SWITCHES = ("timestep", "integrator", "cone", "jacobian", "solver", "iterations")
 _FLAGS = ("disableflags", "enableflags", "disableactuator")
 # Shortest and longest timestep of a model [s].
-_SHORTEST, _LONGEST = 1e-9, 1.0
+SHORTEST, LONGEST = 1e-9, 1.0
 
 
 @cache
@@ -66,9 +66,9 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
     if not model.names.decode(errors="replace").replace("\0", "").isprintable():
         raise ModelError(f"{shown(name, str)}: a name in it has characters that cannot be printed")
     h = float(model.opt.timestep)
-    if not _SHORTEST <= h < _LONGEST:
+    if not SHORTEST <= h < LONGEST:
         raise ModelError(
-            f"{name}: its timestep is {h:g} s, must lie between {_SHORTEST:g} and {_LONGEST:g} s: "
+            f"{name}: its timestep is {h:g} s, must lie between {SHORTEST:g} and {LONGEST:g} s: "
             "write <option timestep=...>"
         )
     for option in _OPTIONS:

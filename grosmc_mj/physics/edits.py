@@ -1,30 +1,150 @@
-"""What a plant has that its nominal model lacks, as edits: masses, lengths, frictions, parts."""
+"""Edits of a nominal model: values that know how they are written into it.
+
+Masses, lengths, joints and inputs are here; the parts of a machine as built are edits, too.
+"""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import mujoco
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require, require_known
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ModelError, shown
-from grosmc_mj.machine.building import build
-from grosmc_mj.machine.parts import MachinePart
-from grosmc_mj.machine.writing import draw_ball, linear, write_inertia
+from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Finite, Name, NotNegative, Positive, Range, Vector, checked
 from grosmc_mj.physics.files import compile_spec
+from grosmc_mj.physics.writing import draw_ball, linear, write_inertia
+
+if TYPE_CHECKING:
+    from grosmc_mj.physics.hidden_states import HiddenState
+    from grosmc_mj.physics.template import Template
+    from grosmc_mj.plants import System
+
+# A field of mjModel, which of its rows, and the value there.
+Change = tuple[str, Any, Any]
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 # Sine of the angle within which an axis lies along z, but for rounding.
 _PARALLEL = 1e-9
+# A compiler refuses a body that moves and has less mass or inertia.
+_LEAST = mujoco.mjMINVAL
 
 
 @dataclass(frozen=True)
-class BodyEdit:
-    """Scale a body's mass by a and every length of it by b.
+class Edit(ABC):
+    """A change of the nominal model that laws do not know of.
+
+    Attributes:
+        kind: Its name in messages.
+        owner: The field that names its owner: ``body``, ``joint`` or ``input``.
+        order: Edits are written in ascending order, whatever the order they are listed in.
+        several: Whether one owner may have several of the kind.
+        rigid: Whether the rigid system, of which there are equations, can have it.
+    """
+
+    kind: ClassVar[str] = "edit"
+    owner: ClassVar[str]
+    order: ClassVar[int]
+    several: ClassVar[bool] = False
+    rigid: ClassVar[bool] = True
+
+    @property
+    def of(self) -> str:
+        """Name of its body, joint or input."""
+        return getattr(self, self.owner)
+
+    @abstractmethod
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """Write it into an editable model.
+
+        Args:
+            spec: With the edits of a lower order.
+            nominal: Compiled, without any edit.
+
+        Raises:
+            ModelError: If this model cannot have it.
+        """
+
+    def changes(self, template: Template) -> list[Change] | None:  # noqa: B027
+        """Its changes of a compiled model; None if a model with it must be compiled."""
+
+    def shrunk(self, share: float) -> Edit:
+        """A share of the edit, from 0 to 1; one that cannot be divided stays as it is."""
+        return self
+
+    def hidden(self, state: HiddenState, model: mujoco.MjModel) -> HiddenState:
+        """A hidden state of the compiled model, with its name and unit if it is this edit's."""
+        return state
+
+    def require_start(self, system: System, x0: Array) -> None:  # noqa: B027  most have no bounds
+        """Refuse a start, (n,), where it cannot be.
+
+        Raises:
+            ArgumentError: With the bounds.
+        """
+
+    def require_timestep(self, model: mujoco.MjModel, system: str) -> None:  # noqa: B027
+        """Refuse a compiled model whose timestep or integrator makes it unstable.
+
+        Raises:
+            ModelError: With the name of the system and the timestep that it needs.
+        """
+
+
+def apply_edits(
+    spec: mujoco.MjSpec,
+    edits: Iterable[Edit],
+    nominal: mujoco.MjModel | None = None,
+    timestep: float | None = None,
+) -> mujoco.MjSpec:
+    """A copy of ``spec`` with the edits applied; ``spec`` itself is not touched.
+
+    Scales come first, so an added mass sits where its position says in the scaled body. Parts of a
+    machine come last, so a transmission lies between a motor and the edited joint.
+
+    Args:
+        spec: The nominal model.
+        edits: The changes.
+        nominal: The same compiled, if it is at hand.
+        timestep: Of the edited model [s]; None for the nominal one's.
+
+    Raises:
+        ModelError: If a body, joint or input is unknown, is edited twice or cannot have the edit.
+    """
+    edits, edited = tuple(edits), spec.copy()
+    if timestep is not None:
+        edited.option.timestep = timestep
+    if not edits:
+        return edited
+    names = {
+        "joint": [joint.name for joint in spec.joints],
+        "body": [body.name for body in spec.bodies[1:]],
+        "input": [actuator.name for actuator in spec.actuators],
+    }
+    count = Counter((type(edit), edit.of) for edit in edits if not edit.several)
+    for edit in edits:
+        require_known(edit.owner, edit.of, names[edit.owner], f"{edit.kind}: ", ModelError)
+        if count[type(edit), edit.of] > 1:
+            raise ModelError(
+                f"{edit.owner} {edit.of!r} has two of the kind {edit.kind!r}: give one with all "
+                "its numbers"
+            )
+    nominal = compile_spec(spec) if nominal is None else nominal
+    for edit in sorted(edits, key=lambda edit: edit.order):
+        edit.write(edited, nominal)
+    return edited
+
+
+@checked(ModelError)
+class BodyEdit(Edit):
+    """Scale a body's mass by a and all its lengths by b.
 
     The body stays similar to itself: its inertia about its centre of mass scales by a b^2, the
     offset of that centre, its sites, its child bodies' places and its drawn geometry by b.
@@ -35,22 +155,61 @@ class BodyEdit:
         length_scale: b.
     """
 
-    body: str
-    mass_scale: float = 1.0
-    length_scale: float = 1.0
+    body: Name
+    mass_scale: Positive = 1.0
+    length_scale: Positive = 1.0
 
-    def __post_init__(self) -> None:
-        require("body", self.body, str, "the name of a body", ModelError)
-        for name in ("mass_scale", "length_scale"):
-            _require(f"edit of {self.body!r}", name, getattr(self, name), positive=True)
+    owner, order = "body", 0
 
     def __str__(self) -> str:
         return f"{self.body}: mass x{self.mass_scale:.3g}, length x{self.length_scale:.3g}"
 
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """Write the scaled inertia of the nominal body, and scale its looks and places."""
+        _keep_inertias(spec, nominal)
+        body, index = spec.body(self.body), nominal.body(self.body).id
+        a, b, mass = self.mass_scale, self.length_scale, float(nominal.body_mass[index])
+        if mass:
+            write_inertia(body, a * mass, nominal, index)
+            body.inertia = a * (b * b) * nominal.body_inertia[index]
+            body.ipos = b * nominal.body_ipos[index]
+        elif a != 1:
+            raise ModelError(f"body {self.body!r} has no mass to scale: edit the body that has")
+        if b != 1:
+            _scale_geometry(spec, body, b)
 
-@dataclass(frozen=True)
-class AddedMass:
-    """A point mass fixed to a body: a load that nobody has told the law of.
+    def changes(self, template: Template) -> list[Change] | None:
+        """As ``write``, of a body whose lengths are those of sites and other bodies only."""
+        model, a, b = template.model, self.mass_scale, self.length_scale
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, self.body)
+        if index < 1 or (b != 1 and self.body not in template.undrawn_bodies):
+            return None
+        before = np.array([model.body_mass[index], *model.body_inertia[index]])
+        with np.errstate(all="ignore"):
+            after = np.array([a, *[a * (b * b)] * 3]) * before
+        large = (after >= _LEAST) | (before < _LEAST)
+        if not (before[0] and np.all(np.isfinite(after) & large)):
+            return None
+        changes = [("body_mass", index, after[0]), ("body_inertia", index, after[1:])]
+        if b != 1:
+            sites, bodies = (
+                np.flatnonzero(of == index) for of in (model.site_bodyid, model.body_parentid)
+            )
+            rows = (("body_ipos", index), ("body_pos", bodies), ("site_pos", sites))
+            changes += [
+                (field, row, b * getattr(model, field)[row]) for field, row in rows if np.size(row)
+            ]
+        return changes
+
+    def shrunk(self, share: float) -> Edit:
+        """Scales that are nearer to one."""
+        a, b = self.mass_scale, self.length_scale
+        return replace(self, mass_scale=1 + share * (a - 1), length_scale=1 + share * (b - 1))
+
+
+@checked(ModelError)
+class AddedMass(Edit):
+    """A point mass fixed to a body: a load that laws do not know of.
 
     Attributes:
         body: Name of the body.
@@ -58,26 +217,44 @@ class AddedMass:
         position: In the body's own frame [m], (3,).
     """
 
-    body: str
-    mass: float
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    body: Name
+    mass: Annotated[float, Range(0, unit="kg", above=True)]
+    position: Vector = (0.0, 0.0, 0.0)
 
-    def __post_init__(self) -> None:
-        require("body", self.body, str, "the name of a body", ModelError)
-        _require(f"load on {self.body!r}", "mass", self.mass, positive=True)
-        position = reals(self.position)
-        if position.shape != (3,) or not np.all(np.isfinite(position)):
-            raise ModelError(
-                f"load on {self.body!r}: position = {shown(self.position)} must be three finite "
-                "numbers"
-            )
+    kind, owner, order, several = "load", "body", 1, True
 
     def __str__(self) -> str:
         return f"{self.body}: {self.mass:.3g} kg more"
 
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """Merge the mass into the body's inertia, beside those added before, and draw it."""
+        _keep_inertias(spec, nominal)
+        model, body, place = compile_spec(spec), spec.body(self.body), np.array(self.position)
+        index = model.body(self.body).id
+        mass, centre = float(model.body_mass[index]), model.body_ipos[index]
+        total = mass + self.mass
+        new_centre = (mass * centre + self.mass * place) / total
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.body_iquat[index])
+        axes = rotation.reshape(3, 3)
+        about_new = (
+            axes @ np.diag(model.body_inertia[index]) @ axes.T
+            + mass * _steiner(centre - new_centre)
+            + self.mass * _steiner(place - new_centre)
+        )
+        principal, vectors, turn = np.zeros(3), np.zeros(9), np.zeros(4)
+        mujoco.mju_eig3(principal, vectors, turn, about_new.ravel())
+        write_inertia(body, total, model, index)
+        body.inertia, body.ipos, body.iquat = principal, new_centre, turn
+        draw_ball(body, self.mass, pos=self.position)
 
-@dataclass(frozen=True)
-class JointEdit:
+    def shrunk(self, share: float) -> Edit:
+        """A smaller mass."""
+        return replace(self, mass=max(share, 1e-9) * self.mass)
+
+
+@checked(ModelError)
+class JointEdit(Edit):
     """Give a joint other numbers; those left out stay as the model has them.
 
     Attributes:
@@ -89,33 +266,37 @@ class JointEdit:
             axis along z, of either direction, turns towards the x-axis.
     """
 
-    joint: str
-    damping: float | None = None
-    friction: float | None = None
-    armature: float | None = None
-    tilt: float | None = None
+    joint: Name
+    damping: NotNegative | None = None
+    friction: NotNegative | None = None
+    armature: NotNegative | None = None
+    tilt: (
+        Annotated[float, Range(-math.pi / 2, math.pi / 2, "rad", above=True, below=True)] | None
+    ) = None
 
-    def __post_init__(self) -> None:
-        require("joint", self.joint, str, "the name of a joint", ModelError)
-        for name in ("damping", "friction", "armature"):
-            value = getattr(self, name)
-            if value is not None:
-                _require(f"edit of joint {self.joint!r}", name, value)
-        if self.tilt is not None and not abs(real(self.tilt)) < math.pi / 2:
-            raise ModelError(
-                f"edit of joint {self.joint!r}: tilt = {shown(self.tilt)} must be less than a "
-                "quarter of a turn"
-            )
+    owner, order = "joint", 2
 
     def __str__(self) -> str:
         names = ("damping", "friction", "armature", "tilt")
-        given = {name: getattr(self, name) for name in names}
-        words = [f"{name} {value:.3g}" for name, value in given.items() if value is not None]
+        numbers = {name: getattr(self, name) for name in names}
+        words = [f"{name} {value:.3g}" for name, value in numbers.items() if value is not None]
         return f"{self.joint}: {', '.join(words) or 'as it is'}"
 
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """Write the numbers."""
+        joint = spec.joint(self.joint)
+        if self.damping is not None:
+            joint.damping = linear(self.damping, joint.damping)
+        if self.friction is not None:
+            joint.frictionloss = self.friction
+        if self.armature is not None:
+            joint.armature = self.armature
+        if self.tilt is not None:
+            joint.axis = _tilted(np.array(joint.axis) / np.linalg.norm(joint.axis), self.tilt)
 
-@dataclass(frozen=True)
-class InputEdit:
+
+@checked(ModelError)
+class InputEdit(Edit):
     """Give an input of the model another gear.
 
     Attributes:
@@ -123,111 +304,34 @@ class InputEdit:
         gear: Torque or force at its joint for one unit of it, of either sign.
     """
 
-    input: str
-    gear: float
+    input: Name
+    gear: Finite
+
+    owner, order = "input", 3
 
     def __post_init__(self) -> None:
-        require("input", self.input, str, "the name of an input", ModelError)
-        if not (math.isfinite(real(self.gear)) and self.gear):
-            raise ModelError(
-                f"edit of input {self.input!r}: gear = {shown(self.gear)} must be finite, not zero"
-            )
+        if not self.gear:
+            raise ModelError(f"edit of {self.input!r}: gear = 0 must not be zero")
 
     def __str__(self) -> str:
         return f"{self.input}: gear {self.gear:.4g}"
 
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """Write the gear."""
+        actuator = spec.actuator(self.input)
+        actuator.gear = [self.gear, *actuator.gear[1:]]
 
-Edit = BodyEdit | AddedMass | JointEdit | InputEdit | MachinePart
-
-
-def shrunk(edit: Edit, part: float) -> Edit:
-    """A part of an edit of mass and length, from 0 to 1; a joint's numbers stay as they are."""
-    if isinstance(edit, AddedMass):
-        return replace(edit, mass=max(part, 1e-9) * edit.mass)
-    if isinstance(edit, BodyEdit):
-        return replace(
-            edit,
-            mass_scale=1 + part * (edit.mass_scale - 1),
-            length_scale=1 + part * (edit.length_scale - 1),
-        )
-    return edit
-
-
-def _require(owner: str, name: str, value: float, *, positive: bool = False) -> None:
-    """Refuse a number that is not finite, or negative."""
-    number = real(value)
-    if not (math.isfinite(number) and (number > 0 or (number == 0 and not positive))):
-        wanted = "finite and positive" if positive else "finite and not negative"
-        raise ModelError(f"{owner}: {name} = {shown(value)} must be {wanted}")
-
-
-def apply_edits(
-    spec: mujoco.MjSpec,
-    edits: Iterable[Edit],
-    nominal: mujoco.MjModel | None = None,
-    timestep: float | None = None,
-) -> mujoco.MjSpec:
-    """A fresh copy of ``spec`` with the edits applied; ``spec`` itself is not touched.
-
-    Scales come first; a load sits where its position says in the scaled body. Parts of a machine
-    come last, so that a transmission lies between a motor and what was edited.
-
-    Args:
-        spec: The nominal model.
-        edits: What to change.
-        nominal: The same compiled, if it is at hand.
-        timestep: Of the edited model [s]; None for the nominal one's.
-
-    Raises:
-        ModelError: If a body or joint is unknown or edited twice, a body is massless under a
-            mass edit, or drawn by what cannot be scaled under a length edit.
-    """
-    edits, edited = tuple(edits), spec.copy()
-    if timestep is not None:
-        edited.option.timestep = timestep
-    if not edits:
-        return edited
-    like = compile_spec(spec) if nominal is None else nominal
-    scaled = [edit for edit in edits if isinstance(edit, BodyEdit)]
-    loads = [edit for edit in edits if isinstance(edit, AddedMass)]
-    joints = [edit for edit in edits if isinstance(edit, JointEdit)]
-    inputs = [edit for edit in edits if isinstance(edit, InputEdit)]
-    bodies = [like.body(i).name for i in range(1, like.nbody)]
-    for edit in (*scaled, *loads):
-        require_known("body", edit.body, bodies, error=ModelError)
-    _refuse_twice("body", [edit.body for edit in scaled], "give one edit with both scales")
-    _refuse_twice("joint", [edit.joint for edit in joints], "give one edit with all its numbers")
-    _refuse_twice("input", [edit.input for edit in inputs], "give one edit")
-    if scaled or loads:
-        _keep_inertias(edited, like)
-    for edit in scaled:
-        _scale_inertia(edited.body(edit.body), like, edit)
-        _scale_geometry(edited, edited.body(edit.body), edit.length_scale)
-    for edit in loads:
-        # With what was added before: a body may bear several loads.
-        _add_load(edited.body(edit.body), compile_spec(edited), edit)
-    for edit in joints:
-        _edit_joint(edited, edit)
-    for edit in inputs:
-        names = [actuator.name for actuator in edited.actuators]
-        require_known("input", edit.input, names, error=ModelError)
-        edited.actuator(edit.input).gear = [edit.gear, *edited.actuator(edit.input).gear[1:]]
-    build(edited, [edit for edit in edits if isinstance(edit, MachinePart)])
-    return edited
-
-
-def _refuse_twice(kind: str, names: list[str], instead: str) -> None:
-    """Refuse two edits of one thing."""
-    for name in names:
-        if names.count(name) > 1:
-            raise ModelError(f"{kind} {name!r} is edited twice: {instead}")
+    def changes(self, template: Template) -> list[Change] | None:
+        """As ``write``."""
+        index = mujoco.mj_name2id(template.model, mujoco.mjtObj.mjOBJ_ACTUATOR, self.input)
+        return None if index < 0 else [("actuator_gear", (index, 0), self.gear)]
 
 
 def _keep_inertias(spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-    """Let what is written be what compiles, in a model that would compute it from geoms again.
+    """Let written masses count in a model that would compute them from its geoms again.
 
-    ``inertiafromgeom="true"`` and ``settotalmass`` overrule a body's own mass: their outcome, the
-    nominal bodies, is written instead.
+    ``inertiafromgeom="true"`` and ``settotalmass`` overrule a body's own mass: the nominal bodies
+    that they lead to are written instead.
     """
     compiler = spec.compiler
     always = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
@@ -239,23 +343,8 @@ def _keep_inertias(spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
     compiler.settotalmass = -1
 
 
-def _scale_inertia(body: mujoco.MjsBody, nominal: mujoco.MjModel, edit: BodyEdit) -> None:
-    """Write the scaled inertia of the compiled nominal body."""
-    index, a, b = nominal.body(edit.body).id, edit.mass_scale, edit.length_scale
-    mass = float(nominal.body_mass[index])
-    if mass == 0:
-        if edit.mass_scale != 1:
-            raise ModelError(f"body {edit.body!r} has no mass to scale: edit the body that has")
-        return
-    write_inertia(body, a * mass, nominal, index)
-    body.inertia = a * (b * b) * nominal.body_inertia[index]
-    body.ipos = b * nominal.body_ipos[index]
-
-
 def _scale_geometry(spec: mujoco.MjSpec, body: mujoco.MjsBody, b: float) -> None:
     """Scale what is drawn and what is attached, about the body's origin."""
-    if b == 1:
-        return
     for geom in body.geoms:
         if geom.type in _SIZELESS:
             raise ModelError(
@@ -264,66 +353,21 @@ def _scale_geometry(spec: mujoco.MjSpec, body: mujoco.MjsBody, b: float) -> None
             )
         geom.size, geom.fromto = b * geom.size, b * geom.fromto
     for name in sorted({geom.meshname for geom in body.geoms if geom.meshname}):
-        _scale_mesh(spec, body, name, b)
+        owners = {geom.parent.name for geom in spec.geoms if geom.meshname == name}
+        if others := sorted(owners - {body.name}):
+            raise ModelError(
+                f"mesh {name!r} of body {body.name!r} also draws {', '.join(others)}: a length "
+                "edit needs a mesh that no other body uses"
+            )
+        mesh = spec.mesh(name)
+        mesh.scale = b * mesh.scale
     for part in (*body.geoms, *body.sites, *body.cameras, *body.lights, *body.bodies, *body.frames):
         part.pos = b * part.pos
-
-
-def _scale_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, b: float) -> None:
-    """Scale a mesh that this body alone is drawn by."""
-    others = {
-        other.name
-        for other in spec.bodies
-        if other.name != body.name and any(geom.meshname == name for geom in other.geoms)
-    }
-    if others:
-        raise ModelError(
-            f"mesh {name!r} of body {body.name!r} also draws {', '.join(sorted(others))}: a length "
-            "edit needs a mesh that no other body uses"
-        )
-    mesh = spec.mesh(name)
-    mesh.scale = b * mesh.scale
-
-
-def _add_load(body: mujoco.MjsBody, model: mujoco.MjModel, edit: AddedMass) -> None:
-    """Merge a point mass into a body's inertia and draw it."""
-    index = model.body(edit.body).id
-    mass, centre = float(model.body_mass[index]), model.body_ipos[index]
-    total = mass + edit.mass
-    new_centre = (mass * centre + edit.mass * np.asarray(edit.position)) / total
-    rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, model.body_iquat[index])
-    axes = rotation.reshape(3, 3)
-    about_new = (
-        axes @ np.diag(model.body_inertia[index]) @ axes.T
-        + mass * _steiner(centre - new_centre)
-        + edit.mass * _steiner(np.asarray(edit.position) - new_centre)
-    )
-    principal, vectors, turn = np.zeros(3), np.zeros(9), np.zeros(4)
-    mujoco.mju_eig3(principal, vectors, turn, about_new.ravel())
-    write_inertia(body, total, model, index)
-    body.inertia, body.ipos, body.iquat = principal, new_centre, turn
-    draw_ball(body, edit.mass, pos=edit.position)
 
 
 def _steiner(offset: Array) -> Array:
     """The inertia of a unit point mass about a point this far from it: parallel-axis theorem."""
     return float(offset @ offset) * np.eye(3) - np.outer(offset, offset)
-
-
-def _edit_joint(spec: mujoco.MjSpec, edit: JointEdit) -> None:
-    """Write a joint's new numbers."""
-    names = [joint.name for joint in spec.joints]
-    require_known("joint", edit.joint, names, error=ModelError)
-    joint = spec.joint(edit.joint)
-    if edit.damping is not None:
-        joint.damping = linear(edit.damping, joint.damping)
-    if edit.friction is not None:
-        joint.frictionloss = edit.friction
-    if edit.armature is not None:
-        joint.armature = edit.armature
-    if edit.tilt is not None:
-        joint.axis = _tilted(np.array(joint.axis) / np.linalg.norm(joint.axis), edit.tilt)
 
 
 def _tilted(axis: Array, angle: float) -> Array:

@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import InstanceOf
 
-from grosmc_mj.arguments import real, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError, shown, unknown_name
-from grosmc_mj.machine.parts import MachinePart, Stop
-from grosmc_mj.machine.stability import refuse_unstable
-from grosmc_mj.machine.unseen import UnseenState, unseen_states
-from grosmc_mj.physics.checks import fingerprint, spec_fingerprint
-from grosmc_mj.physics.edits import BodyEdit, Edit, apply_edits
-from grosmc_mj.physics.files import compile_spec, load_spec, model_path
+from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Range, checked
+from grosmc_mj.physics.checks import LONGEST, SHORTEST, fingerprint, spec_fingerprint
+from grosmc_mj.physics.edits import BodyEdit, Change, Edit, apply_edits
+from grosmc_mj.physics.files import compile_spec, joint_names, load_spec, model_path
+from grosmc_mj.physics.hidden_states import HiddenState, hidden_states
 from grosmc_mj.physics.mjdata import scratch
-from grosmc_mj.physics.template import Change, Template
-from grosmc_mj.physics.unconstrained import can_constrain
-from grosmc_mj.physics.undrawn import undrawn
+from grosmc_mj.physics.template import Template
+from grosmc_mj.physics.undrawn import can_constrain, undrawn
 from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 
@@ -36,29 +34,27 @@ _INTEGRATORS: dict[int, Integrator] = {
 }
 
 
-# Specs without what is only drawn, and compiled nominal models, by the spec for as long as a plant
-# has it.
-_undrawn_specs: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjSpec] = WeakKeyDictionary()
-_nominal_models: WeakKeyDictionary[mujoco.MjSpec, mujoco.MjModel] = WeakKeyDictionary()
-# What edits are written into, by spec and by timestep and integrator.
-_templates: WeakKeyDictionary[mujoco.MjSpec, dict[tuple[Any, ...], Template]] = WeakKeyDictionary()
+class _Nominal:
+    """What all plants of one nominal model share.
 
-# What a spec was like when the first plant was made of it.
-_as_made: WeakKeyDictionary[mujoco.MjSpec, str] = WeakKeyDictionary()
+    Attributes:
+        fingerprint: Of the model when the first plant was made of it.
+        undrawn: The model without what is only drawn.
+        templates: To write edits into, by timestep and integrator.
+    """
+
+    def __init__(self, spec: mujoco.MjSpec) -> None:
+        self.fingerprint, self.undrawn = spec_fingerprint(spec), undrawn(spec)
+        self.templates: dict[tuple[Any, ...], Template] = {}
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The same compiled, once for thousands of edits."""
+        return compile_spec(self.undrawn)
 
 
-def _nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The compiled nominal model, for thousands of edits of one spec compiled once."""
-    if spec not in _nominal_models:
-        _nominal_models[spec] = compile_spec(_undrawn_spec(spec))
-    return _nominal_models[spec]
-
-
-def _undrawn_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """The nominal model without what is only drawn, made once."""
-    if spec not in _undrawn_specs:
-        _undrawn_specs[spec] = undrawn(spec)
-    return _undrawn_specs[spec]
+# For as long as a plant has the model.
+_nominals: WeakKeyDictionary[mujoco.MjSpec, _Nominal] = WeakKeyDictionary()
 
 
 @cache
@@ -73,9 +69,9 @@ def _nominal_spec(name: str, path: Path, changed: int) -> mujoco.MjSpec:
     return load_spec(name)
 
 
-@dataclass(frozen=True, eq=False)
+@checked(ModelError, eq=False)
 class MujocoPlant(Plant):
-    """A system's MJCF model, possibly with edited bodies, another timestep or integrator.
+    """A system's MJCF model, possibly with edits, another timestep or integrator.
 
     Attributes:
         system: Names and equations of the system.
@@ -85,10 +81,10 @@ class MujocoPlant(Plant):
         integrator: MuJoCo's integrator; None for the model's own.
     """
 
-    system: System
+    system: InstanceOf[System]
     spec: mujoco.MjSpec
     edits: tuple[Edit, ...] = ()
-    timestep: float | None = None
+    timestep: Annotated[float, Range(SHORTEST, LONGEST, "s", below=True)] | None = None
     integrator: Integrator | None = None
 
     @classmethod
@@ -108,25 +104,12 @@ class MujocoPlant(Plant):
         system, path = find_system(name), model_path(name)
         changed = max(file.stat().st_mtime_ns for file in path.parent.glob("*.xml"))
         spec = _nominal_spec(system.name, path, changed)
-        require("edits", edits, (list, tuple), "a tuple of edits", ModelError)
-        return cls(system, spec, tuple(edits), timestep, integrator)
+        edits = tuple(edits) if isinstance(edits, list) else edits
+        return cls(system, spec, edits, timestep, integrator)
 
     def __post_init__(self) -> None:
-        require("system", self.system, System, "a System", ModelError)
-        require("spec", self.spec, mujoco.MjSpec, "an MjSpec", ModelError)
-        require("edits", self.edits, tuple, "a tuple of edits", ModelError)
-        for edit in self.edits:
-            wanted = "an edit of a body, joint or input, a load or a part of a machine"
-            require("edit", edit, get_args(Edit), wanted, ModelError)
-        if self.timestep is not None and not 1e-9 <= real(self.timestep) < 1:
-            raise ArgumentError(
-                f"timestep {shown(self.timestep)} s must lie between 0 and 1 s, at least 1e-09 s"
-            )
-        require("integrator", self.integrator, (str, type(None)), "a name", ModelError)
-        if self.integrator is not None and self.integrator not in get_args(Integrator):
-            raise ModelError(unknown_name("integrator", self.integrator, get_args(Integrator)))
-        if self.spec not in _as_made:
-            _as_made[self.spec] = spec_fingerprint(self.spec)
+        if self.spec not in _nominals:
+            _nominals[self.spec] = _Nominal(self.spec)
 
     def edited(self, *edits: Edit) -> MujocoPlant:
         """The nominal model with these edits; earlier edits are replaced, never compounded."""
@@ -138,8 +121,7 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If an edit is not valid.
         """
-        nominal = apply_edits(self.spec, edits, _nominal_model(self.spec))
-        return replace(self, spec=nominal)
+        return replace(self, spec=apply_edits(self.spec, edits, self._nominal.model))
 
     def changed(
         self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
@@ -161,35 +143,29 @@ class MujocoPlant(Plant):
         """MuJoCo's physics."""
         return "physics"
 
+    @property
+    def _nominal(self) -> _Nominal:
+        return _nominals[self.spec]
+
     @cached_property
-    def parts(self) -> tuple[MachinePart, ...]:
-        """What makes it a machine as built."""
-        return tuple(edit for edit in self.edits if isinstance(edit, MachinePart))
+    def parts(self) -> tuple[Edit, ...]:
+        """The parts of the machine as built, which the rigid system does not have."""
+        return tuple(edit for edit in self.edits if not edit.rigid)
 
     @cached_property
     def rigid(self) -> MujocoPlant:
-        """The same without the parts of a machine: what equations can say of it."""
-        if not self.parts:
-            return self
-        return self.edited(*(edit for edit in self.edits if not isinstance(edit, MachinePart)))
+        """The same without the parts of a machine: the plant that equations describe."""
+        return self.edited(*(e for e in self.edits if e.rigid)) if self.parts else self
 
     @cached_property
-    def unseen(self) -> tuple[UnseenState, ...]:
+    def hidden_states(self) -> tuple[HiddenState, ...]:
         """Its states that no law sees."""
-        return unseen_states(self._model_like, self.system, self.parts)
+        return hidden_states(self._model_like, self.system, self.parts)
 
     def require_start(self, x0: Array) -> None:
         """Refuse a start beyond a stop, as ``Plant`` says."""
-        for part in self.parts:
-            if isinstance(part, Stop) and part.joint in self.system.joints:
-                index = self.system.joints.index(part.joint)
-                if not part.low <= x0[index] <= part.high:
-                    unit = self.system.states[index].unit
-                    raise ArgumentError(
-                        f"{self.system.name}: {part.joint} starts at {x0[index]:.6g} {unit}, "
-                        f"beyond its stops at {part.low:.6g} and {part.high:.6g} {unit}: move the "
-                        "start or the stops"
-                    )
+        for edit in self.edits:
+            edit.require_start(self.system, x0)
 
     @cached_property
     def parameters(self) -> Any:
@@ -198,8 +174,8 @@ class MujocoPlant(Plant):
 
     @property
     def _model_like(self) -> mujoco.MjModel:
-        """A compiled model with its states and drives: edits that are no parts change neither."""
-        return self.undrawn_model if self.parts else _nominal_model(self.spec)
+        """A compiled model with its states and drives, which rigid edits do not change."""
+        return self.undrawn_model if self.parts else self._nominal.model
 
     @property
     def stepped_by(self) -> Integrator:
@@ -233,7 +209,7 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If it has states of its own, so that x does not tell.
         """
-        self._refuse_unseen()
+        self._refuse_hidden()
         x, u, w = self.checked(x, u, wrench)
         model, n = self.undrawn_model, self.system.degrees_of_freedom
         data = scratch(model)
@@ -243,12 +219,13 @@ class MujocoPlant(Plant):
         mujoco.mj_forward(model, data)
         return np.concatenate([x[n:], data.qacc])
 
-    def _refuse_unseen(self) -> None:
-        """Refuse to say x' of a state that does not tell all."""
-        if self.unseen:
+    def _refuse_hidden(self) -> None:
+        """Refuse to compute x' from x alone where it depends on more."""
+        if self.hidden_states:
+            names = ", ".join(state.name for state in self.hidden_states)
             raise ModelError(
-                f"{self.system.name} has states that x does not tell "
-                f"({', '.join(each.name for each in self.unseen)}): ask its .rigid plant"
+                f"{self.system.name} has states that x does not tell ({names}): ask its .rigid "
+                "plant"
             )
 
     def scaled(self, body: str, mass: float, length: float) -> MujocoPlant:
@@ -265,7 +242,7 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If it has states of its own.
         """
-        self._refuse_unseen()
+        self._refuse_hidden()
         # It imports the engine that compiles the laws, which loads slowly.
         from grosmc_mj.physics.linearization import differences
 
@@ -303,8 +280,8 @@ class MujocoPlant(Plant):
 
     @property
     def _running(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-        """What runs compute with, and what that is compiled from."""
-        spec = self._edited(_undrawn_spec(self.spec))
+        """The model that runs compute with, editable and compiled."""
+        spec = self._edited(self._nominal.undrawn)
         model = self._compiled(spec)
         if not can_constrain(model):
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -312,16 +289,15 @@ class MujocoPlant(Plant):
 
     @property
     def template(self) -> Template:
-        """What this plant's edits, or another one's of the same nominal model, are written into.
+        """To write the edits of this plant into, or of another one of the same nominal model.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
-        same = _templates.setdefault(self.spec, {})
-        key = (self.timestep, self.integrator)
-        if key not in same:
-            same[key] = Template(*self.edited()._running)
-        return same[key]
+        templates, key = self._nominal.templates, (self.timestep, self.integrator)
+        if key not in templates:
+            templates[key] = Template(*self.edited()._running)
+        return templates[key]
 
     @cached_property
     def changes(self) -> list[Change] | None:
@@ -330,15 +306,15 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: As ``undrawn_model``.
         """
-        found = self.template.changes(self.edits) if self.edits else None
-        if found is None:
+        changes = self.template.changes(self.edits) if self.edits else None
+        if changes is None:
             self.undrawn_model  # noqa: B018  compiled here, and not by several threads
-        return found
+        return changes
 
     def _edited(self, nominal: mujoco.MjSpec) -> mujoco.MjSpec:
         """The edited model, drawn or not."""
-        numbers = _nominal_model(self.spec) if self.edits else None
-        spec = apply_edits(nominal, self.edits, numbers, self.timestep)
+        model = self._nominal.model if self.edits else None
+        spec = apply_edits(nominal, self.edits, model, self.timestep)
         if self.integrator is not None:
             spec.option.integrator = getattr(
                 mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
@@ -355,7 +331,7 @@ class MujocoPlant(Plant):
         model = compile_spec(spec, checked=bool(self.edits))
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        joints = tuple(model.joint(i).name for i in range(model.njnt))
+        joints = joint_names(model)
         inputs = tuple(model.actuator(i).name for i in range(model.nu))
         n = len(self.system.joints) if self.parts else len(joints)
         if joints[:n] != self.system.joints or inputs != self.system.actuators:
@@ -364,14 +340,14 @@ class MujocoPlant(Plant):
                 f"have {self.system.joints} and {self.system.actuators}"
                 + (", before those of the machine's parts" if self.parts else "")
             )
-        if self.parts:
-            refuse_unstable(model, self.system.name, self.parts)
+        for edit in self.edits:
+            edit.require_timestep(model, self.system.name)
         return model
 
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
         """The analytic twin, with the numbers of the compiled model as it is edited.
 
-        What equations lack, the parts of a machine, is left out.
+        The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
         compiled = "undrawn_model" in vars(rigid)
@@ -387,16 +363,16 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If a model or a spec was changed in place.
         """
-        different = dict.fromkeys(plants)
-        for plant in different:
-            given = plant.__dict__.get("_handed_out")
-            if given is not None and fingerprint(given[0]) != given[1]:
+        plants = dict.fromkeys(plants)
+        for plant in plants:
+            model, before = plant.__dict__.get("_handed_out", (None, ""))
+            if model is not None and fingerprint(model) != before:
                 raise ModelError(
                     f"{plant.system.name}: plant.model was changed after it was compiled, which no "
                     "run would notice: use plant.edited(...), or another MJCF"
                 )
-        for spec, plant in {plant.spec: plant for plant in different}.items():
-            if spec_fingerprint(spec) != _as_made[spec]:
+        for spec, plant in {plant.spec: plant for plant in plants}.items():
+            if spec_fingerprint(spec) != plant._nominal.fingerprint:
                 raise ModelError(
                     f"{plant.system.name}: plant.spec was changed after the plant was made, which "
                     "its runs may not notice: use plant.edited(...), or make a plant of a changed "

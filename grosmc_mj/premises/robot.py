@@ -19,7 +19,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.physics.edits import shrunk
 from grosmc_mj.physics.quiet import warnings_counted_only
 from grosmc_mj.premises.audit import (
     ROUNDING,
@@ -214,7 +213,7 @@ def _bearable(result: RunResult, points: Points) -> float | None:
     worst = sorted(points, key=lambda point: point[2].gain_ratio)[:_WORST]
 
     def keeps(part: float) -> bool:
-        plant = nominal.changed([shrunk(edit, part) for edit in edits])
+        plant = nominal.changed([edit.shrunk(part) for edit in edits])
         found = (
             balance(result.controller, plant, t, x, np.zeros(6 * len(plant.system.bodies)))
             for t, x, _ in worst

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, pointer
-from grosmc_mj.machine.writing import write_inertia
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mjdata import mujoco_library, scratch
+from grosmc_mj.physics.writing import write_inertia
 
 
 def _of_model_and_data(name: str) -> Any:

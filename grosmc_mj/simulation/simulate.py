@@ -110,7 +110,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         physics=physics,
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
-        unseen=tuple(getattr(plant, "unseen", ()) for plant in problem.plants),
+        unseen=tuple(getattr(plant, "hidden_states", ()) for plant in problem.plants),
     )
 
 

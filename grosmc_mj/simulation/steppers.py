@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, compile_c
 from grosmc_mj.jitable import jitable
-from grosmc_mj.machine.unseen import starts
+from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.plants.runge_kutta import runge_kutta_step
 from grosmc_mj.records import pack, record_dtype

@@ -18,7 +18,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.columns import SignalColumn, arrow_table, read_columns, write_columns
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.machine.unseen import UnseenState
+from grosmc_mj.physics.hidden_states import HiddenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.versions import versions
@@ -306,7 +306,7 @@ def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajector
     }
     given["seen"] = rows("seen") if "seen" in groups else None
     # Files of earlier versions have none.
-    given["unseen"] = tuple(UnseenState(*each) for each in about.get("unseen", ()))
+    given["unseen"] = tuple(HiddenState(*each) for each in about.get("unseen", ()))
     ended: Any = Status[about["status"]]
     until: Any = np.float64(about["valid_until"])
     return Trajectory(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.machine.unseen import starts
+from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
 from grosmc_mj.simulation.prepare import prepare

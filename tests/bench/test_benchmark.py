@@ -85,7 +85,7 @@ def test_every_machine_is_measured_with_all_its_parts(monkeypatch: pytest.Monkey
         assert closed.loop == f"{case.split('/')[0]}: GROSMC, native, batch"
         plant = gm.Experiment.load(case).plant("physics")
         assert isinstance(plant, MujocoPlant)
-        assert plant.unseen
+        assert plant.hidden_states
 
 
 @pytest.mark.slow

@@ -110,8 +110,11 @@ WRONG = [
         "mass scale = -inf can occur, but must be positive: cut the distribution off with least",
     ),
     (mass("[1, 2]", "nominal = 0"), "mass scale = 0 can occur, but must be positive"),
-    (uncertain('joint = "shaft"', "damping = [-0.1, 1]"), "damping = -0.1 can occur, but must not"),
-    (uncertain('joint = "shaft"', "friction = [-1, 1]"), "must not be negative"),
+    (
+        uncertain('joint = "shaft"', "damping = [-0.1, 1]"),
+        "damping = -0.1 can occur, but must be not",
+    ),
+    (uncertain('joint = "shaft"', "friction = [-1, 1]"), "must be not negative"),
     (uncertain('body = "rotor"', 'added_mass = ["-1 g", "1 g"]'), "added mass = -0.001 can occur"),
     # Units.
     (mass('["1 kg", "2 kg"]'), "least: '1 kg' must be a number without a unit"),

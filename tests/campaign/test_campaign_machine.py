@@ -141,23 +141,24 @@ def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
 
 
 REFUSED = [
-    (("stop", "shaft", "restitution", "[0.1, 1.0]"), "= 1 can occur, but must be below 1"),
-    (("motor", "current", "efficiency", "[0.5, 1.1]"), "= 1.1 can occur, but must be at most 1"),
-    (("motor", "current", "resistance", '["0 ohm", "1 ohm"]'), "= 0 can occur, but must be positi"),
+    (("stop", "shaft", "restitution", "[0.1, 1.0]"), "can occur, but must be from 0 to below 1:"),
+    (("motor", "current", "efficiency", "[0.5, 1.1]"), "can occur, but must be from 1e-15 to 1:"),
+    (("motor", "current", "resistance", '["0 ohm", "1 ohm"]'), "= 0 can occur, but must be from"),
     (
         ("transmission", "shaft", "stiffness", '["-1 N m/rad", "9 N m/rad"]'),
-        "stiffness = -1 can occur, but must be positive",
+        "stiffness = -1 can occur, but must be from 1e-15",
     ),
     (
         ("transmission", "shaft", "backlash", '["-1 mrad", "1 mrad"]'),
-        "backlash = -0.001 can occur, but must not be negative",
+        "backlash = -0.001 can occur, but must be from 0 to",
     ),
     (
         (
             "lugre", "shaft", "coulomb",
             '{ distribution = "normal", mean = "0.05 N m", deviation = "0.01 N m" }',
         ),
-        "coulomb = -inf can occur, but must be positive: cut the distribution off with least",
+        "coulomb = -inf can occur, but must be from 1e-15 to 1e+15 N m or N: cut the distribution "
+        "off with least",
     ),
     (("transmission", "shaft", "stiffness", '["1 N/m", "9 N/m"]'), "converted to N m/rad"),
     (("lugre", "shaft", "backlash", '["0 rad", "1 rad"]'), "a lugre has no backlash; valid: coul"),

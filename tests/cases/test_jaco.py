@@ -144,4 +144,6 @@ def test_its_machine_divides_each_armature_between_motor_and_joint() -> None:
     kept, motors = np.split(plant.model.dof_armature, 2)
     np.testing.assert_allclose(kept, 0.1)
     np.testing.assert_allclose(kept + motors, arm().plant.model.dof_armature)
-    assert [each.name for each in plant.unseen] == [f"{joint} twist" for joint in arms.JOINTS]
+    assert [each.name for each in plant.hidden_states] == [
+        f"{joint} twist" for joint in arms.JOINTS
+    ]

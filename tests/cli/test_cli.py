@@ -31,8 +31,8 @@ def run(*arguments: str) -> int:
         (("validate", "servo", "--control-period", "nan"), "must be a multiple of the timestep"),
         (("validate", "servo", "--control-period", "-1"), "no multiple of the timestep"),
         (("validate", "servo", "--control-period", "soon"), "could not convert"),
-        (("validate", "--timestep", "0"), "must lie between 0 and 1 s"),
-        (("validate", "--timestep", "nan"), "must lie between 0 and 1 s"),
+        (("validate", "--timestep", "0"), "must be from 1e-09 to below 1 s"),
+        (("validate", "--timestep", "nan"), "must be from 1e-09 to below 1 s"),
         (("validate", "--colour", "red"), "--colour"),
         (("run", "servo", "--no-figure"), "perhaps you meant --figures, --no-figures of run; for"),
         (

@@ -235,7 +235,7 @@ def test_the_starters_machine_is_one(tmp_path):
     plant = Experiment.load(file).plant("physics")
     assert isinstance(plant, MujocoPlant)
     assert [part.kind for part in plant.parts] == [name.replace("_", " ") for name in MACHINE]
-    assert {each.kind for each in plant.unseen} == {"twist", "load", "bristle"}
+    assert {each.kind for each in plant.hidden_states} == {"twist", "load", "bristle"}
 
 
 def test_shipped_cases_are_those_of_the_chapter():

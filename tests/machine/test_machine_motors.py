@@ -39,7 +39,7 @@ def asked(amperes: float) -> float:
 
 def run(plant: MujocoPlant, u: float, steps: int, held: float | None = None) -> Array:
     """Speed, torque at the joint and current of the winding after each step."""
-    (winding,) = plant.unseen
+    (winding,) = plant.hidden_states
     model, rows = plant.model, []
     data = mujoco.MjData(model)
     data.ctrl[0] = u
@@ -129,10 +129,38 @@ def test_most_current_and_cogging_are_the_motors_own_on_a_supply() -> None:
     assert torques[0] == pytest.approx(torques[1], rel=1e-9)
 
 
+@pytest.mark.parametrize("efficiency", [1.0, 0.7])
+def test_a_voltage_amplifier_stalls_at_ohms_current_times_the_share_that_arrives(
+    efficiency: float,
+) -> None:
+    plant = servo(HEAVY, Motor("current", K, R, L, ratio=N, efficiency=efficiency, voltage=V))
+    _, torque, amperes = run(plant, asked(100.0), 2000)[-1]
+    assert amperes == pytest.approx(V / R, rel=1e-6)
+    assert torque == pytest.approx(efficiency * N * K * V / R, rel=1e-6)
+
+
+def test_a_winding_behind_a_current_loop_without_a_supply_is_heated_by_its_own_resistance() -> None:
+    """As R i^2 of the winding, however large the resistance that keeps its current up."""
+    thermal, capacity, current = 5.0, 0.02, 1.5
+    motor = Motor(
+        "current", K, R, ratio=N, bandwidth=500.0, thermal_resistance=thermal,
+        heat_capacity=capacity,
+    )  # fmt: skip
+    plant = servo(HEAVY, motor, timestep=1e-4)
+    heat, winding = plant.hidden_states
+    data = mujoco.MjData(plant.model)
+    data.ctrl[0] = asked(current)
+    mujoco.mj_step(plant.model, data, nstep=2000)
+    # The current is there within 2 ms of the 0.2 s.
+    rise = thermal * R * current**2 * (1 - math.exp(-data.time / (thermal * capacity)))
+    assert heat.scale * data.act[0] == pytest.approx(rise, rel=0.01)
+    assert winding.scale * data.act[-1] == pytest.approx(current, rel=1e-6)
+
+
 def test_a_driver_gives_its_current_however_warm_the_winding_is() -> None:
     hot = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
     plant = servo(HEAVY, loop(**hot), timestep=1e-3, integrator="implicitfast")
-    heat, winding = plant.unseen
+    heat, winding = plant.hidden_states
     data = mujoco.MjData(plant.model)
     data.ctrl[0] = asked(1.0)
     for _ in range(2000):
@@ -152,7 +180,7 @@ KINDS = {
 
 def wave(plant: MujocoPlant, sign: float) -> tuple[Array, Array]:
     """States and winding's current under an input that uses all of the supply."""
-    (winding,) = plant.unseen
+    (winding,) = plant.hidden_states
     model, rows, amperes = plant.model, [], []
     data = mujoco.MjData(model)
     for step in range(3000):

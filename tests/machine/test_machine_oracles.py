@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from grosmc_mj.arrays import Array
 from grosmc_mj.machine import LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
 from grosmc_mj.machine.bounces import restitution_of
-from grosmc_mj.machine.unseen import starts
 from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 J, GEAR = 0.0577, 0.667
@@ -84,6 +84,24 @@ def test_two_masses_have_their_resonance_and_antiresonance_within_half_a_percent
     assert moved(antiresonance * 0.995) * moved(antiresonance * 1.005) < 0
 
 
+@pytest.mark.parametrize("backlash", [0.0, 0.2], ids=["without backlash", "within the backlash"])
+def test_the_damping_of_a_transmission_acts_on_the_twist(backlash: float) -> None:
+    """twist'' = -(k twist + d twist')(1/J + 1/J_m); within the backlash there is no k."""
+    motor, k, d = 0.01, 500.0, 0.2
+    plant = servo(Transmission("shaft", inertia=motor, stiffness=k, damping=d, backlash=backlash))
+    stiff, damped = (each * (1 / J + 1 / motor) for each in (0.0 if backlash else k, d))
+    model, data = plant.model, mujoco.MjData(plant.model)
+    data.qvel[1] = 1.0
+    mujoco.mj_step(model, data, nstep=500)
+    t = data.time
+    if backlash:
+        twist = (1 - math.exp(-damped * t)) / damped
+    else:
+        omega = math.sqrt(stiff - damped**2 / 4)
+        twist = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
+    assert data.qpos[1] - data.qpos[0] == pytest.approx(twist, rel=1e-6)
+
+
 @pytest.mark.parametrize("v", [0.01, 0.03, 0.5, -0.5])
 def test_lugre_has_its_steady_curve(v: float) -> None:
     part = LuGre("shaft", coulomb=0.1, static=0.15, stiffness=200.0, damping=0.5, stribeck=0.01)
@@ -132,7 +150,7 @@ def test_a_motor_has_its_no_load_speed_its_stall_torque_and_its_time_constant() 
     u = volts * N * K / (R * GEAR)
     part = Motor("current", K, R, inductance=L, ratio=N)
     plant = servo(part, timestep=1e-5)
-    (current,) = plant.unseen
+    (current,) = plant.hidden_states
     assert (current.name, current.unit) == ("current winding", "A")
     rows = stepped(plant, 5e-3, lambda d: (d.act[0], d.qfrc_actuator[0]), lambda t: u)
     amperes = current.scale * rows[:, 0]
@@ -145,6 +163,17 @@ def test_a_motor_has_its_no_load_speed_its_stall_torque_and_its_time_constant() 
     assert speeds[-1] == pytest.approx(volts / (N * K), rel=1e-3)
 
 
+@pytest.mark.parametrize("ratio", [1.0, 10.0, -70.0])
+def test_a_rotors_inertia_at_the_joint_goes_with_the_square_of_the_ratio(ratio: float) -> None:
+    """By its kinetic energy at the joint's speed: the joint is slower by 1 + N^2 J_m/J."""
+    rotor, torque = 2e-5, 0.5
+    plant = servo(Motor("current", 7.68e-3, 2.6, ratio=ratio, inertia=rotor))
+    data = mujoco.MjData(plant.model)
+    data.ctrl[0] = torque / GEAR
+    mujoco.mj_forward(plant.model, data)
+    assert data.qacc[0] == pytest.approx(torque / (J + ratio**2 * rotor), rel=1e-9)
+
+
 def test_a_current_loop_follows_with_its_bandwidth() -> None:
     part = Motor("current", 7.68e-3, 2.6, ratio=10.0, bandwidth=5e3)
     plant = servo(part, timestep=1e-5)
@@ -152,7 +181,7 @@ def test_a_current_loop_follows_with_its_bandwidth() -> None:
     reached = int(np.argmax(torque >= (1 - math.exp(-1)) * GEAR)) * 1e-5
     assert reached == pytest.approx(1 / 5e3, rel=0.06)
     assert torque[-1] == pytest.approx(GEAR, rel=1e-4)
-    (current,) = plant.unseen
+    (current,) = plant.hidden_states
     amperes = current.scale * stepped(plant, 2e-3, lambda d: d.act[0], lambda t: 1.0)
     assert amperes[-1] == pytest.approx(GEAR / (10 * 7.68e-3), rel=1e-4)
     # It makes up for the back-EMF: what turns is not braked.
@@ -189,7 +218,7 @@ def test_a_motor_that_the_model_has_already_changes_nothing_while_it_is_cold_and
 def test_a_winding_warms_up_to_its_thermal_resistance() -> None:
     part = Motor("current", 7.68e-3, 2.6, ratio=10.0, thermal_resistance=5.0, heat_capacity=0.02)
     held = servo(BodyEdit("rotor", mass_scale=1e9), part, timestep=1e-3)
-    (heat,) = held.unseen
+    (heat,) = held.hidden_states
     volts = 6.0
     u = volts * 10 * 7.68e-3 / (2.6 * GEAR)
     rows = stepped(held, 2.0, lambda d: d.act[0], lambda t: u)

@@ -294,7 +294,7 @@ def test_unknown_body_gets_the_valid_ones(wrong: str, near: str | None) -> None:
 
 
 def test_one_body_has_one_edit() -> None:
-    with pytest.raises(ModelError, match="'pole' is edited twice"):
+    with pytest.raises(ModelError, match="'pole' has two of the kind 'edit'"):
         edited("cart_pendulum", BodyEdit("pole", 2.0), BodyEdit("pole", 1.0, 2.0))
 
 
@@ -457,7 +457,10 @@ def test_a_body_drawn_by_a_mesh_of_its_own_stays_similar_to_itself() -> None:
         ((BodyEdit("one", length_scale=2.0),), "mesh 'shared' of body 'one' also draws two"),
         ((AddedMass("lnk", 1.0),), "unknown body 'lnk': did you mean 'link'"),
         ((JointEdit("k", damping=1.0),), "unknown joint 'k'"),
-        ((JointEdit("j", damping=1.0), JointEdit("j", friction=1.0)), "'j' is edited twice"),
+        (
+            (JointEdit("j", damping=1.0), JointEdit("j", friction=1.0)),
+            "'j' has two of the kind 'edit'",
+        ),
     ],
 )
 def test_loads_and_joint_edits_that_do_not_fit(edits: tuple[Edit, ...], message: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from grosmc_mj.control.gains import authority
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit, shrunk
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.premises.robot import robot_audit
 
 MODEL = """
@@ -67,9 +67,7 @@ def test_dominance_is_by_rows() -> None:
 
 
 def test_parts_of_edits() -> None:
-    assert shrunk(BodyEdit("b", 3.0, 0.5), 0.5) == BodyEdit("b", 2.0, 0.75)
-    assert shrunk(AddedMass("b", 2.0, (0.1, 0.0, 0.0)), 0.25) == AddedMass(
-        "b", 0.5, (0.1, 0.0, 0.0)
-    )
+    assert BodyEdit("b", 3.0, 0.5).shrunk(0.5) == BodyEdit("b", 2.0, 0.75)
+    assert AddedMass("b", 2.0, (0.1, 0.0, 0.0)).shrunk(0.25) == AddedMass("b", 0.5, (0.1, 0.0, 0.0))
     joint = JointEdit("j", damping=2.0)
-    assert shrunk(joint, 0.1) is joint
+    assert joint.shrunk(0.1) is joint

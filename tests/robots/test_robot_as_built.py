@@ -279,8 +279,8 @@ def test_a_delay_of_the_model_is_one_of_twelve_samples() -> None:
 
 def test_what_is_unseen_of_a_built_plant_is_named() -> None:
     for actuator, names in ((LAG, ["drive lag"]), (DELAY, []), (DCMOTOR, ["drive current"])):
-        assert [each.name for each in robot(actuator).built.unseen] == names
-        assert robot(actuator).plant.unseen == ()
+        assert [each.name for each in robot(actuator).built.hidden_states] == names
+        assert robot(actuator).plant.hidden_states == ()
 
 
 # --- in case files ---

@@ -29,7 +29,9 @@ from grosmc_mj.experiments.file.tables.parts import (
 from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.loop import TIMES, time_as_run
+from grosmc_mj.machine.part import MOST
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant
@@ -49,15 +51,11 @@ RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended", *SCREEN
 _POSITIVE = frozenset({
     "mass_scale", "length_scale", "scale", "time_constant", "slope", "bandwidth", "load", "limit",
     "rate_limit",
-}).union(*(part.positive for part in MACHINE_PARTS.values()))  # fmt: skip
+})  # fmt: skip
 _NOT_NEGATIVE = frozenset({
-    "added_mass", "damping", "friction", "armature", "delay", "jitter", "missed", "resolution",
-    "noise", "period", "lag", "dead_zone",
-}).union(*(
-    MACHINE_UNITS[kind].keys() - part.signed for kind, part in MACHINE_PARTS.items()
-)) - _POSITIVE  # fmt: skip
-# What is a share of one, and whether it may be all of it.
-_SHARES = {"missed": False, "restitution": False, "efficiency": True}
+    "added_mass", "damping", "friction", "armature", "delay", "jitter", "resolution", "noise",
+    "period", "lag", "dead_zone",
+})  # fmt: skip
 # Rates of turning that nobody gives in degrees.
 _FREQUENCIES = ("frequency", "bandwidth")
 # Where a model keeps what a joint edit changes.
@@ -112,13 +110,20 @@ class Quantity:
             return time_as_run(self.quantity, value, timestep, control_period)
         return value
 
-    def physical(self, value: float) -> bool:
-        """Whether a plant can have this value."""
-        if self.quantity in _SHARES and value >= 1 and not (_SHARES[self.quantity] and value == 1):
-            return False
+    @property
+    def bounds(self) -> Range:
+        """The values that a plant can have."""
+        if self.owner in MACHINE_PARTS:
+            return range_of(MACHINE_PARTS[self.owner], self.quantity) or Range()
+        if self.quantity == "missed":
+            return Range(0, 1, below=True)
         if self.quantity in _POSITIVE:
-            return value > 0
-        return value >= 0 or self.quantity not in _NOT_NEGATIVE
+            return Range(0, above=True, infinite=True)
+        return Range(0 if self.quantity in _NOT_NEGATIVE else -math.inf, infinite=True)
+
+    def physical(self, value: float) -> bool:
+        """Whether a plant can have this value; of a range without an end, one that is far out."""
+        return self.bounds.holds(max(-MOST, min(value, MOST)))
 
     def ends(self, scale: float) -> tuple[float, float]:
         """Smallest and largest value at a scale of the uncertainty; infinite where it has none."""
@@ -129,14 +134,11 @@ class Quantity:
     @property
     def largest_scale(self) -> float:
         """The factor on distances from the nominal value up to which all values are physical."""
-        least, most = self.distribution.support
-        if self.quantity not in _POSITIVE | _NOT_NEGATIVE:
-            return math.inf
-        below = self.nominal / (self.nominal - least) if least < self.nominal else math.inf
-        if self.quantity not in _SHARES or most <= self.nominal:
-            return below
+        (least, most), nominal, bounds = self.distribution.support, self.nominal, self.bounds
+        down = (nominal - bounds.low) / (nominal - least) if least < nominal else math.inf
         # A share of samples stays below all of them.
-        return min(below, (1 - self.nominal) / (most - self.nominal) * (1 - 1e-9))
+        up = (bounds.high - nominal) / (most - nominal) * (1 - 1e-9) if most > nominal else math.inf
+        return min(down, up)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,13 +270,10 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     found = replace(found, **numbers_of(table, ["nominal"], lambda _: unit))
     for value in (*found.distribution.support, found.nominal):
         if not found.physical(value):
-            must = "be positive" if found.quantity in _POSITIVE else "not be negative"
-            end = "least"
-            if found.quantity in _SHARES and value >= 1:
-                must, end = f"be {'at most' if _SHARES[found.quantity] else 'below'} 1", "most"
+            end = "least" if value <= found.bounds.low else "most"
             raise ArgumentError(
-                f"{table.quantity.replace('_', ' ')} = {value:g} can occur, but must {must}: cut "
-                f"the distribution off with {end}"
+                f"{table.quantity.replace('_', ' ')} = {value:g} can occur, but must be "
+                f"{found.bounds.wanted}: cut the distribution off with {end}"
             )
     return found
 

@@ -13,7 +13,7 @@ from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.loop.layout import rate_positions
-from grosmc_mj.machine.unseen import UnseenState
+from grosmc_mj.physics.hidden_states import HiddenState
 from grosmc_mj.report.tables import prefixed
 
 # Of what no law sees on a machine the most telling, and at most so many.
@@ -122,14 +122,14 @@ def _unseen(runs: Sequence[RunResult]) -> Iterator[Panel]:
         largest = max(alike, key=lambda each: sizes[each])
         shown, scale = prefixed(unit, sizes[largest])
 
-        def curve(run: RunResult, each: UnseenState = largest, scale: float = scale) -> Array:
+        def curve(run: RunResult, each: HiddenState = largest, scale: float = scale) -> Array:
             return scale * _of_machine(run, each)
 
         label = f"{largest.name},\nnot seen [{shown}]"
         yield Panel(label, curve, (), every_plant=False, play=scale * largest.play)
 
 
-def _of_machine(run: RunResult, each: UnseenState) -> Array:
+def _of_machine(run: RunResult, each: HiddenState) -> Array:
     """What no law sees, at every instant of a run in MuJoCo."""
     physics = run.trajectory.physics
     assert physics is not None  # what is unseen is of a plant in MuJoCo

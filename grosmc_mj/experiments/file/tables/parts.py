@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import create_model
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
+from grosmc_mj.fields import range_of
 from grosmc_mj.loop.loop import Loop
 from grosmc_mj.loop.parts import Actuator, Computing, Estimator, Sensor
-from grosmc_mj.machine import MachinePart
+from grosmc_mj.machine import PARTS, MachinePart
 from grosmc_mj.plants import System
 
 
@@ -29,9 +30,7 @@ def table_of(part: MachinePart | type[MachinePart]) -> str:
 LOOP_PARTS: Mapping[str, Any] = {
     "computing": Computing, "sensor": Sensor, "estimator": Estimator, "actuator": Actuator,
 }  # fmt: skip
-MACHINE_PARTS: Mapping[str, type[MachinePart]] = {
-    table_of(made): made for made in get_args(MachinePart)
-}
+MACHINE_PARTS: Mapping[str, type[MachinePart]] = {table_of(part): part for part in PARTS}
 # The numbers of each kind of part with their units; {} stands for that of what it is of.
 LOOP_UNITS: dict[str, dict[str, str]] = {
     "computing": {"delay": "s", "jitter": "s", "missed": ""},
@@ -53,42 +52,10 @@ LOOP_UNITS: dict[str, dict[str, str]] = {
         "dead_zone": "{}",
     },
 }
-# The numbers of each kind of part with their units: {x} is that of the joint's coordinate, {f} of
-# its force or torque, {m} of its inertia.
+# The same of a machine: of a joint's numbers that of a hinge, " or " that of a slide.
 MACHINE_UNITS: dict[str, dict[str, str]] = {
-    "transmission": {
-        "inertia": "{m}",
-        "stiffness": "{f}/{x}",
-        "damping": "{f} s/{x}",
-        "backlash": "{x}",
-        "friction": "{f}",
-    },
-    "lugre": {
-        "coulomb": "{f}",
-        "static": "{f}",
-        "stiffness": "{f}/{x}",
-        "damping": "{f} s/{x}",
-        "stribeck": "{x}/s",
-    },
-    "stop": {"low": "{x}", "high": "{x}", "restitution": "", "duration": "s"},
-    "motor": {
-        "constant": "N m/A",
-        "resistance": "ohm",
-        "inductance": "H",
-        "ratio": "",
-        "efficiency": "",
-        "voltage": "V",
-        "current": "A",
-        "bandwidth": "rad/s",
-        "inertia": "kg m^2",
-        "cogging": "N m",
-        "cogging_periods": "",
-        "thermal_resistance": "K/W",
-        "heat_capacity": "J/K",
-    },
-    "swinging_load": {"mass": "kg", "length": "m", "damping": "N m s/rad"},
-    "sliding_load": {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"},
-    "wall": {"radius": "m", "restitution": "", "duration": "s"},
+    kind: {item.name: bounds.unit for item in fields(part) if (bounds := range_of(part, item.name))}
+    for kind, part in MACHINE_PARTS.items()
 }
 _PARTS, _UNITS = {**LOOP_PARTS, **MACHINE_PARTS}, {**LOOP_UNITS, **MACHINE_UNITS}
 
@@ -132,13 +99,12 @@ def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
     unit = _UNITS[kind][quantity]
     if unit == "input":
         return system.input.unit
-    if "{" not in unit:
-        return unit
-    if kind in MACHINE_PARTS:
+    if " or " in unit:
         require_known("joint", of, system.joints)
         slides = system.states[system.joints.index(of)].unit == "m"
-        x, f, m = ("m", "N", "kg") if slides else ("rad", "N m", "kg m^2")
-        return unit.format(x=x, f=f, m=m)
+        return unit.split(" or ")[slides]
+    if "{" not in unit:
+        return unit
     what, signals = ("input", system.inputs) if kind == "actuator" else ("state", system.states)
     units = {each.name: each.unit for each in signals}
     require_known(what, of, units)

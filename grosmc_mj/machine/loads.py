@@ -1,0 +1,96 @@
+"""Loads that move on a body: one that swings, one that slides."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import mujoco
+
+from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import Name, Vector, checked
+from grosmc_mj.machine.part import TOKEN, MachinePart, Oscillation, not_negative, positive
+from grosmc_mj.physics.writing import ball_radius, draw_ball, drawn, linear
+
+
+@checked(ModelError)
+class SwingingLoad(MachinePart):
+    """A point mass that hangs on a body by a massless rod and begins at rest below it.
+
+    Attributes:
+        body: Name of the body.
+        mass: [kg].
+        length: Of the rod [m].
+        damping: Of its hinge, whose axis is the y-axis of the body [N m s/rad].
+        at: Where it hangs, in the body's own frame [m], (3,).
+    """
+
+    body: Name
+    mass: Annotated[float, positive("kg")]
+    length: Annotated[float, positive("m")]
+    damping: Annotated[float, not_negative("N m s/rad")] = 0.0
+    at: Vector = (0.0, 0.0, 0.0)
+
+    kind, owner, order, several = "swinging load", "body", 11, True
+
+    def __str__(self) -> str:
+        return f"{self.body}: {self.mass:.3g} kg swing on {self.length:.3g} m"
+
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """A body on a hinge."""
+        load = _body(spec, self, "swing")
+        load.ipos = [0.0, 0.0, -self.length]
+        hinge = load.add_joint(
+            name=load.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, -1.0, 0.0]
+        )
+        hinge.damping = linear(self.damping, hinge.damping)
+        draw_ball(load, self.mass, pos=load.ipos)
+        rod = [ball_radius(self.mass) / 4, 0.0, 0.0]
+        drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, rod, fromto=[0, 0, 0, *load.ipos])
+
+
+@checked(ModelError)
+class SlidingLoad(MachinePart):
+    """A point mass that slides on a body along its x-axis, held by a spring.
+
+    Attributes:
+        body: Name of the body.
+        mass: [kg].
+        stiffness: [N/m].
+        damping: [N s/m].
+        at: Where it rests, in the body's own frame [m], (3,).
+    """
+
+    body: Name
+    mass: Annotated[float, positive("kg")]
+    stiffness: Annotated[float, positive("N/m")]
+    damping: Annotated[float, not_negative("N s/m")] = 0.0
+    at: Vector = (0.0, 0.0, 0.0)
+
+    kind, owner, order, several = "sliding load", "body", 12, True
+
+    def __str__(self) -> str:
+        return f"{self.body}: {self.mass:.3g} kg slide on {self.stiffness:.3g} N/m"
+
+    def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
+        """A body on a slide."""
+        load = _body(spec, self, "slide")
+        slide = load.add_joint(
+            name=load.name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0]
+        )
+        slide.stiffness = linear(self.stiffness, slide.stiffness)
+        slide.damping = linear(self.damping, slide.damping)
+        draw_ball(load, self.mass)
+
+    def oscillation(self, model: mujoco.MjModel) -> Oscillation:
+        """Of the mass on its spring."""
+        return Oscillation(self.stiffness / self.mass, self.damping / self.mass)
+
+
+def _body(spec: mujoco.MjSpec, load: SwingingLoad | SlidingLoad, word: str) -> mujoco.MjsBody:
+    """A body for a load, of a name that is not taken."""
+    taken = {body.name for body in spec.bodies}
+    names = (f"{load.body} {word}{i}" for i in ("", *range(2, len(taken) + 3)))
+    return spec.body(load.body).add_body(
+        name=next(name for name in names if name not in taken),
+        pos=load.at, explicitinertial=True, mass=load.mass, inertia=[TOKEN] * 3,
+    )  # fmt: skip

@@ -1,0 +1,135 @@
+"""States that no law sees: coordinates of motors and loads, currents, bristles, heat.
+
+mjSTATE_FULLPHYSICS is [time, qpos, qvel, act, ...]; the system's own joints come first in qpos and
+qvel, and those that parts of a machine add come after them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.physics.edits import Edit
+from grosmc_mj.plants import System
+
+
+@dataclass(frozen=True)
+class HiddenState:
+    """A number of a machine that laws do not see.
+
+    Attributes:
+        name: Such as ``shaft twist``.
+        unit: Of it.
+        kind: ``twist``, ``load``, ``winding``, ``temperature``, ``bristle``, or another memory of
+            MuJoCo's actuators.
+        column: Where it stands in mjSTATE_FULLPHYSICS.
+        scale: Factor from there to the unit.
+        minus: The column that is taken off, for a motor's twist against its joint.
+        play: The whole range within which a twist meets no spring; 0 for all others.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    column: int
+    scale: float = 1.0
+    minus: int | None = None
+    play: float = 0.0
+
+    def of(self, physics: Array) -> Array:
+        """Its values in rows of mjSTATE_FULLPHYSICS, (..., size) to (...)."""
+        value = physics[..., self.column]
+        return self.scale * (value if self.minus is None else value - physics[..., self.minus])
+
+
+def motor_joint(joint: str) -> str:
+    """Name of the coordinate, and of the body, of a motor behind a transmission."""
+    return f"{joint} motor"
+
+
+def hidden_states(
+    model: mujoco.MjModel, system: System, edits: Sequence[Edit]
+) -> tuple[HiddenState, ...]:
+    """All of them, in the order of mjSTATE_FULLPHYSICS.
+
+    Args:
+        model: Compiled, with the edits.
+        system: Whose states laws do see.
+        edits: They name the states that are theirs.
+    """
+    states = [*_of_joints(model, system), *_of_actuators(model)]
+    for edit in edits:
+        states = [edit.hidden(state, model) for state in states]
+    return tuple(states)
+
+
+def _of_joints(model: mujoco.MjModel, system: System) -> Iterator[HiddenState]:
+    for joint in range(system.degrees_of_freedom, model.njnt):
+        yield HiddenState(model.joint(joint).name, _unit(model, joint), "load", 1 + joint)
+
+
+def _of_actuators(model: mujoco.MjModel) -> Iterator[HiddenState]:
+    for i, first in enumerate(model.actuator_actadr):
+        for column, kind in enumerate(_activations(model, i), 1 + model.nq + model.nv + int(first)):
+            unit = {"temperature": "K", "bristle": _unit(model, model.actuator_trnid[i, 0])}
+            name = f"{mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)} {kind}"
+            yield HiddenState(name, unit.get(kind, "1"), kind, column)
+
+
+def _activations(model: mujoco.MjModel, index: int) -> list[str]:
+    """The kinds of an actuator's activations: of a motor in MuJoCo's order."""
+    dynamics, kinds = mujoco.mjtDyn(int(model.actuator_dyntype[index])), list[str]()
+    if dynamics in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
+        kinds = ["lag"]
+    if dynamics == mujoco.mjtDyn.mjDYN_DCMOTOR:
+        numbers = model.actuator_dynprm[index]
+        present = (("temperature", numbers[2]), ("bristle", numbers[5]), ("current", numbers[0]))
+        kinds = [name for name, number in present if number > 0]
+    count = int(model.actuator_actnum[index])
+    return kinds if len(kinds) == count else [f"activation {i + 1}" for i in range(count)]
+
+
+def _unit(model: mujoco.MjModel, joint: int) -> str:
+    """Unit of a joint's coordinate."""
+    return "m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+
+
+def starts(model: mujoco.MjModel, system: System, x0: Array) -> tuple[Array, Array]:
+    """qpos and qvel of simulations that start in states of the system.
+
+    Motors begin with their joints, without twist; loads that swing hang at rest, those that slide
+    rest.
+
+    Args:
+        model: Compiled.
+        system: Whose states they are.
+        x0: (nsim, n).
+
+    Returns:
+        (nsim, nq) and (nsim, nv).
+    """
+    n = system.degrees_of_freedom
+    qpos = np.tile(model.qpos0, (len(x0), 1))
+    qvel = np.zeros((len(x0), model.nv))
+    qpos[:, :n], qvel[:, :n] = x0[:, :n], x0[:, n:]
+    driven = {motor_joint(joint): index for index, joint in enumerate(system.joints)}
+    for joint in range(n, model.njnt):
+        if (index := driven.get(model.joint(joint).name)) is not None:
+            qpos[:, joint], qvel[:, joint] = x0[:, index], x0[:, n + index]
+        elif model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+            qpos[:, joint] = [_hanging(model, joint, row) for row in qpos]
+    return qpos, qvel
+
+
+def _hanging(model: mujoco.MjModel, joint: int, qpos: Array) -> float:
+    """The angle at which a body on a hinge hangs straight below it [rad]."""
+    data, body = mujoco.MjData(model), int(model.jnt_bodyid[joint])
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    axis, arm = data.xaxis[joint], data.xipos[body] - data.xanchor[joint]
+    down = model.opt.gravity - (model.opt.gravity @ axis) * axis
+    return float(qpos[joint] + np.arctan2(axis @ np.cross(arm, down), arm @ down))
