@@ -97,7 +97,7 @@ def test_quadratic_form_counts_every_entry(n: int) -> None:
 @each_size
 def test_norm_of_a_product_of_matrices(m: int) -> None:
     for _, _, G, E, _ in draws(m):
-        scale = 1e-15 * np.linalg.norm(np.abs(G) @ np.abs(E))
+        scale = 1e-15 * float(np.linalg.norm(np.abs(G) @ np.abs(E)))
         size = both(norm_of_product, G, row(E))
         assert size == pytest.approx(float(np.linalg.norm(G @ E)), rel=0, abs=m * scale)
 

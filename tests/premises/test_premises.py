@@ -398,10 +398,9 @@ def offset_surface(law: Controller) -> Controller:
     """The law with s shifted by a tenth: a reaching phase, as without -G x(0) in eq. (8)."""
     inner = law.law
 
-    def shifted(t: float, x: Any, memory: Any, p: Any) -> float:
-        u = inner(t, x, memory, p)
+    def shifted(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        inner(t, x, memory, p, u)
         memory.s += 0.1
-        return u
 
     return replace(law, law=shifted)
 

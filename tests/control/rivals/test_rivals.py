@@ -149,7 +149,7 @@ def test_they_reject_a_constant_load_where_lqr_does_not(name):
         -1
     ]
     # The slowest pole is at -1 /s: e^-25 is 1e-11.
-    assert kept[0] == pytest.approx(offset / (p.Kt * law.parameters.dynamics.K[0, 0]), rel=1e-8)
+    assert kept[0] == pytest.approx(offset / (p.Kt * law.parameters.K[0, 0]), rel=1e-8)
     assert abs(kept[0]) > 0.4
     assert np.abs(left).max() < 1e-8
 
