@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,8 +29,11 @@ from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import extended
 
+if TYPE_CHECKING:
+    from grosmc_mj.loop.in_loop import AppliedLoop
+
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
-_OF_THE_RUN = ("v", "undefined", "workspace", "first", "s", "meters", "loop")
+_OF_THE_RUN = ("v", "undefined", "workspace", "first", "s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,19 +87,6 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampling:
-    """How a law that samples itself is asked: at every timestep.
-
-    Attributes:
-        period: Its own control period [s].
-        timestep: That of the runs which it is made for [s].
-    """
-
-    period: float
-    timestep: float
-
-
-@dataclass(frozen=True, eq=False)
 class Controller:
     """A law, its parameters and the memory that each run of it starts with.
 
@@ -108,7 +98,7 @@ class Controller:
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
         design: What it was designed for; None for an open loop and the like.
-        sampling: Of a law that samples itself, as one in its loop does; None for all others.
+        loop: The sensors, computer, estimators and actuators around the law; None for none.
     """
 
     name: str
@@ -116,7 +106,7 @@ class Controller:
     parameters: Any
     memory: Callable[[], Memory] = Memory
     design: Design | None = None
-    sampling: Sampling | None = None
+    loop: AppliedLoop | None = None
 
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
@@ -170,15 +160,11 @@ class Controller:
     def sampled(self, control_period: float) -> Controller:
         """The same, told its control period [s] where it reads ``p.period``."""
         p = self.parameters
-        if self.sampling or not isinstance(p, Sampled) or p.period == control_period:
+        if not isinstance(p, Sampled) or p.period == control_period:
             return self
         made = self.design.numbers_at if self.design else None
         numbers = {} if made is None else made(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
-
-    def asked_every(self, control_period: float) -> float:
-        """Time between two calls of the law in runs of a control period [s]."""
-        return self.sampling.timestep if self.sampling else control_period
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""
@@ -187,6 +173,8 @@ class Controller:
             workspace = self.design.error.workspace(self.parameters)
         if workspace is not None:
             memory.workspace = workspace.address
+        if self.loop is not None:
+            memory.first = self.loop.ahead
         return memory, workspace
 
 

@@ -361,7 +361,7 @@ def _gain(law: Controller, here: Points, there: Points) -> Premise:
     everywhere = [*here, *there]
     p: Any = law.parameters
     unit = per_second(law.designed.sliding_unit)
-    if hasattr(p, "epsilon"):
+    if "epsilon" in law.designed.gains:
         region, along = (max(each.required for _, _, each in points) for points in (here, there))
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (

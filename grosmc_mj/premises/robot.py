@@ -14,7 +14,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.gains import authority_together
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -117,12 +117,11 @@ def _along(result: RunResult) -> Points:
 def _rate(result: RunResult, points: Points) -> Premise:
     """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
     law, driven = result.controller, _driven(result)
-    p: Any = law.parameters
     t, _, most = max(points, key=lambda point: point[2].required)
     joint = driven[int(np.abs(most.pushes).argmax())]
     alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
     unit = per_second(law.designed.sliding_unit)
-    printed = hasattr(p, "epsilon")
+    printed = "epsilon" in law.designed.gains
     assert result.true is not None
     machine = ", the parts of its machine" if result.true.rigid is not result.true else ""
     found = Premise(
@@ -197,7 +196,7 @@ def _taken_away(result: RunResult, R: Array) -> str:
 
 def _dominance_again(result: RunResult, points: Points) -> str:
     """What makes r positive: one switch for all joints, or a smaller part of the edits."""
-    together = min(authority_together(found.R) for _, _, found in points)
+    together = min(gain_margin(found.R, together=True) for _, _, found in points)
     said = []
     if together > 0 and "unit-vector" not in result.controller.designed.switching:
         said.append(f"a unit-vector switching law (r = {together:.3g} as one switch for all)")

@@ -1,15 +1,14 @@
-"""Metrics measured while a run goes on: a law that also keeps the meters of its run.
+"""Metrics that the kernel accumulates at each timestep of a run, which so need not be recorded.
 
-Nothing is recorded: the meters lie in the law's own memory, in Python and in compiled code alike,
-and say at the end what ``experiments.metrics`` would measure on the recorded samples.
+At the end they are what ``experiments.metrics`` measures on the recorded rows.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.law import Law, around
 from grosmc_mj.control.matrices import quadratic, row_times
-from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
-    Meters,
     Recording,
     Windows,
     folded,
@@ -33,9 +29,12 @@ from grosmc_mj.experiments.metrics.definitions import (
     note_costs,
     transient_end,
 )
+from grosmc_mj.experiments.metrics.definitions import (
+    Meters as RunMeters,
+)
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
-from grosmc_mj.records import extended
+from grosmc_mj.simulation.problem import Meters
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
 # for those of the law.
@@ -50,7 +49,7 @@ METRICS: Mapping[str, str] = {
 
 
 @dataclass
-class LawMeters(Meters):
+class LawMeters(RunMeters):
     """Meters of a run that goes on.
 
     Attributes:
@@ -85,23 +84,23 @@ class LawMeterNumbers(MeterNumbers):
     limits: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
 
-def metered(
+def meters_of(
     controller: Controller,
-    control_period: float,
+    timestep: float,
     windows: Windows,
     onset: float,
     *,
     costs: bool = False,
     limits: Array | None = None,
     late: float = math.inf,
-) -> Controller:
-    """The same controller with meters: its memory has ``meters`` besides.
+) -> Meters:
+    """Meters of runs of a controller, for ``simulate``: they note every timestep.
 
     Args:
-        controller: A law with error coordinates and an optimum; if it is in a loop, the meters
-            stand outside and note the true state and the given input.
-        control_period: Of the run [s].
-        windows: What is measured besides the usual metrics.
+        controller: A law with error coordinates and an optimum; around one in a loop they note the
+            true state and the input that the actuators give.
+        timestep: Of the runs [s].
+        windows: Measured besides the usual metrics.
         onset: When the first disturbance begins; settling is measured up to it, unless it acts
             from the start [s].
         costs: Whether the index is wanted.
@@ -115,34 +114,26 @@ def metered(
     design = controller.designed
     error, optimum = design.error, design.lqr
     after, widths = windows.numbers()
+    unlimited = np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
     numbers = LawMeterNumbers(
         after=after,
         widths=widths,
         onset=transient_end(onset),
         late=late,
-        transition=_transition(
-            optimum.closed_loop.tobytes(), error.size, controller.asked_every(control_period)
-        ),
+        transition=_transition(optimum.closed_loop.tobytes(), error.size, timestep),
         Q=optimum.Q,
         R=optimum.R,
-        limits=np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
-        if limits is None
-        else limits,
+        limits=unlimited if limits is None else limits,
     )
-    law = _metered_law(
-        controller.law,
+    note = _noting(
         error.state,
         tuple(error.output_rows),
         bool(design.sliding_unit),
         has_cart(error.system),
         costs,
     )
-    return replace(
-        controller,
-        law=law,
-        parameters=extended(controller.parameters, meters=numbers),
-        memory=partial(_memory, controller, numbers),
-    )
+    states = {name: np.zeros(error.size) for name in ("optimal", "z", "after", "still")}
+    return Meters(note, LawMeters.of(numbers, **states), numbers)
 
 
 @cache
@@ -151,24 +142,17 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
     return scipy.linalg.expm(np.frombuffer(closed_loop).reshape(size, size) * control_period)
 
 
-def _memory(controller: Controller, numbers: LawMeterNumbers) -> Memory:
-    """The law's own memory with meters."""
-    size = controller.designed.error.size
-    states = {name: np.zeros(size) for name in ("optimal", "z", "after", "still")}
-    meters = LawMeters.of(numbers, **states)
-    return extended(controller.memory(), meters=meters)
-
-
 @cache
-def _metered_law(
-    law: Law, error_state: Any, outputs: tuple[int, ...], surface: bool, cart: bool, costs: bool
-) -> Law:
-    """The law, which notes at each sample what it finds."""
-    inner, difference = jitable(law), _difference(outputs)
+def _noting(
+    error_state: Any, outputs: tuple[int, ...], surface: bool, cart: bool, costs: bool
+) -> Any:
+    """``Meters.note``."""
+    difference = _difference(outputs)
 
-    def metered_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        inner(t, x, memory, p, u)
-        meters, known = memory.meters, p.meters
+    @jitable
+    def note_timestep(
+        t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any
+    ) -> None:  # fmt: skip
         z = meters.z
         error_state(t, x, p, z)
         _follow(t, z, meters, known.transition)
@@ -182,7 +166,7 @@ def _metered_law(
         if costs:
             note_costs(t, quadratic(z, known.Q), quadratic(memory.v, known.R), meters.costs)
 
-    return around(metered_law, law)
+    return note_timestep
 
 
 @jitable
