@@ -61,7 +61,7 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
         def run() -> None:
             for k in range(few):
                 x = np.concatenate([data.qpos, data.qvel])
-                data.ctrl[0] = controller.law(k * h, x, memory, controller.parameters)
+                controller.law(k * h, x, memory, controller.parameters, data.ctrl)
                 mujoco.mj_step(model, data)
 
         return run

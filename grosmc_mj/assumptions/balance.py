@@ -89,7 +89,7 @@ def balance(
     """
     error, x = law.designed.error, np.asarray(x, float)
     drift, gain = error.moved(t, x, law.parameters, true.rigid, w, u)
-    z = np.array([error.state(t, x, law.parameters)])
+    z = error.error_state(t, x, law.parameters)[None]
     return _balances(law, [t], x[None], z, (drift[None], gain[None])).at(0)
 
 
@@ -107,7 +107,7 @@ def balances(
     """
     error, p = law.designed.error, law.parameters
     assert isinstance(error, ErrorCoordinates)
-    return _balances(law, t, x, error.errors(t, x, p), error.moved_along(t, x, p, true, w))
+    return _balances(law, t, x, error.along(t, x, p), error.moved_along(t, x, p, true, w))
 
 
 def balances_along(

@@ -10,20 +10,24 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates, Workspace
+from grosmc_mj.control.coordinates.base import (
+    Coordinates,
+    InputMap,
+    OutputCoordinates,
+    Workspace,
+)
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law, around, writing
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory, memory_of
-from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.jitable import jitable
-from grosmc_mj.own_law import around, checked
 from grosmc_mj.records import extended
-from grosmc_mj.vectors import algebra, each
 
 if TYPE_CHECKING:
     from grosmc_mj.loop.in_loop import AppliedLoop
@@ -73,13 +77,12 @@ class Design:
     linearizing: bool = False
     switching: str = ""
     control_period: float | None = None
-    with_reach: Callable[[Reach], Law] | None = None
+    with_reach: Callable[[SwitchingTerm], Law] | None = None
     numbers_at: Callable[[float], Mapping[str, Any]] | None = None
     follows_optimum: bool = True
 
     def __post_init__(self) -> None:
-        kinds = (OutputCoordinates, StateCoordinates)
-        require("error", self.error, kinds, "error coordinates of the plant")
+        require("error", self.error, Coordinates, "error coordinates of the plant")
         require("lqr", self.lqr, LqrDesign, "an optimum, such as lqr(A, B, Q, R)")
 
 
@@ -89,8 +92,9 @@ class Controller:
 
     Attributes:
         name: ``lqr``, ``fl-lqr``, ``grosmc`` or the user's own.
-        law: (t, x, memory, p) -> u in the unit of the plant's input, a number or, for several
-            inputs, a tuple; plain Python.
+        law: (t, x, memory, p, u), which writes the inputs u (m,) in the unit of the plant's. It is
+            made of a function (t, x, memory, p) too, which returns a number or m numbers; plain
+            Python.
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
         design: What it was designed for; None for an open loop and the like.
@@ -112,6 +116,20 @@ class Controller:
                 raise ArgumentError(
                     f"{self.name}: {what} = {shown(getattr(self, what))} must be a function"
                 )
+
+        object.__setattr__(self, "law", writing(self.law))
+
+    def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:
+        """The law's inputs at one sample, (m,).
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            memory: Of the run, which the law changes; it has the v of a law of m inputs.
+        """
+        u = np.zeros(np.size(memory.v))
+        self.law(t, np.asarray(x, float), memory, self.parameters, u)
+        return u
 
     @property
     def designed(self) -> Design:
@@ -171,7 +189,8 @@ def custom_controller(
 
     Args:
         name: What it is called.
-        law: (t, x, memory, p) -> u, a number or, for several inputs, a tuple.
+        law: (t, x, memory, p, u), which writes the inputs into u (m,); or (t, x, memory, p), which
+            returns a number or, for several inputs, a tuple.
         like: A controller with error coordinates and an optimum, whose index weighs this one.
         numbers: Fields of p besides ``plant``, ``reference`` and ``period``, the control period:
             numbers and arrays.
@@ -186,14 +205,15 @@ def custom_controller(
     require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
     require("numbers", {} if numbers is None else numbers, Mapping, "numbers by their names")
     if not callable(law):
-        raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p) -> u")
+        raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p, u)")
     design, m = like.designed, like.designed.error.inputs
+    _, virtual_input = design.error.input_maps(linearizing=design.linearizing)
     given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
     _require_names(numbers or {}, {*given, "period"}, "a law's number")
     parameters = extended(Sampled(), **given, **(numbers or {}))
     return Controller(
         name=name,
-        law=_weighed(law, m, _weighing(design)),
+        law=_noting(law, virtual_input),
         parameters=parameters,
         memory=memory_of(m, **_started(memory or {})),
         design=Design(
@@ -205,16 +225,6 @@ def custom_controller(
             follows_optimum=False,
         ),
     )
-
-
-def _weighing(design: Design) -> Feedback | None:
-    """What the index weighs of an input: v of eqs. (24) and (45), or u about its operating point.
-
-    None for u as it is.
-    """
-    error = design.error
-    of_state = isinstance(error, StateCoordinates)
-    return error.driven if of_state or design.linearizing else None
 
 
 def _require_names(named: Mapping[str, Any], taken: Iterable[str], what: str) -> None:
@@ -252,34 +262,12 @@ def named_gains(**matrices: Array) -> dict[str, float]:
 
 
 @cache
-def _weighed(law: Law, m: int, driven: Feedback | None) -> Law:
-    """The law, which notes what the index weighs: u, or v = alpha + E u of eqs. (24) and (45)."""
-    own, store = checked(law, m), algebra(m).store
-    vector = _as_vector(m)
-    if driven is not None:
-        weigh = driven
+def _noting(law: Callable[..., Any], virtual_input: InputMap) -> Law:
+    """The law, which notes the v that the index weighs: u, or that of eqs. (24) and (45)."""
+    inner = jitable(writing(law))
 
-        @jitable
-        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-            store(memory.v, weigh(t, x, vector(u), memory, p))
-
-    else:
-
-        @jitable
-        def note(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-            store(memory.v, vector(u))
-
-    def noting(t: float, x: Any, memory: Any, p: Any) -> Any:
-        u = own(t, x, memory, p)
-        note(t, x, memory, p, u)
-        return u
+    def noting(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        inner(t, x, memory, p, u)
+        virtual_input(t, x, u, memory, p, memory.v)
 
     return around(noting, law)
-
-
-@cache
-def _as_vector(m: int) -> Any:
-    """What a law returned, as a tuple."""
-    if m == 1:
-        return jitable(lambda u: (u,))
-    return each(m, lambda i, u: u[i])

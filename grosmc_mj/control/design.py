@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
@@ -39,14 +39,14 @@ CERTAIN = StateUncertainty()
 def linear_lqr(task: AnyTask) -> Controller:
     """LQR (5) on the plant's linearization."""
     optimum = task.optimum(linearizing=False)
-    return _feedback("lqr", laws.state_feedback, task, optimum, "eqs. (5)-(6)")
+    return _feedback("lqr", task, optimum, "eqs. (5)-(6)")
 
 
 @checked_call
 def linearized_lqr(task: Task, name: Name = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
     optimum, source = task.optimum(linearizing=True), "eqs. (23)+(28), (44)+(49)"
-    return _feedback(name, laws.linearizing_feedback, task, optimum, source, linearizing=True)
+    return _feedback(name, task, optimum, source, linearizing=True)
 
 
 @checked_call
@@ -77,7 +77,7 @@ def computed_torque_pd(
     optimum = priced(chains.A, chains.B, task.Q, task.R, K)
     source = "eqs. (23), (44) with v = -Kp e - Kd e'"
     return _feedback(
-        "pd", laws.linearizing_feedback, task, optimum, source,
+        "pd", task, optimum, source,
         linearizing=True, follows_optimum=False,
     )  # fmt: skip
 
@@ -94,7 +94,7 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    return _sliding(laws.grosmc_linear, task, uncertainty, G, "eqs. (8)+(12)")
+    return _sliding(laws.gains_of_linear_plant, task, uncertainty, G, "eqs. (8)+(12)")
 
 
 @checked_call
@@ -111,9 +111,8 @@ def regulating_grosmc(
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    assert task.symbolic
-    law, source = laws.grosmc_regulator, "eqs. (31)+(37)"
-    return _sliding(law, task, uncertainty, G, source, linearizing=True)
+    law_gains, source = laws.gains_of_regulator(task.symbolic), "eqs. (31)+(37)"
+    return _sliding(law_gains, task, uncertainty, G, source, linearizing=True)
 
 
 @checked_call
@@ -133,7 +132,7 @@ def tracking_grosmc(
         GainError: If G B is singular.
     """
     gains, source = {"k": k, "epsilon": epsilon}, "eqs. (51)+(55)"
-    return _sliding(laws.grosmc_tracker, task, gains, G, source, linearizing=True)
+    return _sliding(laws.gains_of_tracker, task, gains, G, source, linearizing=True)
 
 
 @checked_call
@@ -163,7 +162,12 @@ def state_grosmc(
         raise GainError(f"the actuator's limits leave a room of {room:g} about the operating point")
     source = f"eqs. (8)+(12) with all {task.error.size} states"
     return _sliding(
-        laws.grosmc_linear, task, uncertainty, G, source, limit=room if limit is None else limit
+        laws.gains_of_linear_plant,
+        task,
+        uncertainty,
+        G,
+        source,
+        limit=room if limit is None else limit,
     )
 
 
@@ -180,16 +184,18 @@ def realized(controller: Controller, realization: Realization) -> Controller:
 
 def _feedback(
     name: str,
-    law: Callable[[Any], laws.Law],
     task: AnyTask,
     optimum: LqrDesign,
     source: str,
+    *,
+    linearizing: bool = False,
     **kinds: Any,
 ) -> Controller:
     """A controller without switching, judged against this optimum."""
-    design = Design(task.error, optimum, source=source, gains=_feedback_gains(optimum), **kinds)
-    p = task.feedback(optimum.K)
-    return Controller(name, law(task.error), p, memory_of(len(optimum.K)), design)
+    kinds = {"source": source, "gains": _feedback_gains(optimum), **kinds}
+    design = Design(task.error, optimum, linearizing=linearizing, **kinds)
+    law, (m, n) = laws.optimal_feedback(task.error, linearizing=linearizing), optimum.K.shape
+    return Controller(name, law, task.feedback(optimum.K), memory_of(m, z=np.zeros(n)), design)
 
 
 def _feedback_gains(optimum: LqrDesign) -> dict[str, float]:
@@ -199,7 +205,7 @@ def _feedback_gains(optimum: LqrDesign) -> dict[str, float]:
 
 
 def _sliding(
-    law: Callable[[Any, Any], laws.Law],
+    law_gains: laws.Gains,
     task: AnyTask,
     gains: Mapping[str, float] | Uncertainty | StateUncertainty,
     G: ArrayLike | None,
@@ -211,7 +217,7 @@ def _sliding(
     """A sliding mode controller, sampled as the task says.
 
     Args:
-        law: Makes its law, for the error coordinates and a switching law.
+        law_gains: k and rho of its law.
         task: What it is designed for.
         gains: Its switching gains, or what they are to be computed from.
         G: Projection of the surface, (m, n); B+ by default.
@@ -234,7 +240,7 @@ def _sliding(
         source=source,
         sliding_unit=_sliding_unit(task.error, G, GB),
         linearizing=linearizing,
-        with_reach=partial(law, task.error),
+        with_reach=partial(laws.grosmc, task.error, law_gains, linearizing),
     )
     declared = ""
     if not isinstance(gains, Mapping):
@@ -260,7 +266,7 @@ def _switched(name: str, p: Any, design: Design, realization: Realization) -> Co
     m = design.error.inputs
     return Controller(
         name,
-        design.with_reach(switching.reach(m)),
+        design.with_reach(switching.reach),
         replace(p, switching=switching, **changes),
         switching.new_memory(m, n),
         replace(design, switching=switching.name, control_period=period),

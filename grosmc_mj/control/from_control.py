@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any
@@ -12,10 +11,12 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, custom_controller
-from grosmc_mj.control.laws import Coordinates, Law
+from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.state import StateCoordinates
+from grosmc_mj.control.law import Law
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Is, Name, Range, checked_call
-from grosmc_mj.vectors import algebra, each
+from grosmc_mj.jitable import jitable
 
 
 @checked_call
@@ -56,7 +57,9 @@ def from_control(
             f"{outputs} errors and give {inputs} inputs of {error.system.name}"
         )
     order = len(found["A"])
-    law = custom_controller(name, _law(error, order), like, found, {"q": np.zeros(order)})
+    memory = {"q": order, "after": order, "z": error.size, "e": outputs}
+    memory = {field: np.zeros(size) for field, size in memory.items()}
+    law = custom_controller(name, _law(error), like, found, memory)
     design = replace(law.designed, source="python-control", control_period=period)
     return replace(law, design=design)
 
@@ -92,31 +95,33 @@ def _sampled(sys: Any, period: float, name: str) -> dict[str, Array]:
 
 
 @cache
-def _law(error: Coordinates, order: int) -> Law:
-    """The law of a state space of that order on some error coordinates."""
-    error_state, applied, m = error.state, error.applied, error.inputs
+def _law(error: OutputCoordinates | StateCoordinates) -> Law:
+    """The law of a state space on some error coordinates."""
+    error_state, (apply, _) = error.state, error.input_maps(linearizing=False)
     rows, sign = tuple(error.output_rows), float(error.sign)
-    seen = len(rows)
-    errors = each(seen, lambda i, z: -sign * z[rows[i]])
-    given = algebra(m).given
 
-    def entry(i: int, M: Any, q: Any, N: Any, e: Any) -> float:
-        total = 0.0
-        for j in range(order):
-            total += M[i, j] * q[j]
-        for j in range(seen):
-            total += N[i, j] * e[j]
-        return total
-
-    output: Callable[..., Any] = each(m, entry)
-    following: Callable[..., Any] = each(order, entry)
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        e = errors(error_state(t, x, p))
-        v = output(p.C, memory.q, p.D, e)
-        after = following(p.A, memory.q, p.B, e)
-        for i in range(order):
-            memory.q[i] = after[i]
-        return given(applied(v, p))
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        z, e, q, after = memory.z, memory.e, memory.q, memory.after
+        error_state(t, x, p, z)
+        for i in range(len(e)):
+            e[i] = -sign * z[rows[i]]
+        for i in range(len(u)):
+            u[i] = _output(i, p.C, q, p.D, e)
+        for i in range(len(q)):
+            after[i] = _output(i, p.A, q, p.B, e)
+        for i in range(len(q)):
+            q[i] = after[i]
+        apply(t, x, u, memory, p, u)
 
     return law
+
+
+@jitable
+def _output(i: int, M: Any, q: Any, N: Any, e: Any) -> float:
+    """Entry i of M q + N e."""
+    total = 0.0
+    for j in range(len(q)):
+        total += M[i, j] * q[j]
+    for j in range(len(e)):
+        total += N[i, j] * e[j]
+    return total

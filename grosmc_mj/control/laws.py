@@ -1,8 +1,7 @@
-"""The laws of the chapter, each written once as (t, x, memory, p) -> u.
+"""The laws of the chapter: optimal feedback and GROSMC, of a linear plant or through eq. (44).
 
-Every function here makes a law for given error coordinates, for any number of inputs. A law is
-plain Python for one simulation; ``p`` is the parameter dataclass of its controller, ``memory``
-belongs to the run. Made once per coordinates, so that the compiled engine compiles it once.
+Every function here makes a law (t, x, memory, p, u) for some error coordinates, once: the
+compiled engine compiles it once. Its memory has the error state z (n,) and v (m,).
 """
 
 from __future__ import annotations
@@ -11,124 +10,98 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from grosmc_mj.control.coordinates.base import OutputCoordinates
-from grosmc_mj.control.coordinates.state import StateCoordinates
+from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.law import Law
+from grosmc_mj.control.matrices import norm, norm_of_product, row_times
 from grosmc_mj.control.surface import integral_surface
-from grosmc_mj.control.switching import Reach
-from grosmc_mj.vectors import algebra, norm
+from grosmc_mj.control.switching import SwitchingTerm
+from grosmc_mj.jitable import jitable
 
-# What a law regulates: outputs' errors through feedback linearization, or the whole state.
-Coordinates = OutputCoordinates | StateCoordinates
-# For one input u is a number, for more a tuple.
-Law = Callable[[float, Any, Any, Any], Any]
+# Jitable (x, z, p) -> k and rho: the proportional and the switching gain of a sample.
+Gains = Callable[[Any, Any, Any], tuple[float, float]]
 
 
 @cache
-def state_feedback(error: Coordinates) -> Law:
-    """The optimal law of a linear plant, eq. (5): u = -K x, about its operating point."""
-    error_state, applied, m = error.state, error.applied, error.inputs
-    times, subtract, store, given = _operations(m)
-    nothing = algebra(m).nothing
+def optimal_feedback(error: Coordinates, *, linearizing: bool) -> Law:
+    """v = -K z: eq. (5) with v as the input, eqs. (23)+(28) and (44)+(49) through linearization."""
+    error_state, (apply, _) = error.state, error.input_maps(linearizing=linearizing)
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        v = subtract(nothing, times(p.K, error_state(t, x, p)))
-        store(memory.v, v)
-        return given(applied(v, p))
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        z, v = memory.z, memory.v
+        error_state(t, x, p, z)
+        for i in range(len(v)):
+            v[i] = 0.0 - row_times(i, p.K, z)
+        apply(t, x, v, memory, p, u)
 
     return law
 
 
 @cache
-def linearizing_feedback(error: OutputCoordinates) -> Law:
-    """The optimal law through feedback linearization, eqs. (23)+(28) and (44)+(49)."""
-    error_state, feedback = error.state, error.feedback
-    times, subtract, store, given = _operations(error.inputs)
-    nothing = algebra(error.inputs).nothing
+def grosmc(error: Coordinates, gains: Gains, linearizing: bool, reach: SwitchingTerm) -> Law:
+    """v = -K z + (G B)^-1 phi, with phi the rate that the switching law asks of s.
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        v = subtract(nothing, times(p.K, error_state(t, x, p)))
-        store(memory.v, v)
-        return given(feedback(t, x, v, memory, p))
+    It is eq. (12) of a linear plant, about its operating point, and eqs. (37) and (55) through
+    feedback linearization; they differ in k and rho. With s of eq. (31), (ds/dx) g = G B E(x),
+    and u_con of eq. (36) is E^-1 (v_0 - K(x)), so u_dis of eq. (37) is E^-1 (G B)^-1 phi.
 
-    return law
-
-
-@cache
-def grosmc_linear(error: Coordinates, reach: Reach) -> Law:
-    """GROSMC of a linear plant, about its operating point: the surface (8) and the law (12).
-
-    The surface supposes that the nominal input -K x is applied. Where an actuator cuts it off, s
+    The surface supposes that the nominal input -K z is applied. Where an actuator cuts it off, s
     grows by what is missing, as an integrator winds up, and the switching term goes on paying it
-    back when the limit is long past. So the nominal input is kept within ``p.limit``, in law and
-    surface alike: s' = G (x' - A x - B u_0). Without a limit it is the printed law.
-    """
-    error_state, applied, m = error.state, error.applied, error.inputs
-    surface = integral_surface(m, error.size)
-    times, subtract, store, given = _operations(m)
-    add, nothing, within = algebra(m).add, algebra(m).nothing, algebra(m).within
+    back when the limit is long past. So a linear plant's nominal input is kept within
+    ``p.limit``, in law and surface alike: s' = G (x' - A x - B u_0). Without a limit it is the
+    printed law.
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        z = error_state(t, x, p)
-        s = surface(t, z, memory, p)
-        wanted = subtract(nothing, times(p.K, z))
-        nominal = within(wanted, p.limit)
-        # The surface has noted S z = G (A - B K) z for the time up to the next sample.
-        missing = times(p.GB_held, subtract(nominal, wanted))
+    Args:
+        error: The error coordinates.
+        gains: ``gains_of_linear_plant``, ``gains_of_regulator(error)`` or ``gains_of_tracker``.
+        linearizing: Whether v goes through feedback linearization; else it is the input.
+        reach: The switching law.
+    """
+    error_state, (apply, _) = error.state, error.input_maps(linearizing=linearizing)
+    gains, reach = jitable(gains), jitable(reach)
+
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        z, v, phi = memory.z, memory.v, memory.phi
+        m = len(v)
+        error_state(t, x, p, z)
+        integral_surface(t, z, memory, p)
         for i in range(m):
-            memory.rate[i] += missing[i]
-        rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * p.size_of_GB
-        v_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
-        v = add(v_d, nominal)
-        store(memory.v, v)
-        return given(applied(v, p))
+            v[i] = 0.0 - row_times(i, p.K, z)
+        if not linearizing:
+            for i in range(m):
+                nominal = min(p.limit, max(-p.limit, v[i]))
+                u[i], v[i] = nominal - v[i], nominal
+            for i in range(m):
+                memory.rate[i] += row_times(i, p.GB_held, u)
+        k, rho = gains(x, z, p)
+        reach(memory.s, k, rho, memory, p.switching, phi)
+        for i in range(m):
+            v[i] += row_times(i, p.GB_inverse, phi)
+        apply(t, x, v, memory, p, u)
 
     return law
+
+
+@jitable
+def gains_of_linear_plant(x: Any, z: Any, p: Any) -> tuple[float, float]:
+    """Eq. (12): rho = eta + (gamma0 + gamma1 |z|) |G B|."""
+    return 0.0, p.eta + (p.gamma0 + p.gamma1 * norm(z)) * p.size_of_GB
 
 
 @cache
-def grosmc_regulator(error: ErrorCoordinates, reach: Reach) -> Law:
-    """GROSMC of an affine plant: the surface (31) and the law (37).
+def gains_of_regulator(error: ErrorCoordinates) -> Gains:
+    """Eq. (37): rho = eta + (gamma0 + gamma1 |z|) |G B E(x)|."""
+    matrix = error.linearization.decoupling_matrix
 
-    With s of eq. (31), (ds/dx) g = G B E(x), and u_con of eq. (36) is E^-1 (v_0 - K(x)); so
-    u_dis of eq. (37) is E^-1 v_d with G B v_d the rate that the switching law asks of s.
-    """
-    error_state, feedback, matrix = error.state, error.feedback, error.decoupling_matrix
-    surface, product = integral_surface(error.inputs, error.size), algebra(error.inputs).product
-    times, subtract, store, given = _operations(error.inputs)
+    @jitable
+    def gains(x: Any, z: Any, p: Any) -> tuple[float, float]:
+        size = norm_of_product(p.GB, matrix(x, p.plant))
+        return 0.0, p.eta + (p.gamma0 + p.gamma1 * norm(z)) * size
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        z = error_state(t, x, p)
-        s = surface(t, z, memory, p)
-        ds_dx_g = product(p.GB, matrix(x, p))
-        rho = p.eta + (p.gamma0 + p.gamma1 * norm(z)) * norm(ds_dx_g)
-        v_d = times(p.GB_inverse, reach(s, 0.0, rho, memory, p.switching))
-        v = subtract(v_d, times(p.K, z))
-        store(memory.v, v)
-        return given(feedback(t, x, v, memory, p))
-
-    return law
+    return gains
 
 
-@cache
-def grosmc_tracker(error: OutputCoordinates, reach: Reach) -> Law:
-    """GROSMC for tracking: the surface (51) and the law (55) in the feedback (44)."""
-    error_state, feedback = error.state, error.feedback
-    surface = integral_surface(error.inputs, error.size)
-    times, subtract, store, given = _operations(error.inputs)
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        z = error_state(t, x, p)
-        s = surface(t, z, memory, p)
-        v_d = times(p.GB_inverse, reach(s, p.k, p.epsilon, memory, p.switching))
-        v = subtract(v_d, times(p.K, z))
-        store(memory.v, v)
-        return given(feedback(t, x, v, memory, p))
-
-    return law
-
-
-def _operations(m: int) -> tuple[Callable, Callable, Callable, Callable]:
-    """What every law computes with: times, subtract, store, given."""
-    found = algebra(m)
-    return found.times, found.subtract, found.store, found.given
+@jitable
+def gains_of_tracker(x: Any, z: Any, p: Any) -> tuple[float, float]:
+    """Eq. (55): k and rho = epsilon are given."""
+    return p.k, p.epsilon

@@ -1,4 +1,4 @@
-"""What a law remembers between two samples; it belongs to the run, never to the law."""
+"""The memory of a law between two samples; it belongs to the run, never to the law."""
 
 from __future__ import annotations
 
@@ -38,17 +38,34 @@ def memory_of(m: int, **own: float | Array) -> Callable[[], Any]:
 
     Args:
         m: Number of inputs.
-        own: What the law remembers besides, by name, as a run begins.
+        own: Further fields by name, with the values that they begin with.
     """
-    return partial(_fresh, m, own)
+    return partial(_new, Memory, {"v": np.zeros(m)}, own)
 
 
-def _fresh(m: int, own: Mapping[str, float | Array]) -> Any:
-    return extended(Memory(v=np.zeros(m)), **deepcopy(dict(own)))
+def surface_memory_of(m: int, n: int, **own: float | Array) -> Callable[[], Any]:
+    """Makes the memory of each run of a law with a surface, for m inputs and n entries of z.
+
+    Args:
+        m: Number of inputs.
+        n: Number of entries of z.
+        own: Further fields by name, with the values that they begin with.
+    """
+    rows: dict[str, Any] = dict.fromkeys(("v", "s", "integral", "rate", "phi"), np.zeros(m))
+    return partial(_new, SurfaceMemory, rows | dict.fromkeys(("z", "z0"), np.zeros(n)), own)
+
+
+def _new(kind: type[Memory], sized: Mapping[str, Any], own: Mapping[str, Any]) -> Any:
+    fields: dict[str, Any] = {name: value.copy() for name, value in sized.items()}
+    return extended(kind(**fields), **deepcopy(dict(own)))
 
 
 def _row() -> Array:
     return np.zeros(1)
+
+
+def _pair() -> Array:
+    return np.zeros(2)
 
 
 @dataclass
@@ -57,7 +74,9 @@ class SurfaceMemory(Memory):
 
     Attributes:
         v: As above, (m,).
+        z: The error state at the last sample, (n,).
         s: The sliding variable at the last sample, (m,).
+        phi: The rate of s that the switching law asked for at the last sample, (m,).
         z0: The error state at the first sample, (n,).
         integral: Of G (A - B K) z up to the last sample, (m,).
         rate: The integrand at the last sample, (m,).
@@ -66,8 +85,10 @@ class SurfaceMemory(Memory):
     """
 
     v: Any = field(default_factory=_row)
+    z: Array = field(default_factory=_pair)
     s: Array = field(default_factory=_row)
-    z0: Array = field(default_factory=lambda: np.zeros(2))
+    phi: Array = field(default_factory=_row)
+    z0: Array = field(default_factory=_pair)
     integral: Array = field(default_factory=_row)
     rate: Array = field(default_factory=_row)
     t: float = 0.0

@@ -19,7 +19,6 @@ from grosmc_mj.codegen import generate
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.fields import Items, Range, checked_call, refused
 from grosmc_mj.jitable import jitable
-from grosmc_mj.vectors import each
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
@@ -183,11 +182,14 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
             cosine, sine = cosine * c - sine * s, sine * c + cosine * s
         return value + p.mean[i] if order == 0 else value
 
-    entries = each(3 * outputs, entry)
+    entry, rows = jitable(entry), 3 * outputs
 
     @jitable
     def series(t: float, p: Any) -> Any:
-        return entries(math.cos(p.frequency * t), math.sin(p.frequency * t), p)
+        c, s, y_r = math.cos(p.frequency * t), math.sin(p.frequency * t), np.empty(rows)
+        for row in range(rows):
+            y_r[row] = entry(row, c, s, p)
+        return y_r
 
     function: Any = series
     function.degrees, function.moves = (2,) * outputs, True

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,57 +11,45 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.matrices import row_times
 from grosmc_mj.errors import GainError, shown
 from grosmc_mj.jitable import jitable
-from grosmc_mj.vectors import Vector, each, row_times
 
 
-@cache
-def integral_surface(m: int, n: int) -> Callable[[float, Any, Any, Any], Vector]:
-    """The surface of m inputs and n entries of z, as a jitable (t, z, memory, p) -> s.
+@jitable
+def integral_surface(t: float, z: Any, memory: Any, p: Any) -> None:
+    """s = G [z - z(0)] - integral of S z, eqs. (8), (31) and (51), into ``memory.s``.
 
-    s = G [z - z(0)] - integral of S z, with the integral as a left Riemann sum over the samples
-    before this one, as a sampled controller can form it. It is zero at the start: there is no
-    reaching phase. ``p`` has G (m, n) and S (m, n), see ``drift_of_surface``; ``memory`` is a
-    ``SurfaceMemory``, which is brought up to this sample.
+    The integral is a left Riemann sum over the samples before this one, as a sampled controller
+    can form it. s is zero at the start: there is no reaching phase.
+
+    Args:
+        t: Time [s].
+        z: Error state, (n,).
+        memory: A ``SurfaceMemory``, which is brought up to this sample.
+        p: With G (m, n) and S (m, n), see ``drift_of_surface``.
     """
-
-    def entry(i: int, z: Any, memory: Any, p: Any) -> float:
-        moved = 0.0
-        for j in range(n):
-            moved += p.G[i, j] * (z[j] - memory.z0[j])
-        return moved - memory.integral[i]
-
-    value, rate, accumulate = each(m, entry), each(m, row_times), accumulated(m)
-
-    @jitable
-    def surface(t: float, z: Any, memory: Any, p: Any) -> Vector:
-        if t == memory.first:
-            memory.t = t
-            for j in range(n):
-                memory.z0[j] = z[j]
-        accumulate(t, rate(p.S, z), memory)
-        s = value(z, memory, p)
-        for i in range(m):
-            memory.s[i] = s[i]
-        return s
-
-    return surface
-
-
-@cache
-def accumulated(m: int) -> Callable[[float, Any, Any], None]:
-    """Jitable (t, rates, memory): bring the integral of m rates up to this sample."""
-
-    @jitable
-    def accumulate(t: float, rates: Any, memory: Any) -> None:
-        memory.elapsed = t - memory.t
+    z0, s = memory.z0, memory.s
+    if t == memory.first:
         memory.t = t
-        for i in range(m):
-            memory.integral[i] += memory.rate[i] * memory.elapsed
-            memory.rate[i] = rates[i]
+        for j in range(len(z)):
+            z0[j] = z[j]
+    integrate(t, memory)
+    for i in range(len(s)):
+        memory.rate[i] = row_times(i, p.S, z)
+        total = 0.0
+        for j in range(len(z)):
+            total += p.G[i, j] * (z[j] - z0[j])
+        s[i] = total - memory.integral[i]
 
-    return accumulate
+
+@jitable
+def integrate(t: float, memory: Any) -> None:
+    """Bring the integral of ``memory.rate`` up to the sample at t [s]."""
+    memory.elapsed = t - memory.t
+    memory.t = t
+    for i in range(len(memory.rate)):
+        memory.integral[i] += memory.rate[i] * memory.elapsed
 
 
 def drift_of_surface(G: Array, optimum: LqrDesign, control_period: float | None) -> Array:

@@ -16,7 +16,7 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.chapter.claims.ledger import find_claim, judge, select_claims
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law
 from grosmc_mj.environments.policy_controllers import Takes, policy_controller
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.case import Case
@@ -97,9 +97,9 @@ class _Noted:
     def __init__(self, law: Law, lab: _PolicyLaboratory) -> None:
         self._law, self._lab = law, lab
 
-    def __call__(self, t: float, x: Any, memory: Any, p: Any) -> Any:
+    def __call__(self, t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         self._lab.asked = True
-        return self._law(t, x, memory, p)
+        self._law(t, x, memory, p, u)
 
 
 class _PolicyLaboratory(Laboratory):

@@ -78,7 +78,7 @@ class TimeSteps:
 
 
 class PolicyLaw:
-    """A law (t, x, memory, p) -> u that asks a policy.
+    """A law (t, x, memory, p, u) that asks a policy.
 
     Args:
         policy: What is asked.
@@ -95,23 +95,23 @@ class PolicyLaw:
         self._ask: Callable[[Any], Any] = _predicting(policy) or policy
         self._time_steps = TimeSteps(self._index) if takes == "time_step" else None
 
-    def __call__(self, t: float, x: Array, memory: PolicyMemory, p: Any) -> Any:
-        """The policy's inputs: a number or, for several, a tuple."""
+    def __call__(self, t: float, x: Array, memory: PolicyMemory, p: Any, u: Array) -> None:
+        """Write the policy's inputs, (m,)."""
         if memory.samples == 0:
             self._restart()
         memory.samples += 1.0
-        m = len(self._signals.system.inputs)
+        u[:] = 0.0
         if not self._index.defined(x):
             memory.undefined = 1.0
-            return _given(np.zeros(m))
+            return
         seen: Any = self._signals.observe(t, x)
         if self._time_steps is not None:
             seen = self._time_steps.at(t, seen)
         try:
-            u = self._checked(self._ask(seen), m)
+            u[:] = self._checked(self._ask(seen), len(u))
         except UndefinedLawError:
             memory.undefined = 1.0
-            return _given(np.zeros(m))
+            return
         except GrosmcError:
             raise
         except Exception as error:
@@ -119,7 +119,6 @@ class PolicyLaw:
         if self._time_steps is not None:
             self._time_steps.book(t, x, u)
         memory.v[:] = self._index.weighed(t, x, u)
-        return _given(u)
 
     def _restart(self) -> None:
         """Tell a policy with a memory of its own that a run begins."""
@@ -214,11 +213,6 @@ def policy_controller(
 def _memory(m: int) -> PolicyMemory:
     """The memory of a run with m inputs."""
     return PolicyMemory(v=np.zeros(m))
-
-
-def _given(u: Array) -> Any:
-    """What a law returns: a number for one input, else a tuple."""
-    return float(u[0]) if len(u) == 1 else tuple(u.tolist())
 
 
 def _predicting(policy: Any) -> Callable[[Observation], Any] | None:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.vectors import quadratic
+from grosmc_mj.control.matrices import quadratic
 
 
 class Index:
@@ -48,5 +48,5 @@ class Index:
     def stage_cost(self, t: float, x: Array, u: ArrayLike) -> float:
         """1/2 (z'Qz + v'Rv), in the index's unit per second."""
         error, optimum = self._design.error, self._design.lqr
-        z, v = error.state(t, x, self._law.parameters), self.weighed(t, x, u)
+        z, v = error.error_state(t, x, self._law.parameters), self.weighed(t, x, u)
         return float(0.5 * (quadratic(z, optimum.Q) + quadratic(v, optimum.R)))

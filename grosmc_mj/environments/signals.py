@@ -56,7 +56,7 @@ class Signals:
         state = np.asarray(x, float)
         seen = OrderedDict((name, state[i : i + 1].copy()) for i, name in enumerate(self._names))
         seen["time"] = np.array([t])
-        seen["error"] = np.array(error.state(t, state, p), float)
+        seen["error"] = error.error_state(t, state, p)
         # A law that regulates the whole state has no reference.
         seen["reference"] = error.reference_along([t], getattr(p, "reference", None))[0]
         return seen

@@ -212,7 +212,7 @@ def _users(
 def _refuse_memory(table: ControllerTable) -> None:
     """Refuse memory for what is no plain law."""
     if table.memory:
-        _refuse("memory is of a law (t, x, memory, p) -> u of your own: all others have theirs")
+        _refuse("memory is of a law (t, x, memory, p, u) of your own: all others have theirs")
 
 
 def _refuse(said: str) -> NoReturn:
@@ -220,16 +220,16 @@ def _refuse(said: str) -> NoReturn:
 
 
 def _is_law(found: Any, text: str) -> bool:
-    """Whether a function is a law (t, x, memory, p) -> u, and not one that makes a controller."""
+    """Whether a function is a law, (t, x, memory, p, u), and not one that makes a controller."""
     if not callable(found):
         _refuse(
-            f"{text} is a {type(found).__name__}, must be a law (t, x, memory, p) -> u, a function "
+            f"{text} is a {type(found).__name__}, must be a law (t, x, memory, p, u), a function "
             "(nominal plant, numbers ...) -> Controller, a Controller, or a StateSpace or "
             "TransferFunction of python-control"
         )
     names = [each.name for each in _needed(found)]
-    if len(names) == 4 and names[:2] != ["t", "x"]:
-        _refuse(f"{text} has the arguments {', '.join(names)}: a law has t, x, memory and p")
+    if len(names) in (4, 5) and names[:2] != ["t", "x"]:
+        _refuse(f"{text} has the arguments {', '.join(names)}: a law has t, x, memory, p and u")
     return names[:2] == ["t", "x"] and not inspect.isclass(found)
 
 

@@ -16,7 +16,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.runge_kutta import state_derivative
 from grosmc_mj.robots.coordinates import RobotCoordinates
-from grosmc_mj.vectors import each
 
 # Jitable (t, x, u, h, memory, p, own): move x, (n,), by h [s] under the input u, (m,); memory and p
 # are the law's, own the model's.
@@ -113,16 +112,16 @@ def _linear(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -
 
 @cache
 def _of_robot(error: RobotCoordinates) -> Advance:
-    driven, reference, joints = error.driven, error.reference, error.inputs
-    accelerations, vector = error.accelerations, each(joints, lambda i, u: u[i])
+    virtual_input, accelerations, joints = error.virtual_input, error.accelerations, error.inputs
 
     @jitable
     def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
-        v = driven(t, x, vector(u), memory, p)
-        moved = accelerations(v, reference(t, p.reference))
+        a = own[:joints]
+        virtual_input(t, x, u, memory, p, a)
+        accelerations(t, a, p, a)
         for i in range(joints):
-            x[i] += h * x[i + joints] + 0.5 * h * h * moved[i]
-            x[i + joints] += h * moved[i]
+            x[i] += h * x[i + joints] + 0.5 * h * h * a[i]
+            x[i + joints] += h * a[i]
 
     return advance
 

@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
+from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, StateMap
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.coordinates.torques import LinearTorques
+from grosmc_mj.control.matrices import solve
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mjdata import scratch
 from grosmc_mj.plants import Plant
 from grosmc_mj.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
 from grosmc_mj.robots.regressor import torques_of_body
-from grosmc_mj.vectors import Vector, algebra, each, signed_difference
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,64 +63,80 @@ class RobotCoordinates(OutputCoordinates):
         return tuple(row for joint in range(n) for row in (joint, joint + n))
 
     @cached_property
-    def state(self) -> Callable[[float, Any, Any], Vector]:
-        """Jitable (t, x, p) -> z."""
-        reference, order = self.reference, self._order
-        arranged = each(self.size, lambda i, x: x[order[i]])
-        difference = signed_difference(self.size, float(self.sign), self._lower)
+    def state(self) -> StateMap:
+        """Jitable (t, x, p, z)."""
+        reference, sign = self.reference, float(self.sign)
+        order, lower = self._order, self._lower
 
-        def error_state(t: float, x: Any, p: Any) -> Vector:
-            return difference(arranged(x), reference(t, p.reference))
+        def error_state(t: float, x: Any, p: Any, z: Any) -> None:
+            y_r = reference(t, p.reference)
+            for i in range(len(z)):
+                z[i] = sign * (x[order[i]] - y_r[lower[i]])
 
         return jitable(error_state)
 
     @cached_property
-    def accelerations(self) -> Callable[[Any, Any], Vector]:
-        """Jitable (v, y_r) -> q'' = sign v + y_r'', (n,)."""
-        sign, places = float(self.sign), self._highest
-        return each(self.inputs, lambda i, v, y_r: sign * v[i] + y_r[places[i]])
+    def accelerations(self) -> Callable[[float, Any, Any, Any], None]:
+        """Jitable (t, v, p, a): a = sign v + y_r'', (n,); a may be v."""
+        reference, sign, highest = self.reference, float(self.sign), self._highest
+
+        def accelerations(t: float, v: Any, p: Any, a: Any) -> None:
+            y_r = reference(t, p.reference)
+            for i in range(len(a)):
+                a[i] = sign * v[i] + y_r[highest[i]]
+
+        return jitable(accelerations)
 
     @cached_property
-    def feedback(self) -> Feedback:
-        """Jitable (t, x, v, memory, p) -> u = M(q) (sign v + y_r'') + h(q, q') - passive.
+    def feedback(self) -> InputMap:
+        """Jitable (t, x, v, memory, p, u): u = M(q) (sign v + y_r'') + h(q, q') - passive.
 
         It is defined everywhere, for a run that has its workspace: see ``Controller.begin``.
         """
-        reference, torque = self.reference, inverse_dynamics(self.inputs)
-        nothing, accelerations = algebra(self.inputs).nothing, self.accelerations
+        torque, accelerations = inverse_dynamics(self.inputs), self.accelerations
 
-        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any) -> Vector:
+        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
             if memory.workspace == 0.0:
                 memory.undefined = 1.0
-                return nothing
-            return torque(memory.workspace, x, accelerations(v, reference(t, p.reference)))
+                for i in range(len(u)):
+                    u[i] = 0.0
+                return
+            accelerations(t, v, p, u)
+            torque(memory.workspace, x, u, u)
 
         return jitable(feedback)
 
     @cached_property
-    def driven(self) -> Feedback:
-        """Jitable (t, x, u, memory, p) -> v = sign (M^-1 (u - h + passive) - y_r'').
+    def virtual_input(self) -> InputMap:
+        """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (u - h + passive) - y_r'').
 
         M is read off inverse dynamics, column by column: no law of ours needs it.
         """
         reference, torque, n = self.reference, inverse_dynamics(self.inputs), self.inputs
-        sign, places, operations = float(self.sign), self._highest, algebra(self.inputs)
-        solve, subtract, nothing = operations.solve, operations.subtract, operations.nothing
-        unit = each(n, lambda i, j: 1.0 if i == j else 0.0)
-        rates = each(n, lambda i, a, y_r: sign * (a[i] - y_r[places[i]]))
+        sign, highest = float(self.sign), self._highest
 
-        def driven(t: float, x: Any, u: Any, memory: Any, p: Any) -> Vector:
+        def virtual_input(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
             if memory.workspace == 0.0:
                 memory.undefined = 1.0
-                return nothing
-            h, M = torque(memory.workspace, x, nothing), np.empty(n * n)
+                for i in range(n):
+                    v[i] = 0.0
+                return
+            h, M, column = np.zeros(n), np.empty(n * n), np.zeros(n)
+            torque(memory.workspace, x, h, h)
             for j in range(n):
-                column = torque(memory.workspace, x, unit(j))
+                for i in range(n):
+                    column[i] = 1.0 if i == j else 0.0
+                torque(memory.workspace, x, column, column)
                 for i in range(n):
                     M[i * n + j] = column[i] - h[i]
-            return rates(solve(M, subtract(u, h)), reference(t, p.reference))
+            for i in range(n):
+                v[i] = u[i] - h[i]
+            solve(M, v)
+            y_r = reference(t, p.reference)
+            for i in range(n):
+                v[i] = sign * (v[i] - y_r[highest[i]])
 
-        return jitable(driven)
+        return jitable(virtual_input)
 
     def torques(self, body: str | None = None) -> LinearTorques:
         """As for every coordinates: the inertia of one body is unknown, and loads on the joints.
@@ -145,7 +161,7 @@ class RobotCoordinates(OutputCoordinates):
         """(alpha, E) of z_i'' = alpha_i + (E u)_i: (m,) and (m, m)."""
         x, n = np.asarray(x, float), self.inputs
         E = np.linalg.inv(inertia(self.model, x[:n]))
-        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised(t, p)[1::2]
+        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised_along([t], p)[0, 1::2]
         return self.sign * alpha, self.sign * E
 
     def moved(
@@ -177,7 +193,7 @@ class RobotCoordinates(OutputCoordinates):
         gain[1::2] = np.linalg.inv(M)
         # The torques of the motors, which are the inputs within their limits.
         drift[0::2], drift[1::2] = x[n:], data.qacc - gain[1::2] @ data.qfrc_actuator
-        return self.sign * (drift - self.raised(t, p)), self.sign * gain
+        return self.sign * (drift - self.raised_along([t], p)[0]), self.sign * gain
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """q and q' of each joint at every state of a trajectory, (N, n); returns (N, size)."""

@@ -25,7 +25,6 @@ from grosmc_mj.compilation import array_at, pointer
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mjdata import mujoco_library, scratch
 from grosmc_mj.physics.writing import write_inertia
-from grosmc_mj.vectors import each
 
 
 def _of_model_and_data(name: str) -> Any:
@@ -125,18 +124,17 @@ def _moving(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> mujoco.MjData
 
 
 @cache
-def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
+def inverse_dynamics(n: int) -> Callable[[float, Any, Any, Any], None]:
     """tau = M(q) a + h(q, q') - passive of a robot of n joints, in Python and in compiled code.
 
     Returns:
-        A function (workspace, x, a) of the address of a ``NominalData``, the state x, (2 n,),
-        and the accelerations a, (n,).
+        A function (workspace, x, a, tau) of the address of a ``NominalData``, the state x, (2 n,),
+        and the accelerations a, (n,), which writes tau, (n,); tau may be a.
     """
     load_mujoco()
-    entries = each(n, _total)
 
     @numba.njit
-    def torque(workspace: float, x: Any, a: Any) -> tuple[float, ...]:
+    def torque(workspace: float, x: Any, a: Any, tau: Any) -> None:
         arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
         m, d = pointer(arrays.model), pointer(arrays.data)
         armature = array_at(arrays.armature, (n,), np.float64)
@@ -156,13 +154,10 @@ def inverse_dynamics(n: int) -> Callable[[float, Any, Any], tuple[float, ...]]:
         # M a + h of the bodies, what drives the joints, and what acts without an input.
         bodies = array_at(result, (n,), np.float64)
         passive = array_at(arrays.qfrc_passive, (n,), np.float64)
-        return entries(bodies, armature, a, passive)
+        for i in range(n):
+            tau[i] = bodies[i] + armature[i] * qacc[i] - passive[i]
 
     return torque
-
-
-def _total(i: int, bodies: Any, armature: Any, a: Any, passive: Any) -> float:
-    return bodies[i] + armature[i] * a[i] - passive[i]
 
 
 @cache

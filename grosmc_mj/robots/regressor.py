@@ -28,7 +28,6 @@ from grosmc_mj.robots.dynamics import (
     mj_passive,
     mj_rne,
 )
-from grosmc_mj.vectors import algebra, each
 
 # Mass, first moment and inertia of a body.
 INERTIAL = 10
@@ -58,13 +57,13 @@ def torques_of_body(model: mujoco.MjModel, body: int) -> LinearTorques:
     n = int(model.nv)
     reference = reference_torques(n)
     rows = body_regressor(n, body, int(model.body_rootid[body]), int(model.nbody))
-    nothing, count = algebra(n).nothing, INERTIAL + n
+    count = INERTIAL + n
     none = (0.0,) * count
 
     def known(x: Any, r: Any, a: Any, memory: Any, p: Any) -> Any:
         if memory.workspace == 0.0:
             memory.undefined = 1.0
-            return nothing
+            return np.zeros(n)
         return reference(memory.workspace, x, r, a)
 
     def regressor(x: Any, r: Any, a: Any, memory: Any, p: Any) -> Any:
@@ -92,7 +91,6 @@ def reference_torques(n: int) -> Torque:
         A function (workspace, x, r, a), as ``inverse_dynamics``; returns (n,).
     """
     load_mujoco()
-    entries = each(n, lambda i, row: row[i])
 
     @numba.njit
     def torque(workspace: float, x: Any, r: Any, a: Any) -> Any:
@@ -121,7 +119,7 @@ def reference_torques(n: int) -> Torque:
             mj_rne(m, d, np.int32(1 if moving == 0.0 else 0), result)
             for i in range(n):
                 total[i] += weight * bodies[i]
-        return entries(total)
+        return total
 
     return torque
 

@@ -1,49 +1,31 @@
-"""What a law returns, as the array of inputs that an engine holds."""
+"""The inputs that a law writes, in Python as in compiled code."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.law import NoInputsError
 from grosmc_mj.errors import GrosmcError, shown
-from grosmc_mj.jitable import jitable, source_of
-from grosmc_mj.own_law import NoInputsError, require_inputs
+from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.law_errors import LawError, law_error
 
 
-@cache
-def written_inputs(m: int) -> Callable[[Any, Any], bool]:
-    """Jitable (u, given): write a law's number, or its tuple of m numbers, into u, (m,).
-
-    It returns whether all of them are finite. numba refuses other kinds when it compiles.
-    """
-
-    @jitable
-    def number(u: Any, given: Any) -> bool:
-        u[0] = given
-        return math.isfinite(u[0])
-
-    @jitable
-    def several(u: Any, given: Any) -> bool:
-        if len(given) != m:
-            raise ValueError("a law must return as many numbers as there are inputs")
-        finite = True
-        for i in range(m):
-            u[i] = given[i]
-            finite = finite and math.isfinite(u[i])
-        return finite
-
-    return number if m == 1 else several
+@jitable
+def all_finite(u: Any) -> bool:
+    """Whether all inputs are finite."""
+    finite = True
+    for value in u:
+        finite = finite and math.isfinite(value)
+    return finite
 
 
 def ask(controller: Controller, t: float, x: Array, memory: Any, u: Array) -> bool:
-    """Write what a law asks for into u, (m,), in Python as compiled code would.
+    """Let a law write its inputs u, (m,), in Python as compiled code would.
 
     Where C goes on with infinities and NaN, Python raises an error: u is then NaN.
 
@@ -54,40 +36,38 @@ def ask(controller: Controller, t: float, x: Array, memory: Any, u: Array) -> bo
         LawError: If the law raises an error or returns something else than m numbers.
     """
     try:
-        return written_inputs(len(u))(u, answer(controller, t, x, memory, len(u)))
+        write_inputs(controller, t, x, memory, u)
     except LawError as error:
         if not error.undefined:
             raise
-    u[:] = np.nan
-    return False
+        u[:] = np.nan
+    return all_finite(u)
 
 
-def answer(controller: Controller, t: float, x: Array, memory: Any, m: int) -> Any:
-    """What a law returns in Python, once: a number or, for several inputs, m of them.
+def write_inputs(controller: Controller, t: float, x: Array, memory: Any, u: Array) -> None:
+    """Let a law write its inputs, in Python, once.
 
     Args:
         controller: Law and numbers.
         t: Time [s].
         x: State, (n,).
         memory: Of the run.
-        m: Number of inputs.
+        u: Where they go, (m,).
 
     Raises:
         LawError: As ``ask``, and where it divides by zero or leaves a function's domain.
     """
     try:
-        given = source_of(controller.law)(t, x, memory, controller.parameters)
-        require_inputs(given, m)
+        controller.law(t, x, memory, controller.parameters, u)
     except GrosmcError:
         raise
     except NoInputsError as error:
-        wanted = "a number" if m == 1 else f"a tuple of {m} numbers"
         raise LawError(
-            f"{controller.name} returned {shown(error.given)} at t = {t:g} s, must return {wanted}"
+            f"{controller.name} returned {shown(error.returned)} at t = {t:g} s, must return "
+            f"{error.wanted}"
         ) from error
     except Exception as error:
         raise law_error(controller.name, t, error) from error
-    return given
 
 
 def require_answer(controller: Controller, x0: Array, m: int) -> None:
@@ -99,10 +79,13 @@ def require_answer(controller: Controller, x0: Array, m: int) -> None:
         m: Number of inputs.
 
     Raises:
-        LawError: As ``answer``, or if an input is not finite where the law is defined.
+        LawError: As ``write_inputs``, or if an input is not finite where the law is defined.
     """
-    memory, _kept_alive = controller.begin()
+    (memory, _kept_alive), u = controller.begin(), np.zeros(m)
     with np.errstate(all="ignore"):
-        given = answer(controller, 0.0, np.array(x0, float), memory, m)
-    if not np.all(np.isfinite(np.array(given, float))) and not memory.undefined:
-        raise LawError(f"{controller.name} returned {shown(given)} at t = 0 s, which is not finite")
+        write_inputs(controller, 0.0, np.array(x0, float), memory, u)
+    if not all_finite(u) and not memory.undefined:
+        returned = u.item() if m == 1 else tuple(u.tolist())
+        raise LawError(
+            f"{controller.name} returned {shown(returned)} at t = 0 s, which is not finite"
+        )

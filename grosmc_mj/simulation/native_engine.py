@@ -13,18 +13,17 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, compile_c, laid_out_as
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
 from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.in_loop import ideal_loop
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
-from grosmc_mj.own_law import innermost
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.guard import c_address, guard
-from grosmc_mj.simulation.inputs import ask, written_inputs
+from grosmc_mj.simulation.inputs import all_finite, ask
 from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, kernel
 from grosmc_mj.simulation.law_errors import LawError, compiling
 from grosmc_mj.simulation.problem import Problem, Record
@@ -174,7 +173,7 @@ def _compiled_law(
     system: System, law: Law, memory_dtype: np.dtype[Any], numbers_dtype: np.dtype[Any]
 ) -> Any:
     """A sample of a law as a C function, which the kernel calls."""
-    law, singular, inputs = jitable(law), system.singular, written_inputs(len(system.inputs))
+    law, singular = jitable(law), system.singular
     answered, failed = ANSWERED, ANSWERED + _FAILED
     undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
     singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
@@ -186,12 +185,12 @@ def _compiled_law(
         remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
         numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
         try:
-            finite = inputs(u, law(t, seen, remembered, numbers))
+            law(t, seen, remembered, numbers, u)
         except Exception:
             return failed
         if remembered.undefined != 0.0:
             return undefined_law
-        return answered if finite else undefined_input
+        return answered if all_finite(u) else undefined_input
 
     return compile_c(sample, *LAW.args, returns=LAW.return_type)
 

@@ -129,7 +129,7 @@ def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
     true, physics = plant.analytic(), plant.derivative
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
-        u = law.law(t, x, beside_surface(law, t, z, 1e-9), law.parameters)
+        u = law.input_at(t, x, beside_surface(law, t, z, 1e-9))
         found = balance(law, true, t, x, w)
         sign = pushed_away(law, true, t, z, w)
         claimed = claimed_rate(law, found, u, sign)
@@ -150,11 +150,11 @@ def test_balance_is_the_slope_of_the_law_s_own_surface(system: str) -> None:
         slopes = []
         for h in (1e-4, 5e-5):
             memory = beside_surface(law, t, z, 1e-3)
-            u = law.law(t, x, memory, law.parameters)
+            u = law.input_at(t, x, memory)
             before = memory.s.item()
             # The midpoint rule: its error in s is of order h^3.
             after = x + h * true.derivative(x + h / 2 * true.derivative(x, u, w), u, w)
-            law.law(t + h, after, memory, law.parameters)
+            law.input_at(t + h, after, memory)
             slopes.append((memory.s.item() - before) / h)
         sign = pushed_away(law, true, t, z, w)
         claimed = claimed_rate(law, balance(law, true, t, x, w), u, sign)
@@ -204,7 +204,7 @@ def test_law_with_the_required_gain_approaches_from_both_sides_and_with_less_doe
             for side in (-1.0, 1.0):
                 # So near that k s of eq. (55) is below what the factor changes.
                 memory = beside_surface(weak, t, z, side * 1e-11)
-                u = weak.law(t, x, memory, weak.parameters)
+                u = weak.input_at(t, x, memory)
                 assert math.copysign(1.0, memory.s.item()) == side
                 rates.append(side * surface_rate(weak, t, z, true.derivative(x, u, w)))
             approaches[factor] = max(rates) < 0
@@ -217,9 +217,7 @@ def test_switching_rate_is_what_the_law_adds_to_its_continuous_part(system: str)
     for t, z, w in random_points(system, 20):
         x = state(law, t, z)
         found = balance(law, nominal(system), t, x, w)
-        jumps = [
-            law.law(t, x, beside_surface(law, t, z, s), law.parameters) for s in (-1e-13, 1e-13)
-        ]
+        jumps = [law.input_at(t, x, beside_surface(law, t, z, s)) for s in (-1e-13, 1e-13)]
         rate = abs(steering(law, found) * (jumps[1] - jumps[0])) / 2
         assert rate == pytest.approx(found.configured, rel=1e-9)
         assert sum(jumps) / 2 == pytest.approx(found.u_c.item(), rel=1e-9, abs=1e-9)
@@ -266,7 +264,7 @@ def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
         misses.append(abs(ddz + (law.parameters.K @ z).item()))
         if not hasattr(law.parameters, "GB"):
             assert found.configured == 0
-            u = law.law(t, x, law.memory(), law.parameters)
+            u = law.input_at(t, x, law.memory())
             assert abs(found.u_c.item() - u) <= rounding_of_u_c(law, t, x, z)
     # The linear laws leave a closed loop of their own: z1'' = (A - B K) z, another one.
     assert bool(max(misses) < 1e-12) is expected
@@ -401,10 +399,9 @@ def offset_surface(law: Controller) -> Controller:
     """The law with s shifted by a tenth: a reaching phase, as without -G x(0) in eq. (8)."""
     inner = law.law
 
-    def shifted(t: float, x: Any, memory: Any, p: Any) -> float:
-        u = inner(t, x, memory, p)
+    def shifted(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        inner(t, x, memory, p, u)
         memory.s += 0.1
-        return u
 
     return replace(law, law=shifted)
 

@@ -815,7 +815,7 @@ def inputs(law: Controller) -> tuple[Array, Array]:
     """u and, for a law with a surface, s of a law along the samples, (count, m)."""
     memory, u, s = law.memory(), [], []
     for t, x in samples(law):
-        u.append(np.atleast_1d(law.law(t, x, memory, law.parameters)))
+        u.append(np.atleast_1d(law.input_at(t, x, memory)))
         s.append(np.array(getattr(memory, "s", [0.0])))
     return np.array(u), np.array(s)
 
@@ -845,7 +845,7 @@ def test_zero_gain_leaves_the_continuous_law(system: str, name: str) -> None:
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_surface_without_its_integral_is_the_projection_alone(system: str) -> None:
     law = faulty("integral left out", system)
-    z = np.array([law.designed.error.state(t, x, law.parameters) for t, x in samples(law)])
+    z = np.array([law.designed.error.error_state(t, x, law.parameters) for t, x in samples(law)])
     assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G.T, abs=1e-13)
 
 

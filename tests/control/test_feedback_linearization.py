@@ -563,7 +563,7 @@ def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign
     assert (error.size, error.inputs, error.units) == (3, 2, ("m", "m/s", "rad"))
     for x in np.random.default_rng(8).normal(0, 1, (10, 3)):
         expected = sign * np.array([x[0] - 0.2, x[1], x[2] + 0.4])
-        np.testing.assert_array_equal(error.state(0.0, x, p), expected)
+        np.testing.assert_array_equal(error.error_state(0.0, x, p), expected)
         np.testing.assert_allclose(error.place(0.0, expected, p), x, rtol=0, atol=1e-15)
         alpha, E = error.dynamics(0.0, x, p)
         assert (alpha.shape, E.shape) == ((2,), (2, 2))
@@ -573,7 +573,7 @@ def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign
     time, x = np.linspace(0, 1, 5), np.random.default_rng(9).normal(0, 1, (5, 3))
     z = error.along(time, x, p)
     for row, t, at in zip(z, time.tolist(), x, strict=True):
-        np.testing.assert_array_equal(row, error.state(t, at, p))
+        np.testing.assert_array_equal(row, error.error_state(t, at, p))
 
 
 def test_jacobian_of_two_outputs_is_that_of_the_plant() -> None:
@@ -618,7 +618,7 @@ def test_error_moves_as_the_true_plant_makes_it(system: System, sign: Any) -> No
             by_input = [[0], [sign * by_hand.input_matrix(x, true)[velocity]]]
             np.testing.assert_allclose(gain, by_input, rtol=1e-14)
             # In mechanics the rows without an input are kinematics, which nothing touches.
-            unmatched = error.unmatched(np.array(error.state(t, x, p)), drift)
+            unmatched = error.unmatched(np.array(error.error_state(t, x, p)), drift)
             np.testing.assert_allclose(unmatched, [0], rtol=0, atol=1e-12)
 
 
@@ -632,7 +632,7 @@ def test_uncertain_kinematics_are_not_matched() -> None:
     np.testing.assert_allclose(drift[:2], [1.5, force / 0.04], rtol=1e-13)
     np.testing.assert_allclose(gain, [[0], [0], [0.7 / 0.02 / 0.05]], rtol=1e-13)
     expected = [0, force / 0.04 - force / 0.02]
-    z = np.array(error.state(0.0, angle, p))
+    z = np.array(error.error_state(0.0, angle, p))
     np.testing.assert_allclose(error.unmatched(z, drift), expected, atol=1e-12)
     certain, _ = error.moved(0.0, angle, p, AnalyticPlant(third, Motor()))
     np.testing.assert_allclose(error.unmatched(z, certain), [0, 0], atol=1e-12)
@@ -644,4 +644,4 @@ def test_place_is_the_inverse_of_the_error_state() -> None:
     p = FeedbackParameters(plant("cart_pendulum").parameters, Setpoint(0.3), np.zeros((1, 2)))
     x = error.place(0.0, [0.1, -0.7], p)
     np.testing.assert_allclose(x, [0, 0.4, 0, -0.7], rtol=1e-15)
-    np.testing.assert_allclose(error.state(0.0, x, p), [0.1, -0.7], rtol=1e-15)
+    np.testing.assert_allclose(error.error_state(0.0, x, p), [0.1, -0.7], rtol=1e-15)

@@ -108,7 +108,7 @@ def shortfall(ctl: Controller, at: Point, rate: float) -> float:
     x[position] = error.reference(0.0, p.reference)[0] + error.sign * at.z[0]
     x[velocity] = error.sign * at.z[1]
     memory = SurfaceMemory(z0=at.z - at.side * p.G[0] / (p.G[0] @ p.G[0]), t=1.0)
-    u = ctl.law(1.0, x, memory, p)
+    u = ctl.input_at(1.0, x, memory)
     assert np.sign(memory.s).tolist() == [at.side]
     dx = at.plant.derivative(x, u, at.wrench)
     dz = error.sign * np.array([dx[position], dx[velocity]])

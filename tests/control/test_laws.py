@@ -17,6 +17,7 @@ from shipped import ARM_ERROR, ARM_REFERENCE, PENDULUM_ERROR, SERVO_ERROR, SERVO
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.matrices import norm
 from grosmc_mj.control.memory import Memory, SurfaceMemory
 from grosmc_mj.control.references import TIME, Setpoint, reference, setpoint
 from grosmc_mj.control.surface import integral_surface
@@ -26,7 +27,6 @@ from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Variant
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.vectors import norm
 
 # The optimal law that each GROSMC makes robust.
 OPTIMAL = {"servo": "lqr", "cart_pendulum": "fl-lqr", "arm": "lqr"}
@@ -74,8 +74,13 @@ def error_rate(ctl: Controller, plant: AnalyticPlant, t: float, x: Array, u: flo
 
 def off_surface(ctl: Controller, t: float, x: Array, s: float) -> SurfaceMemory:
     """Memory of a run that is off its surface by s when it reaches x at t > 0."""
-    z, G = np.array(coordinates(ctl).state(t, x, ctl.parameters)), ctl.parameters.G[0]
+    z, G = coordinates(ctl).error_state(t, x, ctl.parameters), ctl.parameters.G[0]
     return SurfaceMemory(z0=z - s * G / (G @ G), t=t)
+
+
+def input_at(ctl: Controller, t: float, x: Array, memory: Memory) -> float:
+    """The input of a law of one input."""
+    return float(ctl.input_at(t, x, memory).item())
 
 
 def weighed(memory: Memory) -> float:
@@ -86,7 +91,7 @@ def weighed(memory: Memory) -> float:
 def surface_rate(ctl: Controller, plant: AnalyticPlant, t: float, x: Array, u: float) -> float:
     """s' = G z' - G (A - B K) z of eqs. (9), (32) and (52)."""
     p = ctl.parameters
-    z = np.array(coordinates(ctl).state(t, x, p))
+    z = coordinates(ctl).error_state(t, x, p)
     return float((p.G @ error_rate(ctl, plant, t, x, u) - p.S @ z).item())
 
 
@@ -107,7 +112,7 @@ def test_surface_is_exactly_zero_at_any_start(system, data):
     numbers = st.floats(-1e6, 1e6)
     x = data.draw(st.lists(numbers, min_size=4, max_size=4))[: len(nominal(system).system.states)]
     memory = ctl.memory()
-    ctl.law(0.0, np.array(x), memory, ctl.parameters)
+    input_at(ctl, 0.0, np.array(x), memory)
     assert isinstance(memory, SurfaceMemory)
     assert memory.s.tolist() == [0.0]
 
@@ -124,7 +129,6 @@ def test_surface_is_the_exact_integral_up_to_half_a_sample():
     With z = [sin t, cos 2t] every term of eq. (31) is known.
     """
     p, end, remainders = Surface(np.array([[0.7, -1.3]]), np.array([[2.0, 0.5]])), 2.0, []
-    surface = integral_surface(1, 2)
 
     def z(t: float) -> Array:
         return np.array([math.sin(t), math.cos(2 * t)])
@@ -134,7 +138,8 @@ def test_surface_is_the_exact_integral_up_to_half_a_sample():
     for N in (50, 100, 200):
         memory, T, s = SurfaceMemory(), end / N, math.nan
         for k in range(N + 1):
-            (s,) = surface(k * T, z(k * T), memory, p)
+            integral_surface(k * T, z(k * T), memory, p)
+            (s,) = memory.s
         half_a_sample = T / 2 * (p.S @ (z(end) - z(0))).item()
         assert abs(s - exact) < 1.1 * abs(half_a_sample)
         remainders.append(abs(s - exact - half_a_sample))
@@ -166,7 +171,7 @@ def test_switching_term_meets_the_input_gain_GB_times_E(system):
 
         def s(x: Array, x0: Array = x) -> float:
             memory = off_surface(ctl, t, x0, 0.0)
-            ctl.law(t, x, memory, p)
+            input_at(ctl, t, x, memory)
             return float(memory.s.item())
 
         n = len(x)
@@ -186,10 +191,10 @@ def test_law_on_the_surface_is_the_optimal_law(system):
     robust, optimal = controller(system, "grosmc"), controller(system, OPTIMAL[system])
     for x in states(system, 50):
         memory = robust.memory()
-        u = robust.law(0.0, x, memory, robust.parameters)
+        u = input_at(robust, 0.0, x, memory)
         assert isinstance(memory, SurfaceMemory)
         assert memory.s.tolist() == [0]
-        assert u == optimal.law(0.0, x, optimal.memory(), optimal.parameters)
+        assert u == input_at(optimal, 0.0, x, optimal.memory())
 
 
 @each_system
@@ -198,7 +203,7 @@ def test_continuous_part_is_the_equivalent_control_36(system):
     ctl, plant = controller(system, OPTIMAL[system]), nominal(system)
     robust = controller(system, "grosmc")
     for x in states(system, 50):
-        u = ctl.law(0.7, x, ctl.memory(), ctl.parameters)
+        u = input_at(ctl, 0.7, x, ctl.memory())
         terms = np.abs(plant.derivative(x, u)).max() * np.abs(robust.parameters.G).max()
         assert abs(surface_rate(robust, plant, 0.7, x, u)) < ROUNDING * max(1, terms)
 
@@ -214,10 +219,10 @@ def test_switching_part_drives_s_at_the_rate_of_the_proofs(system, s):
     p, error = ctl.parameters, coordinates(ctl)
     for x in states(system, 30):
         memory = off_surface(ctl, t, x, s)
-        u = ctl.law(t, x, memory, p)
+        u = input_at(ctl, t, x, memory)
         # s is a difference of numbers of the size of z.
         assert memory.s.item() == pytest.approx(s, abs=1e-14)
-        z, E = error.state(t, x, p), error.dynamics(t, x, p)[1].item()
+        z, E = error.error_state(t, x, p), error.dynamics(t, x, p)[1].item()
         if system == "arm":
             expected = -(p.k * memory.s.item() + p.epsilon * np.sign(s))
         else:
@@ -243,7 +248,7 @@ def test_feedback_linearization_leaves_a_chain_of_integrators(system, law):
     ctl, plant, t = controller(system, law), nominal(system), 0.7
     for x in states(system, 100):
         memory = off_surface(ctl, t, x, 0.3) if law == "grosmc" else ctl.memory()
-        u = ctl.law(t, x, memory, ctl.parameters)
+        u = input_at(ctl, t, x, memory)
         v = weighed(memory)
         terms = max(np.abs(plant.derivative(x, u)).max(), abs(v))
         rate = error_rate(ctl, plant, t, x, u)
@@ -257,7 +262,7 @@ def test_feedback_linearization_misses_on_the_printed_equations(system, law):
     misses = []
     for x in states(system, 100):
         memory = ctl.memory()
-        u = ctl.law(0.0, x, memory, ctl.parameters)
+        u = input_at(ctl, 0.0, x, memory)
         misses.append(abs(error_rate(ctl, plant, 0.0, x, u)[1] - weighed(memory)))
     # The arm's error is 0.03 cos q |q'| |1 - q'| / M: of order 1 at rates of 3 rad/s.
     assert np.median(misses) > 0.1, f"median miss {np.median(misses):g} rad/s^2"
@@ -269,7 +274,7 @@ def test_tracking_law_leaves_e_as_a_chain_of_integrators_along_a_moving_referenc
     ctl, plant = controller("arm", "grosmc"), nominal("arm")
     for x in states("arm", 20):
         memory = off_surface(ctl, t, x, -0.2) if t else ctl.memory()
-        u = ctl.law(t, x, memory, ctl.parameters)
+        u = input_at(ctl, t, x, memory)
         ddq = plant.derivative(x, u)[1]
         e2_rate = ddq + math.pi**2 * math.sin(math.pi * t)
         assert e2_rate == pytest.approx(weighed(memory), rel=0, abs=ROUNDING * max(1, abs(ddq)))
@@ -296,7 +301,7 @@ def test_law_says_where_it_is_undefined_and_stays_finite(system, law, x, defined
     """E(x) is singular at |theta| = pi/2: eq. (23) divides by it."""
     ctl = controller(system, law)
     memory = ctl.memory()
-    u = ctl.law(0.0, np.array(x, float), memory, ctl.parameters)
+    u = input_at(ctl, 0.0, np.array(x, float), memory)
     assert math.isfinite(u)
     assert memory.undefined == (0.0 if defined else 1.0)
 
@@ -308,7 +313,7 @@ def test_laws_leave_their_numbers_alone_and_keep_no_memory_of_their_own():
 
     def run() -> list[float]:
         memory = ctl.memory()
-        return [ctl.law(1e-3 * k, x * k, memory, p) for k in range(4)]
+        return [input_at(ctl, 1e-3 * k, x * k, memory) for k in range(4)]
 
     assert run() == run()
     for name, old in before.items():
@@ -356,7 +361,7 @@ def test_errors_along_a_trajectory_are_those_that_the_law_sees():
     assert p.reference == ARM_REFERENCE
     z = ARM_ERROR.along(time, x, p)
     for row, t, state in zip(z, time, x, strict=True):
-        np.testing.assert_array_equal(row, ARM_ERROR.state(float(t), state, p))
+        np.testing.assert_array_equal(row, ARM_ERROR.error_state(float(t), state, p))
     numbers = controller("servo", "lqr").parameters
     assert numbers.reference == SERVO_STEP
     servo = SERVO_ERROR.along(time, x, numbers)

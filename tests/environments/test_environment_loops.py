@@ -43,7 +43,7 @@ def test_a_law_as_an_agent_does_what_it_does_in_its_loop() -> None:
     while not agent.over:
         seen = agent.observation()
         x = seen_state(state_names(agent.setup.plant.system), seen)[1]
-        agent.hold([bare.law(agent.time, x, memory, bare.parameters)])
+        agent.hold(bare.input_at(agent.time, x, memory))
         agent.advance(stride)
         states.append(agent.x.copy())
     np.testing.assert_allclose(np.array(states), run.state[::stride], rtol=0, atol=1e-9)

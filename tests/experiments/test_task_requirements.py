@@ -198,7 +198,7 @@ def test_a_machine_asks_the_same_task_of_every_law(system: str, name: str) -> No
     assert {law for limit in found.values() for law in limit.of} == set(case.controllers)
     loop, law = case.case.loop, case.law("physics", "lqr")
     assert loop is not None
-    z = np.array(law.designed.error.state(0.0, np.array(case.case.x0), law.parameters))
+    z = np.array(law.designed.error.error_state(0.0, np.array(case.case.x0), law.parameters))
     start = float(np.linalg.norm(z[list(law.designed.error.output_rows)]))
     limits = [actuator.limit for actuator in loop.actuators]
     assert found["input_below"].value == max(limits)

@@ -114,7 +114,7 @@ def states(n: int, count: int = 5) -> Array:
 def control(law: Controller, t: float, x: Array) -> Array:
     """What a law asks for in the first sample of a run."""
     memory, _kept = law.begin()
-    return np.atleast_1d(law.law(t, x, memory, law.parameters))
+    return np.atleast_1d(law.input_at(t, x, memory))
 
 
 def energies(model: mujoco.MjModel, q: Array, dq: Array) -> tuple[float, float]:
@@ -183,7 +183,7 @@ def test_computed_torque_gives_the_acceleration_that_it_asks_for() -> None:
         data.qpos[:], data.qvel[:] = x[:N], x[N:]
         data.qfrc_applied[:] = control(law, 0.3, x)
         mujoco.mj_forward(model, data)
-        wanted = -p.K @ np.array(error.state(0.3, x, p))
+        wanted = -p.K @ np.array(error.error_state(0.3, x, p))
         raised = np.array(error.reference(0.3, p.reference))[2::3]
         # The torques are up to 30 N m, on inertias down to 0.2 kg m^2.
         np.testing.assert_allclose(data.qacc - raised, wanted, rtol=0, atol=1e-12)
@@ -220,14 +220,16 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     assert (ours.size, ours.units, ours.output_rows) == (4, theirs.units, theirs.output_rows)
     for x in states(2):
         close: Any = {"rtol": 1e-11, "atol": 1e-12}
-        np.testing.assert_allclose(ours.state(1.0, x, p), theirs.state(1.0, x, symbolic), **close)
+        np.testing.assert_allclose(
+            ours.error_state(1.0, x, p), theirs.error_state(1.0, x, symbolic), **close
+        )
         for mine, other in (
             (ours.dynamics(1.0, x, p), theirs.dynamics(1.0, x, symbolic)),
             (ours.moved(1.0, x, p, true, w), theirs.moved(1.0, x, symbolic, twin, w)),
         ):
             for a, b in zip(mine, other, strict=True):
                 np.testing.assert_allclose(a, b, **close)
-        z = np.array(ours.state(1.0, x, p))
+        z = np.array(ours.error_state(1.0, x, p))
         np.testing.assert_allclose(ours.place(1.0, z, p), x, **close)
         np.testing.assert_allclose(ours.along([1.0], x[None], p)[0], z, **close)
         drift, _ = ours.moved(1.0, x, p, true, w)
@@ -236,11 +238,13 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
 
 def test_the_acceleration_that_an_input_was_computed_for_is_found_again() -> None:
     law = two_link_law()
-    error, p, v = law.coordinates, law.parameters, (1.5, -0.7)
+    error, p, v = law.coordinates, law.parameters, np.array([1.5, -0.7])
     memory, _kept = law.begin()
     for x in states(2):
-        u = error.feedback(0.3, x, v, memory, p)
-        np.testing.assert_allclose(error.driven(0.3, x, u, memory, p), v, rtol=1e-10)
+        u, back = np.zeros(2), np.zeros(2)
+        error.feedback(0.3, x, v, memory, p, u)
+        error.virtual_input(0.3, x, u, memory, p, back)
+        np.testing.assert_allclose(back, v, rtol=1e-10)
 
 
 def test_the_design_model_moves_by_mujocos_accelerations() -> None:
@@ -368,7 +372,7 @@ def test_a_diverged_copy_is_a_status_and_harms_no_other() -> None:
 def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> None:
     law = two_link_law()
     memory = law.memory()
-    assert np.all(np.array(law.law(0.0, np.zeros(4), memory, law.parameters)) == 0)
+    assert np.all(np.array(law.input_at(0.0, np.zeros(4), memory)) == 0)
     assert memory.undefined == 1
     with pytest.raises(UndefinedLawError):
         simulate(two_link().plant, replace(law, design=None), np.zeros(4), duration=0.01)

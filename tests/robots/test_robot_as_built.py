@@ -184,7 +184,7 @@ def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
         asked = []
         for law in (first, second):
             memory, _kept = law.begin()
-            asked.append(law.law(0.0, x, memory, law.parameters))
+            asked.append(law.input_at(0.0, x, memory))
         assert asked[0] == asked[1]
     assert ideal.built is ideal.plant
 

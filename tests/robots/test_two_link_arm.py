@@ -315,7 +315,7 @@ def test_place_is_inverse_kinematics() -> None:
         moving = circle.radius * circle.frequency * np.array([-math.sin(angle), math.cos(angle)])
         np.testing.assert_allclose(x[:2], oracle.elbow_up(point + z[::2], p), atol=1e-9)
         np.testing.assert_allclose(tip_jacobian(x, p) @ x[2:], moving + z[1::2], atol=1e-9)
-        np.testing.assert_allclose(TWO_LINK_TIP.state(t, x, parameters), z, atol=1e-9)
+        np.testing.assert_allclose(TWO_LINK_TIP.error_state(t, x, parameters), z, atol=1e-9)
 
 
 def test_place_refuses_a_point_out_of_reach() -> None:
@@ -485,7 +485,7 @@ def rates_beside_the_surface(
     memory = ctl.memory()
     assert isinstance(memory, SurfaceMemory)
     memory.z0[:], memory.t = z - np.linalg.pinv(p.G) @ (1e-6 * sides), 1.0
-    u = ctl.law(1.0, x, memory, p)
+    u = ctl.input_at(1.0, x, memory)
     assert np.sign(memory.s).tolist() == sides.tolist()
     dq, ddq = plant.derivative(x, u, w).reshape(2, 2)
     dz = np.array([dq[0], ddq[0], dq[1], ddq[1]])

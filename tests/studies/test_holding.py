@@ -125,7 +125,7 @@ def test_near_rest_the_shaped_law_is_its_lqr() -> None:
     """Of an angle and a position that are small the bound on the lean is not felt."""
     law, x = holding_pfl(NOMINAL), 1e-4 * np.array([3.0, 1.0, -2.0, 1.0])
     memory = law.memory()
-    law.law(0.0, x, memory, law.parameters)
+    law.input_at(0.0, x, memory)
     assert memory.v[0] == pytest.approx(-optimum_of(law).K[0] @ x, rel=1e-6)
 
 

@@ -375,7 +375,7 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
     assert len(made.claimed) == len(made.file.claim)
     law, x0 = made.law("physics", "lqr"), np.array(made.case.x0)
     error = law.designed.error
-    z = np.array(error.state(0.0, x0, law.parameters))
+    z = np.array(error.error_state(0.0, x0, law.parameters))
     start = float(np.linalg.norm(z[list(error.output_rows)]))
     for table, limit in zip(made.file.claim, made.claimed, strict=True):
         claim = cited[table.id]

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, state_grosmc
+from grosmc_mj.control.law import Law
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.control.references import setpoint
-from grosmc_mj.control.surface import accumulated
-from grosmc_mj.control.switching import Reach
+from grosmc_mj.control.surface import integrate
+from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.control.task import AS_PRINTED, FeedbackParameters, StateTask
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import GainError
@@ -172,7 +172,7 @@ def holding_pfl(
     )
     return Controller(
         name="cart-pfl",
-        law=shaped_regulator(switching.reach(1)),
+        law=shaped_regulator(switching.reach),
         parameters=parameters,
         memory=switching.new_memory(1, 1),
         design=design,
@@ -180,7 +180,7 @@ def holding_pfl(
 
 
 @cache
-def shaped_regulator(reach: Reach) -> laws.Law:
+def shaped_regulator(reach: SwitchingTerm) -> Law:
     """The law of ``holding_pfl``; its memory's z0 is theta'(0).
 
     The input that a member of the family needs follows in closed form from its equation, with no
@@ -188,25 +188,25 @@ def shaped_regulator(reach: Reach) -> laws.Law:
     sin theta. What it differs by from the nominal one, times E, is the switching rate rho.
     """
     # Of the angle itself: nothing is followed.
-    nonlinearity, matrix = _ANGLE.linearization.nonlinearity, _ANGLE.decoupling_matrix
-    linearizable, accumulate = CART_PENDULUM.linearizable, accumulated(1)
+    nonlinearity, matrix = _ANGLE.linearization.nonlinearity, _ANGLE.linearization.decoupling_matrix
+    linearizable, reach = CART_PENDULUM.linearizable, jitable(reach)
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         if not linearizable(x):
-            memory.undefined = 1.0
-            return 0.0
+            memory.undefined, u[0] = 1.0, 0.0
+            return
         if t == memory.first:
             memory.z0[0] = x[3]
         brought = p.limit * math.tanh((p.K[0, 0] * x[0] + p.K[0, 2] * x[2]) / p.limit)
         w = -p.K[0, 1] * x[1] - p.K[0, 3] * x[3] - brought
-        accumulate(t, (w,), memory)
-        s = x[3] - memory.z0[0] - memory.integral[0]
-        memory.s[0] = s
-        E = matrix(x, p)[0]
+        integrate(t, memory)
+        memory.rate[0] = w
+        memory.s[0] = x[3] - memory.z0[0] - memory.integral[0]
+        E = matrix(x, p.plant)[0]
         rho = E * force_needed(abs(w), x, E, p)
-        v = w + reach((s,), 0.0, rho, memory, p.switching)[0]
-        memory.v[0] = v
-        return (v - nonlinearity(x, p.plant)[0]) / E
+        reach(memory.s, 0.0, rho, memory, p.switching, memory.phi)
+        memory.v[0] = w + memory.phi[0]
+        u[0] = (memory.v[0] - nonlinearity(x, p.plant)[0]) / E
 
     return law
 

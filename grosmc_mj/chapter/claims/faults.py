@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault
 from grosmc_mj.experiments.plants import PlantName
@@ -19,25 +19,23 @@ from grosmc_mj.physics.edits import BodyEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.vectors import each
 
 
 @cache
-def _negated(law: Law, m: int) -> Law:
-    """The law of m inputs with the other sign of u."""
-    sound, minus = jitable(law), each(m, lambda i, u: -u[i])
+def _negated(law: Law) -> Law:
+    """The law with the other sign of u."""
+    sound = jitable(law)
 
-    def negated(t: float, x: Any, memory: Any, p: Any) -> float:
-        return -sound(t, x, memory, p)
+    def negated(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        sound(t, x, memory, p, u)
+        for i in range(len(u)):
+            u[i] = -u[i]
 
-    def all_negated(t: float, x: Any, memory: Any, p: Any) -> Any:
-        return minus(sound(t, x, memory, p))
-
-    return negated if m == 1 else all_negated
+    return negated
 
 
 def _wrong_sign(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    return replace(law, law=_negated(law.law, law.designed.error.inputs))
+    return replace(law, law=_negated(law.law))
 
 
 def _no_switching(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:

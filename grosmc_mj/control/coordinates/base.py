@@ -19,12 +19,13 @@ from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
-from grosmc_mj.vectors import Vector
 
 _PER_SECOND = ("", "/s", "/s²", "/s³")
 
-# Jitable (t, x, v, memory, p) -> u: the feedback of eqs. (23) and (44).
-Feedback = Callable[[float, Any, Any, Any, Any], Vector]
+# Jitable (t, x, p, z): write the error state z (n,) of x, by the nominal ``p.plant``.
+StateMap = Callable[[float, Any, Any, Any], None]
+# Jitable (t, x, v, memory, p, u) or (t, x, u, memory, p, v): write the last, both (m,).
+InputMap = Callable[[float, Any, Any, Any, Any, Any], None]
 
 
 class Workspace(Protocol):
@@ -41,17 +42,119 @@ class Workspace(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class OutputCoordinates(ABC):
-    """z = sign * (T(x) - [y_r, y_r', ...]), each output with its derivatives below r_i.
+class Coordinates(ABC):
+    """Error coordinates z (n,) of a law, and how its v (m,) becomes the input.
 
     Attributes:
         system: The plant's signals and names.
+    """
+
+    system: System
+
+    @property
+    def inputs(self) -> int:
+        """m, the number of inputs."""
+        return len(self.system.inputs)
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """n, the number of entries of z."""
+
+    @property
+    @abstractmethod
+    def units(self) -> tuple[str, ...]:
+        """Unit of each entry of z."""
+
+    @property
+    @abstractmethod
+    def output_rows(self) -> tuple[int, ...]:
+        """Entries of z that a run is judged by."""
+
+    @cached_property
+    @abstractmethod
+    def state(self) -> StateMap:
+        """Jitable (t, x, p, z): write z of the state x."""
+
+    @abstractmethod
+    def input_maps(self, *, linearizing: bool) -> tuple[InputMap, InputMap]:
+        """(t, x, v, memory, p, u), the input of a law's v, and its inverse (t, x, u, memory, p, v).
+
+        Args:
+            linearizing: Whether v goes through feedback linearization, eqs. (23) and (44).
+        """
+
+    def error_state(self, t: float, x: ArrayLike, p: Any) -> Array:
+        """z of one state x, (n,)."""
+        z = np.zeros(self.size)
+        self.state(t, x, p, z)
+        return z
+
+    @abstractmethod
+    def moved(
+        self,
+        t: float,
+        x: Array,
+        p: Any,
+        plant: Plant,
+        w: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """(drift, gain) of z' = drift + gain v on a true plant, as the law sees it: eq. (24).
+
+        z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            p: The law's parameters, with ``plant`` and ``reference``.
+            plant: The true plant.
+            w: Wrenches on it, (6 * bodies,); None for none.
+            u: Input to which friction, limits and contacts answer, (m,); None for none.
+                Equations have no use for it.
+
+        Returns:
+            drift (size,) and gain (size, m); of a law of outputs v is the input u.
+        """
+
+    def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
+        """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
+        return self.beside(self.reference_along(time, p.reference), x, p)
+
+    @abstractmethod
+    def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
+        """The same where what z is measured from is known, (N, size)."""
+
+    @abstractmethod
+    def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
+        """What z is measured from at the instants (N,), (N, size)."""
+
+    def workspace(self, p: Any) -> Workspace | None:
+        """What the feedback of one run computes in, for ``memory.workspace``; None for nothing.
+
+        Args:
+            p: The law's parameters.
+        """
+        return None
+
+
+@jitable
+def _copy(t: float, x: Any, values: Any, memory: Any, p: Any, result: Any) -> None:
+    """u = v, and v = u: a law of a linear model."""
+    for i in range(len(result)):
+        result[i] = values[i]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputCoordinates(Coordinates):
+    """z = sign * (T(x) - [y_r, y_r', ...]), each output with its derivatives below r_i.
+
+    Attributes:
         reference: y_r(t) and its derivatives, from ``p.reference``.
         sign: +1 for y - y_r, -1 for y_r - y.
         outputs: y in symbols, as many as inputs; the system's own by default.
     """
 
-    system: System
     reference: ReferenceFunction
     sign: Literal[1, -1] = 1
     outputs: tuple[Any, ...] | None = None
@@ -95,26 +198,20 @@ class OutputCoordinates(ABC):
 
     @cached_property
     @abstractmethod
-    def state(self) -> Callable[[float, Any, Any], Vector]:
-        """Jitable (t, x, p) -> z, by the nominal ``p.plant``."""
+    def feedback(self) -> InputMap:
+        """Jitable (t, x, v, memory, p, u): the u that makes z_i^(r_i) = v_i, eqs. (23), (44).
 
-    @cached_property
-    @abstractmethod
-    def feedback(self) -> Feedback:
-        """Jitable (t, x, v, memory, p) -> the u that makes z_i^(r_i) = v_i: eqs. (23), (44).
-
-        Where there is none, it sets ``memory.undefined`` and returns zeros.
+        Where there is none, it sets ``memory.undefined`` and writes zeros.
         """
 
     @cached_property
     @abstractmethod
-    def driven(self) -> Feedback:
-        """Jitable (t, x, u, memory, p) -> the v that an input comes to: ``feedback``'s inverse."""
+    def virtual_input(self) -> InputMap:
+        """Jitable (t, x, u, memory, p, v): ``feedback``'s inverse, v of an input."""
 
-    @cached_property
-    def applied(self) -> Callable[[Any, Any], Vector]:
-        """Jitable (v, p) -> v: what a law of the linear model about z = 0 asks for, as it is."""
-        return jitable(lambda v, p: v)
+    def input_maps(self, *, linearizing: bool) -> tuple[InputMap, InputMap]:
+        """As for all coordinates; v is the input itself without feedback linearization."""
+        return (self.feedback, self.virtual_input) if linearizing else (_copy, _copy)
 
     @abstractmethod
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
@@ -124,33 +221,6 @@ class OutputCoordinates(ABC):
         """``dynamics`` at instants (N,) and states (N, n): (N, m) and (N, m, m)."""
         both = [self.dynamics(*each, p) for each in zip(t, x, strict=True)]
         return np.array([alpha for alpha, _ in both]), np.array([E for _, E in both])
-
-    @abstractmethod
-    def moved(
-        self,
-        t: float,
-        x: Array,
-        p: Any,
-        plant: Plant,
-        w: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-    ) -> tuple[Array, Array]:
-        """(drift, gain) of z' = drift + gain u on a true plant, as the law sees it: eq. (24).
-
-        z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
-
-        Args:
-            t: Time [s].
-            x: State, (n,).
-            p: The law's parameters, with ``plant`` and ``reference``.
-            plant: The true plant.
-            w: Wrenches on it, (6 * bodies,); None for none.
-            u: Input to which friction, limits and contacts answer, (m,); None for none.
-                Equations have no use for it.
-
-        Returns:
-            drift (size,) and gain (size, m).
-        """
 
     @abstractmethod
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
@@ -170,7 +240,7 @@ class OutputCoordinates(ABC):
             PremiseError: If there is none near the guess.
         """
 
-    def require_regular(self, p: Any) -> None:  # noqa: B027  most have nothing to refuse
+    def require_regular(self, p: Any) -> None:
         """Refuse a design where no input brings every v about at zero error.
 
         Args:
@@ -191,19 +261,6 @@ class OutputCoordinates(ABC):
             PremiseError: If there are none.
         """
         raise PremiseError(f"adaptive: {self.system.name} has no torques Y theta")
-
-    def workspace(self, p: Any) -> Workspace | None:
-        """What the feedback of one run computes in, for ``memory.workspace``; None for nothing.
-
-        Args:
-            p: The law's parameters.
-        """
-        return None
-
-    @property
-    def inputs(self) -> int:
-        """m, the number of inputs and outputs."""
-        return len(self.system.inputs)
 
     @property
     def size(self) -> int:
@@ -227,12 +284,8 @@ class OutputCoordinates(ABC):
 
     @cached_property
     def _lower(self) -> tuple[int, ...]:
-        """Where the reference's values are that z is measured from."""
-        places, first = [], 0
-        for degree in self.linearization.relative_degree:
-            places += range(first, first + degree)
-            first += degree + 1
-        return tuple(places)
+        """Places of the reference's values that z is measured from."""
+        return tuple(i for i in range(self.size + self.inputs) if i not in self._highest)
 
     @cached_property
     def _highest(self) -> tuple[int, ...]:
@@ -250,36 +303,25 @@ class OutputCoordinates(ABC):
         beyond = drift - np.einsum("ij,...j->...i", chains.A, z)
         return np.delete(beyond, chains.last_rows, axis=-1)
 
-    def along(self, time: ArrayLike, x: ArrayLike, parameters: Any) -> Array:
-        """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
-        reference = self.reference_along(time, parameters.reference)
-        return self.beside(reference, x, parameters)
-
-    def beside(self, reference: Array, x: ArrayLike, parameters: Any) -> Array:
+    def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
         """The same where what z is measured from is known, (N, size)."""
-        return self.sign * (self.outputs_along(x, parameters.plant) - reference)
+        return self.sign * (self.outputs_along(x, p.plant) - reference)
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """What z is measured from at the instants (N,): y_r and its derivatives, (N, size)."""
+        """y_r and its derivatives that z is measured from, at the instants (N,): (N, size)."""
+        return self._reference_rows(time, parameters)[:, self._lower]
+
+    def raised_along(self, t: ArrayLike, p: Any) -> Array:
+        """Derivatives of what z is measured from, at the instants (N,): (N, size)."""
+        return self._reference_rows(t, p.reference)[:, [row + 1 for row in self._lower]]
+
+    def _reference_rows(self, time: ArrayLike, parameters: Any) -> Array:
+        """All that the reference returns at the instants, one row each."""
         times = np.asarray(time, float)
         if not getattr(self.reference, "moves", True):
-            return np.tile(
-                np.array(self.reference(0.0, parameters))[list(self._lower)], (len(times), 1)
-            )
-        rows = [self.reference(t, parameters) for t in times.tolist()]
-        return np.array(rows)[:, self._lower]
-
-    def raised(self, t: float, p: Any) -> Array:
-        """The derivatives of what z is measured from, (size,)."""
-        return np.array(self.reference(t, p.reference))[[row + 1 for row in self._lower]]
-
-    def raised_along(self, t: Sequence[float], p: Any) -> Array:
-        """``raised`` at instants (N,), (N, size)."""
-        if not getattr(self.reference, "moves", True):
-            return np.tile(self.raised(0.0, p), (len(t), 1))
-        return np.array([self.raised(each, p) for each in t])
+            return np.tile(np.array(self.reference(0.0, parameters)), (len(times), 1))
+        return np.array([self.reference(t, parameters) for t in times.tolist()])
 
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""
-        lower = np.array(self.reference(t, p.reference))[list(self._lower)]
-        return lower + self.sign * np.asarray(z, float)
+        return self.reference_along([t], p.reference)[0] + self.sign * np.asarray(z, float)

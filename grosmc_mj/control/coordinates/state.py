@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,29 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import Feedback
+from grosmc_mj.control.coordinates.base import Coordinates, InputMap
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import Plant, System
-from grosmc_mj.vectors import Vector, each
+from grosmc_mj.plants import Plant
 
 
 @dataclass(frozen=True, eq=False)
-class StateCoordinates:
-    """z = x - x_e: all of the state, about the operating point that ``p.reference`` is.
-
-    Attributes:
-        system: The plant's signals and names.
-    """
-
-    system: System
+class StateCoordinates(Coordinates):
+    """z = x - x_e: all of the state, about the operating point that ``p.reference`` is."""
 
     sign = 1
     outputs = None
-
-    @property
-    def inputs(self) -> int:
-        """m, the number of inputs."""
-        return len(self.system.inputs)
 
     @property
     def size(self) -> int:
@@ -51,22 +38,13 @@ class StateCoordinates:
         return self.system.controlled
 
     @cached_property
-    def state(self) -> Callable[[float, Any, Any], Vector]:
-        """(t, x, p) -> z, jitable."""
-        entries = each(self.size, lambda i, x, x_e: x[i] - x_e[i])
-        return jitable(lambda t, x, p: entries(x, p.reference.x))
+    def state(self) -> Any:
+        """Jitable (t, x, p, z): z = x - x_e."""
+        return _state
 
-    @cached_property
-    def applied(self) -> Callable[[Any, Any], Vector]:
-        """Jitable (v, p) -> u = u_e + v: what a law of the linear model comes to."""
-        entries = each(self.inputs, lambda i, v, u_e: u_e[i] + v[i])
-        return jitable(lambda v, p: entries(v, p.reference.u))
-
-    @cached_property
-    def driven(self) -> Feedback:
-        """Jitable (t, x, u, memory, p) -> v = u - u_e, which the index weighs."""
-        entries = each(self.inputs, lambda i, u, u_e: u[i] - u_e[i])
-        return jitable(lambda t, x, u, memory, p: entries(u, p.reference.u))
+    def input_maps(self, *, linearizing: bool) -> tuple[InputMap, InputMap]:
+        """u = u_e + v and v = u - u_e, which the index weighs."""
+        return _applied, _virtual
 
     def moved(
         self,
@@ -77,21 +55,11 @@ class StateCoordinates:
         w: ArrayLike | None = None,
         u: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """(drift, gain) of z' = drift + gain (u - u_e) on a true plant, next to the input u.
-
-        Arguments and results are as those of ``OutputCoordinates.moved``.
-        """
+        """(drift, gain) of z' = drift + gain (u - u_e) on a true plant, next to the input u."""
         point = p.reference
         applied = point.u if u is None else np.atleast_1d(np.asarray(u, float))
         gain = plant.jacobian(x, applied)[1]
         return plant.derivative(x, applied, w) - gain @ (applied - point.u), gain
-
-    def workspace(self, p: Any) -> None:
-        """Nothing that a run computes in."""
-
-    def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
-        """z at every sample of a trajectory: x (N, n); returns (N, n)."""
-        return self.beside(p.reference.x, x, p)
 
     def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
         """The same where what z is measured from is known, (n,) or (N, n)."""
@@ -100,3 +68,21 @@ class StateCoordinates:
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """What z is measured from: the operating point, (N, n)."""
         return np.tile(parameters.x, (len(np.asarray(time)), 1))
+
+
+@jitable
+def _state(t: float, x: Any, p: Any, z: Any) -> None:
+    for i in range(len(z)):
+        z[i] = x[i] - p.reference.x[i]
+
+
+@jitable
+def _applied(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
+    for i in range(len(u)):
+        u[i] = p.reference.u[i] + v[i]
+
+
+@jitable
+def _virtual(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
+    for i in range(len(v)):
+        v[i] = u[i] - p.reference.u[i]

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import Feedback, OutputCoordinates
+from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, StateMap
 from grosmc_mj.control.coordinates.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
 from grosmc_mj.control.coordinates.torques import LinearTorques, torques_of
+from grosmc_mj.control.matrices import regular, solve
 from grosmc_mj.errors import ArgumentError, PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.equations import Equations
-from grosmc_mj.vectors import Vector, algebra, each, signed_difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,89 +58,75 @@ class ErrorCoordinates(OutputCoordinates):
         return tuple(states[y].unit if y in states else self.unit for y in self.linearization.h)
 
     @cached_property
-    def state(self) -> Callable[[float, Any, Any], Vector]:
-        """Jitable (t, x, p) -> z, by the nominal ``p.plant``."""
+    def state(self) -> StateMap:
+        """Jitable (t, x, p, z): z = sign (T(x) - y_r), by the nominal ``p.plant``."""
         reference, transformation = self.reference, self.linearization.transformation
-        difference = signed_difference(self.size, float(self.sign), self._lower)
+        sign, lower = float(self.sign), self._lower
 
-        def error_state(t: float, x: Any, p: Any) -> Vector:
-            return difference(transformation(x, p.plant), reference(t, p.reference))
+        def error_state(t: float, x: Any, p: Any, z: Any) -> None:
+            T, y_r = transformation(x, p.plant), reference(t, p.reference)
+            for i in range(len(z)):
+                z[i] = sign * (T[i] - y_r[lower[i]])
 
         return jitable(error_state)
 
     @cached_property
-    def nonlinearity(self) -> Callable[[float, Any, Any], Vector]:
-        """Jitable (t, x, p) -> alpha of z_i^(r_i) = alpha_i + (E u)_i, by the nominal plant.
-
-        It is L_f^r h - y_r^(r) of eqs. (23) and (44).
-        """
-        reference, nonlinearity = self.reference, self.linearization.nonlinearity
-        difference = signed_difference(self.inputs, float(self.sign), self._highest)
-
-        def error_nonlinearity(t: float, x: Any, p: Any) -> Vector:
-            return difference(nonlinearity(x, p.plant), reference(t, p.reference))
-
-        return jitable(error_nonlinearity)
-
-    @cached_property
-    def decoupling_matrix(self) -> Callable[[Any, Any], Vector]:
-        """Jitable (x, p) -> E, row by row, by the nominal plant."""
-        matrix, sign = self.linearization.decoupling_matrix, float(self.sign)
-        if self.sign == 1:
-            return jitable(lambda x, p: matrix(x, p.plant))
-        negated = each(self.inputs**2, lambda i, E: sign * E[i])
-        return jitable(lambda x, p: negated(matrix(x, p.plant)))
-
-    @cached_property
-    def driven(self) -> Feedback:
-        """Jitable (t, x, u, memory, p) -> v = alpha + E u, eqs. (24) and (45)."""
-        nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
-        m = self.inputs
-
-        def entry(i: int, alpha: Any, E: Any, u: Any) -> float:
-            total = alpha[i]
-            for j in range(m):
-                total += E[i * m + j] * u[j]
-            return total
-
-        rows = each(m, entry)
-        return jitable(lambda t, x, u, memory, p: rows(nonlinearity(t, x, p), matrix(x, p), u))
-
-    @cached_property
-    def feedback(self) -> Feedback:
-        """Jitable (t, x, v, memory, p) -> u = E^-1 (v - alpha), eqs. (23) and (44).
+    def feedback(self) -> InputMap:
+        """Jitable (t, x, v, memory, p, u): u = E^-1 (sign v - K + y_r^(r)), eqs. (23) and (44).
 
         It is not defined outside the system's region and where E is singular.
         """
-        nonlinearity, matrix = self.nonlinearity, self.decoupling_matrix
-        linearizable, operations = self.system.linearizable, algebra(self.inputs)
-        solve, regular, subtract = operations.solve, operations.regular, operations.subtract
-        nothing = operations.nothing
+        chains, linearizable, reference = (
+            self.linearization,
+            self.system.linearizable,
+            self.reference,
+        )
+        nonlinearity, matrix = chains.nonlinearity, chains.decoupling_matrix
+        sign, highest = float(self.sign), self._highest
 
-        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any) -> Vector:
-            E = matrix(x, p)
-            if not (linearizable(x) and regular(E)):
+        def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
+            m, E = len(u), matrix(x, p.plant)
+            if not (linearizable(x) and regular(E, m)):
                 memory.undefined = 1.0
-                return nothing
-            return solve(E, subtract(v, nonlinearity(t, x, p)))
+                for i in range(m):
+                    u[i] = 0.0
+                return
+            K, y_r = nonlinearity(x, p.plant), reference(t, p.reference)
+            for i in range(m):
+                u[i] = sign * v[i] - (K[i] - y_r[highest[i]])
+            solve(E, u)
 
         return jitable(feedback)
 
-    def errors(self, t: Sequence[float], x: Array, p: Any) -> Array:
-        """``state`` at instants (N,) and states (N, n), by the nominal ``p.plant``, (N, size)."""
-        return np.array(_along(x, lambda here, at: self.state(at, here, p), t))
+    @cached_property
+    def virtual_input(self) -> InputMap:
+        """Jitable (t, x, u, memory, p, v): v = sign (K - y_r^(r) + E u), eqs. (24) and (45)."""
+        chains, reference = self.linearization, self.reference
+        nonlinearity, matrix = chains.nonlinearity, chains.decoupling_matrix
+        sign, highest = float(self.sign), self._highest
+
+        def virtual_input(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
+            m, K, E = len(v), nonlinearity(x, p.plant), matrix(x, p.plant)
+            y_r = reference(t, p.reference)
+            for i in range(m):
+                v[i] = sign * (K[i] - y_r[highest[i]])
+                for j in range(m):
+                    v[i] += sign * E[i * m + j] * u[j]
+
+        return jitable(virtual_input)
 
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
-        alpha = np.array(_at(x, lambda at: self.nonlinearity(t, at, p)))
-        E = _at(x, lambda at: self.decoupling_matrix(at, p))
-        return alpha, np.reshape(E, (self.inputs, self.inputs))
+        alpha, E = self.dynamics_along([t], np.asarray(x, float)[None], p)
+        return alpha[0], E[0]
 
     def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
         """``dynamics`` at instants (N,) and states (N, n): (N, m) and (N, m, m)."""
-        alpha = np.array(_along(x, lambda here, at: self.nonlinearity(at, here, p), t))
-        E = _along(x, lambda here: self.decoupling_matrix(here, p))
-        return alpha, np.reshape(E, (len(x), self.inputs, self.inputs))
+        chains, m = self.linearization, self.inputs
+        K = np.array(_along(x, lambda at: chains.nonlinearity(at, p.plant)))
+        E = np.reshape(_along(x, lambda at: chains.decoupling_matrix(at, p.plant)), (-1, m, m))
+        y_r = np.array([self.reference(at, p.reference) for at in t])[:, self._highest]
+        return self.sign * (K - y_r), self.sign * E
 
     def moved(
         self,

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from grosmc_mj.arrays import Array
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.parametrization import LinearParametrization
-from grosmc_mj.vectors import Vector, algebra
 
 
 class LinearTorques(NamedTuple):
@@ -29,7 +28,7 @@ class LinearTorques(NamedTuple):
 
     size: int
     nominal: Callable[[Any], Any]
-    known: Callable[..., Vector]
+    known: Callable[..., Any]
     regressor: Callable[..., Any]
     inertia: Callable[[Array, Any], Array]
 
@@ -38,7 +37,7 @@ class LinearTorques(NamedTuple):
 def torques_of(found: LinearParametrization) -> LinearTorques:
     """The torques of a plant whose equations are written out: all of them are Y theta."""
     regressor, nominal = found.regressor, found.nominal
-    nothing = algebra(len(found.q)).nothing
+    nothing = (0.0,) * len(found.q)
     return LinearTorques(
         size=len(found.theta),
         nominal=jitable(lambda p: nominal(p.plant)),

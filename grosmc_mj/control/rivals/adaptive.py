@@ -14,11 +14,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Design, Sampled
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.torques import LinearTorques
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law
+from grosmc_mj.control.matrices import row_times
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, shown
-from grosmc_mj.vectors import algebra, each, row_times
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,7 +90,7 @@ def adaptive(
         raise GainError(f"adaptive: limit = {shown(limit)} must be positive")
     if body is not None:
         require("adaptive: body", body, str, "the name of a body")
-    error, torques = task.error, task.error.torques(body)
+    error, torques, m = task.error, task.error.torques(body), task.error.inputs
     q_d = np.array(error.reference(0.0, task.reference))[::3]
     parameters = AdaptiveParameters(
         plant=task.plant.parameters,
@@ -106,7 +106,14 @@ def adaptive(
         slotine_li(error, torques),
         parameters,
         # The estimates for the next sample, and s of the last one by the sign of e = q - q_d.
-        memory_of(error.inputs, theta=np.zeros(torques.size), composite=np.zeros(error.inputs)),
+        memory_of(
+            m,
+            theta=np.zeros(torques.size),
+            composite=np.zeros(m),
+            z=np.zeros(error.size),
+            r=np.zeros(m),
+            a=np.zeros(m),
+        ),
         Design(
             error,
             optimum,
@@ -119,44 +126,38 @@ def adaptive(
 
 
 @cache
-def slotine_li(error: OutputCoordinates, found: LinearTorques) -> Law:
+def slotine_li(error: OutputCoordinates, torques: LinearTorques) -> Law:
     """The law on some error coordinates, of one reference with two derivatives a joint."""
-    m, k, sign = error.inputs, found.size, float(error.sign)
-    error_state, reference, driven = error.state, error.reference, error.driven
-    nominal, known, regressor = found.nominal, found.known, found.regressor
-    operations = algebra(m)
-    store, given = operations.store, operations.given
-    within, differ = operations.within, operations.differ
-    composite = each(m, lambda i, z, p: sign * (z[2 * i + 1] + p.frequency * z[2 * i]))
-    rates = each(m, lambda i, z, y, p: y[3 * i + 1] - sign * p.frequency * z[2 * i])
-    accelerations = each(m, lambda i, z, y, p: y[3 * i + 2] - sign * p.frequency * z[2 * i + 1])
+    k, sign = torques.size, float(error.sign)
+    error_state, reference, virtual_input = error.state, error.reference, error.virtual_input
+    nominal, known, regressor = torques.nominal, torques.known, torques.regressor
 
-    def torque(i: int, fixed: Any, Y: Any, theta: Any, s: Any, p: Any) -> float:
-        total = fixed[i] - row_times(i, p.damping, s)
-        for j in range(k):
-            total += Y[i * k + j] * theta[j]
-        return total
-
-    torques = each(m, torque)
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        z, s, r, a, theta = memory.z, memory.composite, memory.r, memory.a, memory.theta
+        m = len(u)
         if t == memory.first:
-            theta = nominal(p)
+            start = nominal(p)
             for j in range(k):
-                memory.theta[j] = theta[j]
-        z, y = error_state(t, x, p), reference(t, p.reference)
-        s = composite(z, p)
-        r, a = rates(z, y, p), accelerations(z, y, p)
+                theta[j] = start[j]
+        error_state(t, x, p, z)
+        y = reference(t, p.reference)
+        for i in range(m):
+            s[i] = sign * (z[2 * i + 1] + p.frequency * z[2 * i])
+            r[i] = y[3 * i + 1] - sign * p.frequency * z[2 * i]
+            a[i] = y[3 * i + 2] - sign * p.frequency * z[2 * i + 1]
         fixed, Y = known(x, r, a, memory, p), regressor(x, r, a, memory, p)
-        u = torques(fixed, Y, memory.theta, s, p)
-        store(memory.composite, s)
-        store(memory.v, driven(t, x, u, memory, p))
-        if not differ(within(u, p.limit), u):
+        cut = False
+        for i in range(m):
+            u[i] = fixed[i] - row_times(i, p.damping, s)
+            for j in range(k):
+                u[i] += Y[i * k + j] * theta[j]
+            cut = cut or abs(u[i]) > p.limit
+        virtual_input(t, x, u, memory, p, memory.v)
+        if not cut:
             for j in range(k):
                 change = 0.0
                 for i in range(m):
                     change += Y[i * k + j] * s[i]
-                memory.theta[j] -= p.period * p.adaptation * change
-        return given(u)
+                theta[j] -= p.period * p.adaptation * change
 
     return law

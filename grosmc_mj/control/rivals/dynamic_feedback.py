@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,16 +19,16 @@ from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Design, Sampled
 from grosmc_mj.control.coordinates.base import OutputCoordinates
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law
 from grosmc_mj.control.lqr import LqrDesign
+from grosmc_mj.control.matrices import row_times
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, shown
-from grosmc_mj.jitable import jitable
-from grosmc_mj.vectors import algebra, each, row_times
 
 
-class Dynamics(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Dynamics:
     """The matrices of a law with N states q, at one control period.
 
     Attributes:
@@ -50,76 +50,57 @@ class Dynamics(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DynamicParameters(Sampled):
-    """Numbers of a law with dynamics: ``Dynamics``, flat.
+    """Numbers of a law with dynamics.
 
     Attributes:
         plant: The nominal plant's parameters.
         reference: The reference's parameters.
-        K: See ``Dynamics``, as all that follow.
-        H: (m, N).
-        F: (N, N).
-        G: (N, n).
-        L: (N, m).
-        start: (N, n).
+        dynamics: The matrices at the run's control period.
         limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
     """
 
     plant: Any
     reference: Any
-    K: Array
-    H: Array
-    F: Array
-    G: Array
-    L: Array
-    start: Array
+    dynamics: Dynamics
     limit: float = math.inf
 
 
 @cache
-def dynamic_feedback(
-    error: OutputCoordinates, order: int, *, linearizing: bool, holds: bool
-) -> Law:
+def dynamic_feedback(error: OutputCoordinates, *, linearizing: bool, holds: bool) -> Law:
     """The law on some error coordinates.
 
     Args:
         error: The error coordinates.
-        order: N, the number of its states.
         linearizing: Whether v goes through feedback linearization; else it is the input.
         holds: What q does while an input is cut off at ``p.limit``: integrals hold, so that they
             do not wind up; an observer goes on and is told the v that the cut input comes to.
     """
-    error_state, feedback, driven, m = error.state, error.feedback, error.driven, error.inputs
-    operations = algebra(m)
-    times, add, subtract = operations.times, operations.add, operations.subtract
-    nothing, store, given = operations.nothing, operations.store, operations.given
-    within, differ = operations.within, operations.differ
-    if not linearizing:
-        feedback = jitable(lambda t, x, v, memory, p: v)
-        driven = feedback
+    error_state, (apply, virtual_input) = error.state, error.input_maps(linearizing=linearizing)
 
-    def entry(i: int, q: Any, z: Any, v: Any, p: Any) -> float:
-        return row_times(i, p.F, q) + row_times(i, p.G, z) + row_times(i, p.L, v)
-
-    following: Callable[..., Any] = each(order, entry)
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        z = error_state(t, x, p)
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        d = p.dynamics
+        z, v, q, after = memory.z, memory.v, memory.q, memory.after
+        error_state(t, x, p, z)
         if t == memory.first:
-            for i in range(order):
-                memory.q[i] = row_times(i, p.start, z)
-        v = subtract(nothing, add(times(p.K, z), times(p.H, memory.q)))
-        store(memory.v, v)
-        u = feedback(t, x, v, memory, p)
-        applied = within(u, p.limit)
-        cut = differ(applied, u)
+            for i in range(len(q)):
+                q[i] = row_times(i, d.start, z)
+        for i in range(len(v)):
+            v[i] = 0.0 - (row_times(i, d.K, z) + row_times(i, d.H, q))
+            memory.applied[i] = v[i]
+        apply(t, x, v, memory, p, u)
+        cut = False
+        for i in range(len(u)):
+            memory.within[i] = min(p.limit, max(-p.limit, u[i]))
+            cut = cut or memory.within[i] != u[i]
         if cut and holds:
-            return given(u)
+            return
         if cut:
-            v = driven(t, x, applied, memory, p)
-        after = following(memory.q, z, v, p)
-        for i in range(order):
-            memory.q[i] = after[i]
-        return given(u)
+            virtual_input(t, x, memory.within, memory, p, memory.applied)
+        for i in range(len(q)):
+            after[i] = row_times(i, d.F, q) + row_times(i, d.G, z)
+            after[i] += row_times(i, d.L, memory.applied)
+        for i in range(len(q)):
+            q[i] = after[i]
 
     return law
 
@@ -154,28 +135,32 @@ def dynamic_controller(
     """
     if not real(limit) > 0:
         raise GainError(f"{name}: limit = {shown(limit)} must be positive")
-    # Shapes are the same at every period; before there is one the law is not run.
-    bare = Dynamics(*(np.zeros_like(matrix) for matrix in at(1.0)))
-    order = len(bare.F)
-
-    def numbers(period: float) -> dict[str, Array]:
-        return {key: np.ascontiguousarray(M) for key, M in at(period)._asdict().items()}
-
-    plain = vars(task.feedback(bare.K)) | bare._asdict()
+    # Shapes are the same at every period; a run takes the matrices of its own.
+    dynamics, m, n = at(1.0), task.error.inputs, task.error.size
+    order = len(dynamics.F)
+    parameters = DynamicParameters(
+        plant=task.plant.parameters, reference=task.reference, dynamics=dynamics, limit=float(limit)
+    )
     shown_gains = gains | ({"limit": float(limit)} if math.isfinite(limit) else {})
     return Controller(
         name,
-        dynamic_feedback(task.error, order, linearizing=linearizing, holds=holds),
-        DynamicParameters(**plain, limit=float(limit)),
-        # Its integrals or its observer's state.
-        memory_of(task.error.inputs, q=np.zeros(order)),
+        dynamic_feedback(task.error, linearizing=linearizing, holds=holds),
+        parameters,
+        memory_of(
+            m,
+            z=np.zeros(n),
+            q=np.zeros(order),  # its integrals or its observer's state
+            after=np.zeros(order),
+            within=np.zeros(m),
+            applied=np.zeros(m),
+        ),
         Design(
             task.error,
             optimum,
             source=source,
             gains=shown_gains,
             linearizing=linearizing,
-            numbers_at=numbers,
+            numbers_at=lambda period: {"dynamics": at(period)},
             # Of these laws the observer's alone is the LQR where there is no load.
             follows_optimum=not holds,
         ),

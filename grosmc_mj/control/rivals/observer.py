@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def adrc(
     def sampled(period: float) -> Dynamics:
         d = observer(chains.relative_degree, bandwidth, period)
         K, H = optimum.K + np.linalg.solve(E, d.K), np.linalg.solve(E, d.H)
-        return d._replace(K=K, H=H, G=d.G + d.L @ a, L=d.L @ E)
+        return replace(d, K=K, H=H, G=d.G + d.L @ a, L=d.L @ E)
 
     return dynamic_controller(
         "adrc",
@@ -81,7 +82,8 @@ def observer(degrees: tuple[int, ...], bandwidth: float, period: float) -> Dynam
     """
     chains = [_chain(degree, bandwidth, period) for degree in degrees]
     block: Any = scipy.linalg.block_diag
-    return Dynamics(*(block(*matrices) for matrices in zip(*chains, strict=True)))
+    rows = zip(*(vars(chain).values() for chain in chains), strict=True)
+    return Dynamics(*(block(*matrices) for matrices in rows))
 
 
 def _chain(degree: int, bandwidth: float, period: float) -> Dynamics:

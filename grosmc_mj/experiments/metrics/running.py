@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.matrices import quadratic, row_times
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
@@ -34,7 +35,6 @@ from grosmc_mj.experiments.metrics.definitions import (
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.problem import Meters
-from grosmc_mj.vectors import each, quadratic, row_times
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
 # for those of the law.
@@ -54,10 +54,16 @@ class LawMeters(RunMeters):
 
     Attributes:
         optimal: The optimal error state at this sample, (size,).
+        z: The error state at this sample, (size,).
+        after: Where the optimal state is computed, (size,).
+        still: No error, (size,).
         costs: The index up to this sample, if it is wanted.
     """
 
     optimal: Array = field(default_factory=lambda: np.zeros(0))
+    z: Array = field(default_factory=lambda: np.zeros(0))
+    after: Array = field(default_factory=lambda: np.zeros(0))
+    still: Array = field(default_factory=lambda: np.zeros(0))
     costs: Costs = field(default_factory=Costs)
 
 
@@ -121,13 +127,13 @@ def meters_of(
     )
     note = _noting(
         error.state,
-        error.size,
         tuple(error.output_rows),
         bool(design.sliding_unit),
         has_cart(error.system),
-        (_one if np.ndim(controller.memory().v) == 0 else _all) if costs else None,
+        costs,
     )
-    return Meters(note, LawMeters.of(numbers, optimal=np.zeros(error.size)), numbers)
+    states = {name: np.zeros(error.size) for name in ("optimal", "z", "after", "still")}
+    return Meters(note, LawMeters.of(numbers, **states), numbers)
 
 
 @cache
@@ -138,47 +144,29 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
 
 @cache
 def _noting(
-    error_state: Any,
-    size: int,
-    outputs: tuple[int, ...],
-    surface: bool,
-    cart: bool,
-    weighed: Callable[[Any], Any] | None,
+    error_state: Any, outputs: tuple[int, ...], surface: bool, cart: bool, costs: bool
 ) -> Any:
-    """``Meters.note``; it notes costs if it knows how v is a vector."""
-    costs, vector = weighed is not None, weighed or _all
-    difference, follow, nothing = _difference(outputs), _follower(size), (0.0,) * size
+    """``Meters.note``."""
+    difference = _difference(outputs)
 
     @jitable
     def note_timestep(
         t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any
     ) -> None:  # fmt: skip
-        z = error_state(t, x, p)
-        follow(t, z, meters.optimal, known.transition)
+        z = meters.z
+        error_state(t, x, p, z)
+        _follow(t, z, meters, known.transition)
         s, position = 0.0, 0.0
         if surface:
             s = _largest_entry(memory.s)
         if cart:
             position = x[0]
-        error, deviation = difference(z, nothing), difference(z, meters.optimal)
-        given = _largest_given(u, known.limits)
-        note(t, error, deviation, given, s, position, meters, known)
+        error, deviation = difference(z, meters.still), difference(z, meters.optimal)
+        note(t, error, deviation, _largest_given(u, known.limits), s, position, meters, known)
         if costs:
-            v = vector(memory.v)
-            note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
+            note_costs(t, quadratic(z, known.Q), quadratic(memory.v, known.R), meters.costs)
 
     return note_timestep
-
-
-@jitable
-def _one(value: float) -> Any:
-    """The entries of a number."""
-    return (value,)
-
-
-@jitable
-def _all(values: Any) -> Any:
-    return values
 
 
 @jitable
@@ -221,22 +209,13 @@ def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
     return several
 
 
-@cache
-def _follower(size: int) -> Callable[[float, Any, Any, Any], None]:
-    """Jitable (t, z, optimal, transition): bring the optimum to this sample; it starts at z."""
-    moved = each(size, row_times)
-
-    @jitable
-    def follow(t: float, z: Any, optimal: Any, transition: Any) -> None:
-        if t == 0.0:
-            for i in range(size):
-                optimal[i] = z[i]
-        else:
-            after = moved(transition, optimal)
-            for i in range(size):
-                optimal[i] = after[i]
-
-    return follow
+@jitable
+def _follow(t: float, z: Any, meters: Any, transition: Any) -> None:
+    """Bring the optimum to this sample; it starts at z."""
+    for i in range(len(z)):
+        meters.after[i] = z[i] if t == 0.0 else row_times(i, transition, meters.optimal)
+    for i in range(len(z)):
+        meters.optimal[i] = meters.after[i]
 
 
 def said_by(

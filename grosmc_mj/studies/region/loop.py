@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
+from grosmc_mj.control.law import Law, around
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.jitable import jitable
-from grosmc_mj.own_law import around
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -120,11 +119,10 @@ def _guarded_law(law: Law, system: System) -> Law:
     """The law, undefined outside the region."""
     inner, linearizable = jitable(law), system.linearizable
 
-    def guarded_law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        u = inner(t, x, memory, p)
+    def guarded_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        inner(t, x, memory, p, u)
         if not linearizable(x):
             memory.undefined = 1.0
-        return u
 
     return around(guarded_law, law)
 

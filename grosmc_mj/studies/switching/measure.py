@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.switching import (
     SWITCHINGS,
     SuperTwisting,
@@ -77,7 +76,7 @@ class Sample(NamedTuple):
     t: float
     s: float
     phi: float
-    memory: SurfaceMemory
+    memory: Any
 
 
 def sine_push(start: float, end: float) -> float:
@@ -103,11 +102,12 @@ def scalar_samples(
     Yields:
         Each sample; none after |s| has grown beyond all bounds.
     """
-    reach, memory, s = law.reach(1), law.new_memory(1, 1)(), 0.0
+    memory, s = law.new_memory(1, 1)(), 0.0
     for i in range(round(_END / h)):
         t = i * h
         memory.elapsed, memory.t = t - memory.t, t
-        (phi,) = reach((s,), 0.0, GAIN, memory, law)
+        law.reach(np.array([s]), 0.0, GAIN, memory, law, memory.phi)
+        phi = float(memory.phi[0])
         yield Sample(t, s, phi, memory)
         s += gain_ratio * h * phi + push(t, (i + 1) * h)
         if not abs(s) < _DIVERGED:

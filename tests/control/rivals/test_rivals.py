@@ -169,7 +169,9 @@ def test_lqi_s_gain_is_the_least_cost_of_the_augmented_plant(design):
     law = controller(design, "lqi")
     optimum, weight = law.designed.lqr, 2.0 if design == "servo" else 20.0
     n, m = optimum.B.shape
-    K = np.hstack([law.sampled(PERIOD).parameters.K, law.sampled(PERIOD).parameters.H])
+    K = np.hstack(
+        [law.sampled(PERIOD).parameters.dynamics.K, law.sampled(PERIOD).parameters.dynamics.H]
+    )
     Q = np.zeros((n + m, n + m))
     Q[:n, :n], Q[n:, n:] = optimum.Q, weight * np.eye(m)
     closed = augmented(law)
@@ -180,7 +182,8 @@ def test_lqi_s_gain_is_the_least_cost_of_the_augmented_plant(design):
 
 def augmented(law: Controller) -> Array:
     """The continuous closed loop of z and its outputs' integrals."""
-    p, optimum, rows = law.sampled(PERIOD).parameters, law.designed.lqr, law.coordinates.output_rows
+    p, optimum = law.sampled(PERIOD).parameters.dynamics, law.designed.lqr
+    rows = law.coordinates.output_rows
     n, m = optimum.B.shape
     closed = np.zeros((n + m, n + m))
     closed[:n] = np.hstack([optimum.A - optimum.B @ p.K, -optimum.B @ p.H])
@@ -192,7 +195,7 @@ def augmented(law: Controller) -> Array:
 def test_integrals_are_exact_between_samples(design):
     """Against a numerical integration of z' = A z over a long period; rtol of the solver."""
     law, period, z = controller(design, "lqi"), 0.4, np.array([0.7, -1.3])
-    A, p = law.designed.lqr.A, law.sampled(period).parameters
+    A, p = law.designed.lqr.A, law.sampled(period).parameters.dynamics
 
     def moved(t: float, y: Array) -> Array:
         return np.concatenate([A @ y[:2], y[:1]])
@@ -228,7 +231,7 @@ def test_observer_converges_to_a_constant_disturbance():
     """On the servo d of e'' = ... + d is T_d/J by eqs. (15) and (17), whatever the law does."""
     law, load = controller("servo", "adrc"), LOADS["servo"]
     found = run("servo", law, 20.0, disturbances=[load])
-    p = law.sampled(PERIOD).parameters
+    p = law.sampled(PERIOD).parameters.dynamics
     z, seen = errors("servo", law, found)[-1], observer((2,), 100.0, PERIOD)
     J = nominal("servo").parameters.J
     estimate = float((seen.H @ found.memory["q"][-1] + seen.K @ z).item())
@@ -248,14 +251,15 @@ def test_integrals_hold_and_the_observer_is_told_while_an_input_is_cut():
     for make in (lqi, pid):
         law = make(task_of("servo"), 2.0, limit=1.5, linearizing=False).sampled(PERIOD)
         memory: Any = law.memory()
-        assert law.law(0.0, x, memory, law.parameters) > 1.5
+        assert law.input_at(0.0, x, memory) > 1.5
         assert memory.q.tolist() == [0.0]
         memory = law.memory()
-        law.law(0.0, x, memory, replace(law.parameters, limit=math.inf))
+        free = replace(law, parameters=replace(law.parameters, limit=math.inf))
+        free.input_at(0.0, x, memory)
         assert memory.q[0] == pytest.approx(6 * PERIOD, rel=1e-3)
     law = adrc(task_of("servo"), 100.0, limit=1.5, linearizing=False).sampled(PERIOD)
-    memory, p = law.memory(), law.parameters
-    assert law.law(0.0, x, memory, p) > 1.5
+    memory, p = law.memory(), law.parameters.dynamics
+    assert law.input_at(0.0, x, memory) > 1.5
     np.testing.assert_allclose(memory.q, p.F @ p.start @ z + p.G @ z + p.L @ [1.5], rtol=1e-12)
 
 

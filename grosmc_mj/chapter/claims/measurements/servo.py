@@ -90,7 +90,7 @@ def _linearized(plant: Plant, law: Controller) -> tuple[np.ndarray, np.ndarray]:
 
     def rates(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         x = rest + d
-        u = law.law(1.0, x, memory, p)
+        (u,) = law.input_at(1.0, x, memory)
         return plant.derivative(x, u, np.zeros(6)), plant.derivative(x, 0.0, np.zeros(6))
 
     sides = [(rates(d), rates(-d)) for d in step * np.eye(2)]

@@ -139,7 +139,7 @@ def _approach(
     near = 1e-6 * side * p.G[0] / (p.G[0] @ p.G[0])
     memory = surface_memory(law)
     memory.z0[:], memory.t = z - near, t
-    u = law.law(t, x, memory, p)
+    u = law.input_at(t, x, memory)
     dz2 = error.sign * (derivative(x, u, w)[velocity] - ddy_r)
     return float(side * (p.G @ np.array([z[1], dz2]) - p.S @ z)[0])
 

@@ -209,7 +209,7 @@ def _approach(
     assert isinstance(error, ErrorCoordinates)
     # Any time but the start, at which the law takes z for its own z(0).
     memory.z0[:], memory.t = z - np.linalg.pinv(p.G) @ (1e-6 * sides), 1.0
-    u = law.law(1.0, x, memory, p)
+    u = law.input_at(1.0, x, memory)
     slope = np.reshape(error.linearization.slope(x, p.plant), (error.size, len(x)))
     dz = error.sign * slope @ derivative(x, u, w)
     return sides * (p.G @ dz - p.S @ z)
