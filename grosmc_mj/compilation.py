@@ -175,9 +175,9 @@ def fingerprint(function: Callable[..., Any]) -> str:
                 return f"seen {seen[id(value)]}"
             seen[id(value)] = len(seen)
             block, scope = value.__code__, value.__globals__
-            found = [cell.cell_contents for cell in value.__closure__ or ()]
-            found += [scope.get(name) for name in names(block)]
-            used = [opened(each, block) for each in found]
+            used = [cell.cell_contents for cell in value.__closure__ or ()]
+            used += [scope.get(name) for name in names(block)]
+            used = [opened(item, block) for item in used]
             reached = describe([used, value.__defaults__, value.__kwdefaults__])
             return f"{value.__module__}.{value.__qualname__}({code(block)}|{reached})"
         if isinstance(value, (list, tuple)):
@@ -332,11 +332,7 @@ def compile_python(function: Callable[..., Any]) -> Any:
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    return _kept_on_disk(numba.njit(function))
-
-
-def _kept_on_disk(compiled: Any) -> Any:
-    """A function of numba's that looks for its code in the cache, and leaves it there."""
+    compiled: Any = numba.njit(function)
     if _cache() is not None:
-        compiled._cache = _FingerprintCache(compiled.py_func)
+        compiled._cache = _FingerprintCache(function)
     return compiled
