@@ -27,6 +27,7 @@ from grosmc_mj.assumptions.audit import (
 )
 from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
