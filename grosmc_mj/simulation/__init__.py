@@ -1,7 +1,7 @@
 """Closed loops on equations and in MuJoCo: ``simulate`` is the one entry.
 
-``mujoco_plant``, ``edits`` and ``disturbances`` say what is simulated, ``trajectory`` what comes
-back; ``engines`` step it, ``robots`` are models of several joints without equations in symbols.
+``prepare`` checks its arguments, ``kernel`` is the closed loop, which two engines run: compiled, on
+many threads, and as plain Python. ``disturbances`` act on the plant; ``trajectory`` is the result.
 """
 
 import lazy_loader

@@ -33,7 +33,7 @@ _REASON = re.compile(
     r"|.*not supported.*|Cannot .*|Invalid .*"
 )
 # Fields of memory that no law of one's own names.
-_OF_THE_RUN = ("v", "undefined", "workspace", "meters")
+_OF_THE_RUN = ("v", "undefined", "workspace", "first")
 # What to write instead, by what numba says.
 _INSTEAD = {
     r"use of yield|generator": "a generator is not compiled: add up in a for loop",

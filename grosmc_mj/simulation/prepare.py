@@ -75,9 +75,7 @@ def prepare(
     control_period: ControlPeriod = None,
     timestep: Annotated[float | None, Range(SHORTEST, LONGEST, unit="s", optional=True)] = None,
     disturbances: Annotated[Any, _Lists()] = ((),),
-    meters: Annotated[
-        Any, OneOrMore((Meters, type(None)), "meters_of(...) or a list of it")
-    ] = None,
+    meters: Annotated[Any, OneOrMore((Meters, type(None)), "Meters or a list of them")] = None,
     record: Flag = True,
     threads: Annotated[int, Range(0, 1024, whole=True)] = 0,
 ) -> tuple[Problem, bool]:

@@ -135,6 +135,15 @@ def test_both_engines_agree_on_a_robot() -> None:
         assert not np.array_equal(seen(native), native.state[:-1])
 
 
+def test_a_loop_adds_nothing_to_the_law_s_memory_however_long_its_delays() -> None:
+    plant, law = plant_of("servo", "corrected"), law_of("servo")
+    for delay in (0.0, 0.1):
+        looped = in_loop(law, Loop(Computing(delay=delay)), plant.system)
+        run = simulate(plant, looped, (0.1, 0.0), duration=0.01, engine="python")
+        without = simulate(plant, law, (0.1, 0.0), duration=0.01, engine="python")
+        assert run.memory.dtype == without.memory.dtype
+
+
 def batch(runs: list[int], loop: Loop, **options: Any) -> Trajectory:
     plant = plant_of("servo", "corrected")
     periods: dict[str, Any] = {"control_period": 2 * H, "timestep": H}

@@ -131,6 +131,7 @@ def test_a_loop_that_does_not_fit_is_told(loop: Loop, said: str) -> None:
         ({"known": 3}, "known = 3 must be a.* Loop"),
         ({"known": Loop(Computing(delay=0.1 * H))}, "delay = 0.0001 s is no multiple"),
         ({"control_period": 1.5 * H}, "control period 0.0015 s is no multiple of the timestep"),
+        ({"control_period": 1e6 * H}, "control_period = 1000 s is 1000000 timesteps"),
         ({"timestep": 0.0}, "timestep = 0 must be from 1e-09 to 1e"),
     ],
 )

@@ -26,6 +26,7 @@ from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -223,6 +224,51 @@ def test_controller_must_be_of_the_plant_s_system(system):
     ctl, x0 = controller("servo", "lqr"), np.zeros(len(physics(system).system.states))
     with pytest.raises(ArgumentError, match="servo"):
         start_servo(plant=physics(system), controller=ctl, x0=x0)
+
+
+@dataclass
+class Noted:
+    steps: float = 0.0
+    last: float = -1.0
+    effort: float = 0.0
+
+
+@dataclass(frozen=True)
+class Weight:
+    r: float = 2.0
+
+
+def note(t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any) -> None:
+    meters.steps += 1.0
+    meters.last = t
+    meters.effort += known.r * u[0] * u[0]
+
+
+@each_engine
+@pytest.mark.parametrize("stride", [1, 2])
+def test_meters_note_every_timestep_whatever_is_recorded(engine: Engine, stride: int) -> None:
+    x0, meters = (
+        np.array([[0.1, 0.0], [0.2, 0.3]]),
+        [Meters(note, Noted(), Weight(r)) for r in (1, 2)],
+    )
+    options: dict[str, Any] = {"x0": x0, "engine": engine, "control_period": stride * 1e-3}
+    recorded = start_servo(**options)
+    for record in (False, True):
+        run = start_servo(**options, meters=meters, record=record)
+        noted: Any = run.meters
+        np.testing.assert_array_equal(noted["steps"], 10.0)
+        np.testing.assert_array_equal(noted["last"], 9 * 1e-3)
+        effort = np.sum(recorded.input**2, axis=1) * [1, 2]
+        np.testing.assert_allclose(noted["effort"], effort, rtol=1e-12)
+    assert recorded.meters is None
+
+
+def test_meters_of_a_batch_must_be_of_one_kind() -> None:
+    meters = [Meters(note, Noted(), Weight()), Meters(note, Noted(), Noted())]
+    with pytest.raises(ArgumentError, match="the same kind of meters"):
+        start_servo(x0=np.zeros((2, 2)), meters=meters)
+    with pytest.raises(ArgumentError, match="meters = 3 must be Meters or a list of them"):
+        start_servo(meters=3)
 
 
 LOAD = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -1.0, 0.0))
