@@ -7,12 +7,12 @@ import linecache
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from grosmc_mj.errors import ModelError
+from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.jitable import jitable
 
 # Integer powers up to this are written as products: pow() need not round as a product does.
@@ -56,18 +56,17 @@ def generate(
     Raises:
         ModelError: If an expression has another symbol, or what Python's ``math`` cannot compute.
     """
-    exact = [sp.sympify(each) for each in expressions]
-    # What a function is not given it cannot use.
-    given = {name.strip() for name in arguments.split(",")}
-    places = {s: place for s, place in places.items() if re.split(r"[.\[]", place)[0] in given}
-    unknown = sorted({str(s) for each in exact for s in each.free_symbols - set(places)})
+    exact = [sp.sympify(expression) for expression in expressions]
+    # A function reaches its own arguments only.
+    own = {name.strip() for name in arguments.split(",")}
+    places = {s: place for s, place in places.items() if re.split(r"[.\[]", place)[0] in own}
+    unknown = sorted({str(s) for part in exact for s in part.free_symbols - set(places)})
     if unknown:
         known = ", ".join(sorted(map(str, places)))
         raise ModelError(f"{name}: unknown symbol {', '.join(unknown)}; known: {known}")
     # No name of a part that occurs often may be a name of the expressions' own.
     names = sp.numbered_symbols("c", exclude=list(places))
-    found: Any = sp.cse(exact, symbols=names)
-    shared, reduced = found
+    shared, reduced = cast(Any, sp.cse(exact, symbols=names))
     printer: Any = _Printer({"fully_qualified_modules": True, "strict": True})
     written = {symbol: sp.Symbol(place) for symbol, place in places.items()}
     try:
@@ -76,7 +75,7 @@ def generate(
         ]
         values = [printer.doprint(part.xreplace(written)) for part in reduced]
     except Exception as error:  # sympy has no common class for what it cannot print
-        raise ModelError(f"{name}: {' '.join(str(error).split())}") from error
+        raise ModelError(f"{name}: {one_line(str(error))}") from error
     source = "\n".join(
         [f"def {name}({arguments}):", *lines, f"    return ({', '.join(values)},)", ""]
     )

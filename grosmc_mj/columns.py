@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, one_line, shown
 from grosmc_mj.files import written_aside
 
 _KEY = b"grosmc_mj"
@@ -38,9 +38,11 @@ def arrow_table(columns: Sequence[SignalColumn], about: Mapping[str, Any]) -> An
     """The columns as a ``pyarrow.Table``, with units and ``about`` in its metadata."""
     import pyarrow as pa
 
-    fields = [pa.field(each.name, pa.float64(), metadata={_UNIT: each.unit}) for each in columns]
+    fields = [
+        pa.field(column.name, pa.float64(), metadata={_UNIT: column.unit}) for column in columns
+    ]
     schema = pa.schema(fields, metadata={_KEY: json.dumps(about).encode()})
-    return pa.table([each.values for each in columns], schema=schema)
+    return pa.table([column.values for column in columns], schema=schema)
 
 
 def write_columns(path: Path, columns: Sequence[SignalColumn], about: Mapping[str, Any]) -> None:
@@ -61,13 +63,13 @@ def write_columns(path: Path, columns: Sequence[SignalColumn], about: Mapping[st
         elif path.suffix == ".csv":
             with part.open("w", encoding="utf-8", newline="") as file:
                 writer = csv.writer(file)
-                writer.writerow([f"{each.name} [{each.unit}]" for each in columns])
-                for row in zip(*(each.values.tolist() for each in columns), strict=True):
+                writer.writerow([f"{column.name} [{column.unit}]" for column in columns])
+                for row in zip(*(column.values.tolist() for column in columns), strict=True):
                     writer.writerow(["" if value != value else repr(value) for value in row])
         else:
-            units = {each.name: each.unit for each in columns}
+            units = {column.name: column.unit for column in columns}
             described = json.dumps({"units": units, "about": about})
-            arrays: dict[str, Any] = {_key(each.name): each.values for each in columns}
+            arrays: dict[str, Any] = {_key(column.name): column.values for column in columns}
             with part.open("wb") as opened:
                 np.savez_compressed(opened, **arrays, __about__=np.array(described))
 
@@ -85,15 +87,16 @@ def read_columns(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
     """
     if not path.is_file():
         raise ArgumentError(f"there is no file {shown(str(path), str)}")
+    if path.suffix not in (".parquet", ".npz"):
+        raise ArgumentError(
+            f"{path}: signals are read again from .parquet and .npz, which keep all that a run is"
+        )
     try:
-        found = _parquet(path) if path.suffix == ".parquet" else _npz(path)
-    except ArgumentError:
-        raise
+        return _parquet(path) if path.suffix == ".parquet" else _npz(path)
     # pyarrow, zipfile and numpy have no common class for what they cannot read.
     except Exception as error:
-        said = " ".join(str(error).split())
-        raise ArgumentError(f"{path}: is no file of signals, or is damaged: {said}") from None
-    return found
+        reason = one_line(str(error))
+        raise ArgumentError(f"{path}: is no file of signals, or is damaged: {reason}") from None
 
 
 def _parquet(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
@@ -109,10 +112,6 @@ def _parquet(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
 
 
 def _npz(path: Path) -> tuple[list[SignalColumn], dict[str, Any]]:
-    if path.suffix != ".npz":
-        raise ArgumentError(
-            f"{path}: signals are read again from .parquet and .npz, which keep all that a run is"
-        )
     with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         described = json.loads(str(file["__about__"]))
         columns = [

@@ -18,7 +18,7 @@ import os
 import secrets
 from collections.abc import Callable, Iterator
 from enum import Enum, EnumMeta
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, ClassVar, get_type_hints
@@ -109,6 +109,21 @@ def laid_out(value: Any) -> Any:
     return tuple(map(laid_out, value)) if isinstance(value, tuple) else value
 
 
+@cache
+def _layout(kind: type) -> Any:
+    return layout_of(numba_type(kind))
+
+
+def laid_out_as(kind: type, value: Any) -> np.ndarray[Any, Any]:
+    """A named tuple of this class in memory, (1,), which refers to the value's arrays.
+
+    Args:
+        kind: The class.
+        value: With addresses of functions; members may be laid out already.
+    """
+    return np.array([laid_out(value)], _layout(kind))
+
+
 def structure_at(kind: types.Type) -> Any:
     """Inside compiled code: the value of this type whose layout is at an address."""
 
@@ -160,9 +175,9 @@ def fingerprint(function: Callable[..., Any]) -> str:
                 return f"seen {seen[id(value)]}"
             seen[id(value)] = len(seen)
             block, scope = value.__code__, value.__globals__
-            found = [cell.cell_contents for cell in value.__closure__ or ()]
-            found += [scope.get(name) for name in names(block)]
-            used = [opened(each, block) for each in found]
+            used = [cell.cell_contents for cell in value.__closure__ or ()]
+            used += [scope.get(name) for name in names(block)]
+            used = [opened(item, block) for item in used]
             reached = describe([used, value.__defaults__, value.__kwdefaults__])
             return f"{value.__module__}.{value.__qualname__}({code(block)}|{reached})"
         if isinstance(value, (list, tuple)):
@@ -317,11 +332,7 @@ def compile_python(function: Callable[..., Any]) -> Any:
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    return _kept_on_disk(numba.njit(function))
-
-
-def _kept_on_disk(compiled: Any) -> Any:
-    """A function of numba's that looks for its code in the cache, and leaves it there."""
+    compiled: Any = numba.njit(function)
     if _cache() is not None:
-        compiled._cache = _FingerprintCache(compiled.py_func)
+        compiled._cache = _FingerprintCache(function)
     return compiled

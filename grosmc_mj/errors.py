@@ -76,11 +76,11 @@ class Mistakes:
     """What is wrong with somebody's file, gathered so that all of it is told at once."""
 
     def __init__(self) -> None:
-        self._said: dict[str, None] = {}
+        self._mistakes: dict[str, None] = {}
 
-    def note(self, *said: str) -> None:
-        """One more, unless it is known already."""
-        self._said.update(dict.fromkeys(said))
+    def note(self, *mistakes: str) -> None:
+        """Some more, unless they are known already."""
+        self._mistakes.update(dict.fromkeys(mistakes))
 
     @contextmanager
     def gathered(self, where: str = "") -> Iterator[None]:
@@ -88,8 +88,8 @@ class Mistakes:
         try:
             yield
         except GrosmcError as error:
-            said = error.mistakes if isinstance(error, MistakesError) else [str(error)]
-            self.note(*(where + each for each in said))
+            lines = error.mistakes if isinstance(error, MistakesError) else [str(error)]
+            self.note(*(where + line for line in lines))
 
     def refuse(self) -> None:
         """Raise what was gathered.
@@ -97,8 +97,8 @@ class Mistakes:
         Raises:
             ArgumentError: If there is anything.
         """
-        if self._said:
-            raise MistakesError(self._said)
+        if self._mistakes:
+            raise MistakesError(self._mistakes)
 
 
 def together(mistakes: Sequence[str]) -> str:
@@ -137,4 +137,4 @@ def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
 def one_line(text: str) -> str:
     """A text on one line, with escapes for what would not be printed."""
     line = " ".join(text.split())
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)

@@ -23,7 +23,7 @@ from grosmc_mj.arguments import real, reals, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 
-Made = TypeVar("Made")
+Class = TypeVar("Class")
 Returned = TypeVar("Returned")
 
 
@@ -73,7 +73,7 @@ class Range(Check):
             return None
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
-        beyond = isinstance(value, int) and number is not None and math.isinf(number)
+        beyond = isinstance(value, int) and math.isinf(real(value))
         if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number
@@ -89,25 +89,21 @@ class Range(Check):
     @property
     def wanted(self) -> str:
         """What the number must be, in words."""
-        kind = "a whole number " if self.whole else ""
         if self.low == -math.inf:
-            bounds = "finite" if self.high == math.inf else f"{self._end} {self.high:g}"
+            end = "below" if self.below else "at most"
+            bounds = "finite" if self.high == math.inf else f"{end} {self.high:g}"
         elif self.high == math.inf:
-            sign = "positive" if self.above else "not negative"
-            above = f"above {self.low:g}" if self.above else f"{self.low:g} or more"
-            bounds = sign if self.low == 0 else above
+            bounds = f"above {self.low:g}" if self.above else f"{self.low:g} or more"
+            if self.low == 0:
+                bounds = "positive" if self.above else "not negative"
             if not self.infinite and not self.whole:
                 bounds = f"finite and {bounds}"
         else:
-            start = f"above {self.low:g}" if self.above else f"from {self.low:g}"
-            bounds = f"{start} to {'below ' if self.below else ''}{self.high:g}"
+            start = "above" if self.above else "from"
+            bounds = f"{start} {self.low:g} to {'below ' if self.below else ''}{self.high:g}"
         unit = f" {self.unit}" if self.unit and any(c.isdigit() for c in bounds) else ""
         endless = ", or infinite" if self.infinite and self.high < math.inf else ""
-        return f"{kind}{bounds}{unit}{endless}"
-
-    @property
-    def _end(self) -> str:
-        return "below" if self.below else "at most"
+        return f"{'a whole number ' if self.whole else ''}{bounds}{unit}{endless}"
 
 
 @dataclass(frozen=True)
@@ -128,7 +124,7 @@ class Reals(Check):
         """The array as float64, a new one."""
         array = reals(value)
         fits = array.ndim == len(self.shape) and all(
-            wanted in (None, size) for wanted, size in zip(self.shape, array.shape, strict=True)
+            free in (None, size) for free, size in zip(self.shape, array.shape, strict=True)
         )
         bad = np.any(np.isnan(array)) if self.infinite else not np.all(np.isfinite(array))
         if not fits or bad:
@@ -231,7 +227,7 @@ NotNegative = Annotated[float, Range(0)]
 Seconds = Annotated[float, Range(0, unit="s")]
 Vector = Annotated[tuple[float, float, float], _Vector()]
 Name = Annotated[str, _Name()]
-Flag = Annotated[bool, _Flag()]
+Flag = Annotated[bool, Is((bool, np.bool_), "True or False")]
 
 _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="forbid")
 
@@ -239,7 +235,7 @@ _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="
 @dataclass_transform(frozen_default=True)
 def checked(
     error: type[GrosmcError] = ArgumentError, *, label: str = "", eq: bool = True
-) -> Callable[[type[Made]], type[Made]]:
+) -> Callable[[type[Class]], type[Class]]:
     """Make a class a frozen dataclass whose fields check what they are given.
 
     What goes wrong in its ``__post_init__`` must be an error of this package.
@@ -250,25 +246,24 @@ def checked(
         eq: Whether instances of equal fields are equal; else each is itself alone.
     """
 
-    def decorate(kind: type[Made]) -> type[Made]:
-        made: Any = pydantic.dataclasses.dataclass(frozen=True, eq=eq, config=_CONFIG)(kind)
-        initialize = made.__init__
-        names = list(inspect.signature(made).parameters)
+    def decorate(kind: Any) -> type[Class]:
+        kept: Any = pydantic.dataclasses.dataclass(frozen=True, eq=eq, config=_CONFIG)(kind)
+        initialize = kept.__init__
+        names = list(inspect.signature(kept).parameters)
 
         @wraps(initialize)
         def initialize_checked(self: Any, *args: Any, **kwargs: Any) -> None:
             try:
                 initialize(self, *args, **kwargs)
             except pydantic.ValidationError as mistakes:
-                title, owner = getattr(kind, "kind", ""), args[0] if args else "?"
-                owner = kwargs.get(names[0], owner)
-                start = label or (
-                    f"{title} of {shown(owner)}" if isinstance(title, str) and title else ""
-                )
+                start, title = label, getattr(kind, "kind", None)
+                if not label and isinstance(title, str):
+                    owner = kwargs.get(names[0], args[0] if args else "?")
+                    start = f"{title} of {shown(owner)}"
                 raise translated(mistakes, names, error, start and f"{start}: ") from None
 
-        made.__init__ = initialize_checked
-        return made
+        kept.__init__ = initialize_checked
+        return kept
 
     return decorate
 
@@ -302,11 +297,11 @@ def translated(
         error: Its class.
         label: Begins the line.
     """
-    found: list[Any] = mistakes.errors(include_url=False)
-    raised = next((item["ctx"]["error"] for item in found if item["type"] == "value_error"), None)
-    if raised is not None:
-        return raised
-    return error(label + "; ".join(_line(item, names) for item in found))
+    refusals: list[Any] = mistakes.errors(include_url=False)
+    for item in refusals:
+        if item["type"] == "value_error":
+            return item["ctx"]["error"]
+    return error(label + "; ".join(_line(item, names) for item in refusals))
 
 
 def _line(mistake: Any, names: Sequence[str]) -> str:

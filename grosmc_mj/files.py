@@ -72,9 +72,9 @@ def private_cache(base: str | None = None) -> Path | None:
     try:
         folder = (Path(base) if base else Path.home() / ".cache") / _OWN
         folder.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
-        found = folder.lstat()
-        mode = stat.S_IMODE(found.st_mode)
-        own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+        status = folder.lstat()
+        mode = stat.S_IMODE(status.st_mode)
+        own = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
         if own and not mode & _WRITABLE_BY_OTHERS:
             folder.chmod(_PRIVATE)
             return folder
@@ -83,6 +83,6 @@ def private_cache(base: str | None = None) -> Path | None:
         return None
     raise SetupError(
         f"{folder} must be a folder of your own with mode 700, since what lies there is executed: "
-        f"its owner is user {found.st_uid} and its mode {mode:o}; remove it, or name another place "
-        "with XDG_CACHE_HOME or NUMBA_CACHE_DIR"
+        f"its owner is user {status.st_uid} and its mode {mode:o}; remove it, or name another "
+        "place with XDG_CACHE_HOME or NUMBA_CACHE_DIR"
     )

@@ -55,12 +55,12 @@ def extended(value: Any, **extra: Any) -> Any:
     """A dataclass with further fields at its end: whoever knows the others finds them there."""
     if not extra:
         return value
-    made = _extended(type(value), tuple(extra))
-    found = made.__new__(made)
-    # Past __init__ and __post_init__: the value has been made and checked already.
+    kind = _extended(type(value), tuple(extra))
+    longer = kind.__new__(kind)
+    # Past __init__ and __post_init__: the value has been checked already.
     for name, item in {**vars(value), **extra}.items():
-        object.__setattr__(found, name, item)
-    return found
+        object.__setattr__(longer, name, item)
+    return longer
 
 
 @cache

@@ -37,20 +37,20 @@ ROOT = Path(__file__).resolve().parents[1]
 # What is mutated, and the tests that shall notice: its own, and those of what is next to it.
 WATCHED = {
     "plants": ("plants", "control", "simulation"),
-    "control": ("control", "simulation", "premises"),
+    "control": ("control", "simulation", "assumptions"),
     "simulation": ("simulation", "control", "cases"),
-    "experiments": ("experiments", "premises", "studies", "cli"),
-    "premises": ("premises",),
+    "experiments": ("experiments", "assumptions", "studies", "cli"),
+    "assumptions": ("assumptions",),
     "campaign": ("campaign",),
     "cases": ("cases", "studies"),
 }
 # What else notices, slowly: whole runs, studies, verdicts, films, commands.
 _SLOWLY = {
-    "plants": ("premises",),
-    "control": ("studies", "premises"),
+    "plants": ("assumptions",),
+    "control": ("studies", "assumptions"),
     "simulation": ("bench", "campaign", "environments"),
     "experiments": ("films", "campaign", "environments"),
-    "premises": ("campaign", "cli"),
+    "assumptions": ("campaign", "cli"),
     "campaign": ("experiments",),
     "cases": ("chapter",),
 }

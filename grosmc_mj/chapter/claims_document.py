@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from grosmc_mj.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.chapter.claims.claim import (
     Finding,
     Kind,
@@ -14,7 +15,6 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.premises.audit import Audit, Premise, Reading
 
 
 def claims_document(findings: Sequence[Finding], lab: Laboratory) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from rich.table import Table
 from rich.text import Text
 
+from grosmc_mj.assumptions.audit import Audit, Reading
 from grosmc_mj.chapter.claims.claim import (
     Claim,
     Finding,
@@ -19,7 +20,6 @@ from grosmc_mj.chapter.claims.claim import (
 from grosmc_mj.chapter.claims.self_test import Caught
 from grosmc_mj.chapter.claims.sweep import Swept, flips_of
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.premises.audit import Audit, Reading
 from grosmc_mj.report.formulas import in_text
 from grosmc_mj.report.palette import FAILED, KEPT, OPEN
 from grosmc_mj.report.tables import WIDTH, numbers, table, text, words

@@ -170,13 +170,13 @@ def decisive_versions() -> dict[str, str]:
     return {"python": platform.python_version().rpartition(".")[0], **versions(DECISIVE)}
 
 
-def _attempt(work: Work, index: int, wanted: dict[str, str]) -> ShardOutcome:
+def _attempt(work: Work, index: int, needed: dict[str, str]) -> ShardOutcome:
     """On a worker: run a shard, if this worker computes what the others do."""
-    found = decisive_versions()
+    here = decisive_versions()
     differ = [
-        f"{name} {found.get(name, 'not installed')} instead of {value}"
-        for name, value in wanted.items()
-        if found.get(name) != value
+        f"{name} {here.get(name, 'not installed')} instead of {value}"
+        for name, value in needed.items()
+        if here.get(name) != value
     ]
     if differ:
         message = (

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import Annotated
 
 from loky import cpu_count
 
-from grosmc_mj.arguments import require_known, require_whole
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.interface import Executor
 from grosmc_mj.executors.processes import Processes
-
-# On one machine.
-_MOST_WORKERS = 1024
+from grosmc_mj.fields import Known, Range, checked_call
 
 EXECUTORS = ("batch", "processes", "dask")
 
@@ -27,8 +25,12 @@ def executor_for(parts: int) -> Executor:
     return Batch() if parts == 1 else Processes(cpu_count())
 
 
+@checked_call
 def make_executor(
-    name: str, *, workers: int | None = None, scheduler: str | None = None
+    name: Annotated[str, Known("executor", EXECUTORS)],
+    *,
+    workers: Annotated[int, Range(1, 1024, whole=True)] | None = None,
+    scheduler: str | None = None,
 ) -> Executor:
     """The executor of a name.
 
@@ -44,10 +46,6 @@ def make_executor(
         ArgumentError: If there is no such executor, or it does not take one of the arguments.
         SetupError: If `dask` is asked for and not installed.
     """
-    require_known("executor", name, EXECUTORS)
-    if workers is not None:
-        allowed = f"1 or more, up to {_MOST_WORKERS}, a whole number"
-        workers = require_whole("workers", workers, 1, _MOST_WORKERS, allowed)
     if scheduler is not None and name != "dask":
         raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
     if workers is not None and scheduler is not None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from grosmc_mj.errors import ModelError, unknown_name
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.arm import ARM, ArmParameters
@@ -25,10 +26,8 @@ def find_system(name: str) -> System:
     Raises:
         ModelError: If there is none.
     """
-    try:
-        return SYSTEMS[name]
-    except (KeyError, TypeError):
-        raise ModelError(unknown_name("system", name, SYSTEMS)) from None
+    require_known("system", name, SYSTEMS, error=ModelError)
+    return SYSTEMS[name]
 
 
 __all__ = [

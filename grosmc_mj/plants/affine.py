@@ -10,8 +10,8 @@ from typing import Any
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-from grosmc_mj.arguments import real, require
-from grosmc_mj.errors import ModelError, shown, unknown_name
+from grosmc_mj.arguments import real, require, require_known
+from grosmc_mj.errors import ModelError, one_line, shown
 from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import Signal, System
@@ -52,16 +52,15 @@ def affine_plant(
         ModelError: If rows are missing, a symbol has no number or a number no symbol, or a
             number is not finite.
     """
-    require("name", name, str, "a text", ModelError)
     require(f"{name}: where", where, str, "a text", ModelError)
     require(f"{name}: parameters", parameters, Mapping, "numbers by their symbols", ModelError)
     for symbol, value in parameters.items():
         if not (math.isfinite(real(value))):
             raise ModelError(f"{name}: {symbol} = {shown(value)} must be a finite number")
-    for what, units in (("states", states), ("inputs", inputs)):
+    for noun, units in (("states", states), ("inputs", inputs)):
         if not (isinstance(units, Mapping) and all(isinstance(each, str) for each in units)):
             raise ModelError(
-                f"{name}: {what} = {shown(units)} must give a unit by the name of each"
+                f"{name}: {noun} = {shown(units)} must give a unit by the name of each"
             )
     try:
         within = sp.sympify(region)
@@ -70,8 +69,8 @@ def affine_plant(
             x=tuple(sp.Symbol(state) for state in states), f=f, g=g, h=h, region=within
         )
     except (ModelError, sp.SympifyError, AttributeError, TypeError, ValueError) as error:
-        said = " ".join(str(error).split())
-        raise ModelError(f"{name}: the equations cannot be read: {said}") from error
+        reason = one_line(str(error))
+        raise ModelError(f"{name}: the equations cannot be read: {reason}") from error
     if len(equations.h) != equations.inputs or equations.inputs != len(inputs):
         raise ModelError(
             f"{name}: {len(inputs)} inputs are named, g has {equations.inputs} columns and h "
@@ -100,11 +99,9 @@ def affine_plant(
         )
     near = {} if near is None else near
     require("near", near, Mapping, "values by the states' names", ModelError)
-    for state, value in near.items():
-        if state not in states:
-            raise ModelError(f"{name}: near: {unknown_name('state', state, states)}")
-        if not math.isfinite(real(value)):
-            raise ModelError(f"{name}: near: {state} = {shown(value)} must be a finite number")
+    for state in near:
+        require_known("state", state, states, f"{name}: near: ", ModelError)
+    # The first state stands for the outputs where none of them is a state.
     system = System(
         name=name,
         title=name,
@@ -112,14 +109,8 @@ def affine_plant(
         inputs=tuple(Signal(each, each, unit) for each, unit in inputs.items()),
         equations=equations,
         region=where or str(region),
-        controlled=_controlled(equations),
-        near=tuple(float(near.get(state, 0.0)) for state in states) if near else (),
+        controlled=tuple(i for i, x in enumerate(equations.x) if x in equations.h) or (0,),
+        near=tuple(near.get(state, 0.0) for state in states) if near else (),
     )
     numbers = make_dataclass("Parameters", [(key, float) for key in parameters], frozen=True)
     return AnalyticPlant(system, numbers(**{key: float(v) for key, v in parameters.items()}))
-
-
-def _controlled(equations: Equations) -> tuple[int, ...]:
-    """The states that are outputs; the first one, if none is."""
-    rows = tuple(i for i, state in enumerate(equations.x) if state in equations.h)
-    return rows or (0,)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, get_args
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, require, require_known
+from grosmc_mj.arguments import real, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError, shown
+from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.fields import Known, checked
 from grosmc_mj.plants.plant import Integrator, Kind, Plant
 from grosmc_mj.plants.system import System, Variant
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-@dataclass(frozen=True)
+@checked(ModelError)
 class AnalyticPlant(Plant):
     """A system with numbers: the equations of one variant and their frozen parameters.
 
@@ -33,11 +34,7 @@ class AnalyticPlant(Plant):
 
     system: System
     parameters: Any
-    variant: Variant = "corrected"
-
-    def __post_init__(self) -> None:
-        require("system", self.system, System, "a System", ModelError)
-        require_known("variant", self.variant, get_args(Variant), error=ModelError)
+    variant: Annotated[Variant, Known("variant", get_args(Variant))] = "corrected"
 
     @classmethod
     def from_model(
@@ -52,10 +49,9 @@ class AnalyticPlant(Plant):
             raise ModelError(
                 f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
             )
-        if not system.symbolic:
-            raise ModelError(f"{system.name} has no equations in symbols, and no analytic twin")
-        if system.read_parameters is None:
-            raise ModelError(f"{system.name} has no model in MuJoCo to read its numbers from")
+        if not system.symbolic or system.read_parameters is None:
+            lacks = "model in MuJoCo to read its numbers from" if system.symbolic else "equations"
+            raise ModelError(f"{system.name} has no {lacks}, and so no analytic twin")
         try:
             parameters = system.read_parameters(model, variant)
         except KeyError as error:
@@ -149,12 +145,7 @@ class AnalyticPlant(Plant):
 
     def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
         """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact."""
-        x, p, n = np.asarray(x, float), self.parameters, len(self.system.states)
-        u = np.atleast_1d(np.asarray(u, float))
-        if x.shape != (n,) or u.shape != (len(self.system.inputs),):
-            raise ArgumentError(
-                f"{self.system.name}: x has shape {x.shape} and u {u.shape}, must be ({n},) and "
-                f"({len(self.system.inputs)},)"
-            )
+        x, u, _ = self.checked(x, u, None)
+        p, n = self.parameters, len(x)
         A = np.reshape(self.system.equations.jacobian(x, u, p), (n, n))
         return A, np.reshape(self.system.input_matrix(x, p), (n, -1))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals, require, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.fields import Finite, Is, Range, Reals, checked_call
 from grosmc_mj.plants.plant import AT_REST, Plant
 
 
@@ -32,8 +33,11 @@ class OperatingPoint:
         return cls(np.zeros(len(plant.system.states)), np.zeros(len(plant.system.inputs)))
 
 
+@checked_call
 def equilibrium(
-    plant: Plant, held: Mapping[int, float] | None = None, near: ArrayLike | None = None
+    plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")],
+    held: Mapping[Annotated[int, Range(0, whole=True)], Finite] | None = None,
+    near: Annotated[ArrayLike, Reals((None,))] | None = None,
 ) -> OperatingPoint:
     """Where a plant rests with some of its states held: the other states and the inputs.
 
@@ -49,52 +53,45 @@ def equilibrium(
         ArgumentError: If a state or a number is none.
         PremiseError: If it rests nowhere near with these states, or only beyond its input's limits.
     """
-    require("plant", plant, Plant, "a plant, such as MujocoPlant.load(...)")
-    require("held", {} if held is None else held, Mapping, "values by the states' indices")
     system, held = plant.system, dict(held or {})
     n = len(system.states)
-    x = reals(system.near or np.zeros(n) if near is None else near).copy()
-    known = all((k := whole(i)) is not None and 0 <= k < n for i in held)
-    if x.shape != (n,) or not known or not np.all(np.isfinite([*x, *map(real, held.values())])):
+    start = np.array(system.near or np.zeros(n) if near is None else near, float)
+    if start.shape != (n,) or max(held, default=0) >= n:
         raise ArgumentError(
-            f"{system.name}: held = {shown(held)} must give finite values of states 0 to {n - 1}, "
-            f"and near = {shown(near)} {n} finite numbers"
+            f"{system.name}: held = {shown(held)} must give values of states 0 to {n - 1}, and "
+            f"near = {shown(near)} {n} numbers"
         )
-    x[list(held)] = list(held.values())
+    start[list(held)] = list(held.values())
     free = [i for i in range(n) if i not in held]
-    point = OperatingPoint(x, np.zeros(len(system.inputs)))
 
-    def filled(values: Array) -> OperatingPoint:
-        whole = x.copy()
-        whole[free] = values[: len(free)]
-        return OperatingPoint(whole, values[len(free) :])
+    def point(values: Array) -> OperatingPoint:
+        x = start.copy()
+        x[free] = values[: len(free)]
+        return OperatingPoint(x, values[len(free) :])
 
     def rates(values: Array) -> Array:
-        here = filled(values)
+        here = point(values)
         try:
-            found = plant.derivative(here.x, here.u)
+            slopes = plant.derivative(here.x, here.u)
         except (ArithmeticError, ValueError):  # outside a function's domain
-            found = np.full(n, np.nan)
-        return np.where(np.isfinite(found), found, 1e6)
+            slopes = np.full(n, np.nan)
+        return np.where(np.isfinite(slopes), slopes, 1e6)
 
-    begun = np.concatenate([x[free], point.u])
-    if np.abs(rates(begun)).max() > 0.0:
-        # Here, for it is a part of scipy that little needs.
-        import scipy.optimize
+    # Here, for it is a part of scipy that little needs.
+    import scipy.optimize
 
-        found = scipy.optimize.least_squares(rates, begun, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        point = filled(found.x)
-    left = rates(np.concatenate([point.x[free], point.u]))
-    named = [(system.states[i], value) for i, value in held.items()]
-    where = ", ".join(f"{state.name} = {value:g} {state.unit}" for state, value in named)
-    low, high = plant.input_limits
-    limited = np.any(point.u < low) or np.any(point.u > high)
-    if limited or not np.abs(left).max() <= AT_REST:
+    begin = np.concatenate([start[free], np.zeros(len(system.inputs))])
+    solution = scipy.optimize.least_squares(rates, begin, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    resting, (low, high) = point(solution.x), plant.input_limits
+    limited = np.any(resting.u < low) or np.any(resting.u > high)
+    if limited or not np.abs(solution.fun).max() <= AT_REST:
+        states = [(system.states[i], value) for i, value in held.items()]
+        where = ", ".join(f"{state.name} = {value:g} {state.unit}" for state, value in states)
         raise PremiseError(
-            f"{system.name} rests nowhere near x = {x.tolist()}"
+            f"{system.name} rests nowhere near x = {start.tolist()}"
             + (f" with {where}" if where else "")
-            + f": the least x' found is {left.tolist()}"
+            + f": the least x' found is {solution.fun.tolist()}"
             + (f" under inputs cut to {low.tolist()} ... {high.tolist()}" if limited else "")
             + "; hold other states, or begin elsewhere"
         )
-    return point
+    return resting

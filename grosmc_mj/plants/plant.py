@@ -210,14 +210,12 @@ class Plant(ABC):
         n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
         x, u = np.asarray(x, float), np.asarray(u, float)
         w = np.zeros(nw) if wrench is None else np.asarray(wrench, float).ravel()
-        if x.shape != (n,) or w.shape != (nw,):
+        one_for_all = u.shape == () and (m == 1 or not np.any(u))
+        if x.shape != (n,) or w.shape != (nw,) or not (u.shape == (m,) or one_for_all):
             raise ArgumentError(
-                f"{system.name}: x has shape {x.shape} and the wrench {w.shape}, "
-                f"must be ({n},) and ({nw},)"
+                f"{system.name}: x has shape {x.shape}, u {u.shape} and the wrench {w.shape}, "
+                f"must be ({n},), ({m},) and ({nw},)"
             )
-        if u.shape not in {(m,), () if m == 1 or not np.any(u) else (m,)}:
-            wanted = "one number" if m == 1 else f"({m},)"
-            raise ArgumentError(f"{system.name}: u has shape {u.shape}, must be {wanted}")
         return x, np.broadcast_to(u, (m,)), w
 
     def operating_point(self, x: ArrayLike | None, u: ArrayLike) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Items, Name, Positive, checked
+from grosmc_mj.fields import Finite, Items, Name, Positive, checked
 from grosmc_mj.plants.equations import Column, Equations, NoEquations
 from grosmc_mj.plants.parametrization import LinearParametrization
 
@@ -76,7 +76,7 @@ class System:
     read_parameters: Callable[..., Any] | None = None
     uncertain_body: str = ""
     position_bound: Positive = math.pi
-    near: tuple[float, ...] = ()
+    near: tuple[Finite, ...] = ()
     parametrization: LinearParametrization | None = None
 
     def __post_init__(self) -> None:

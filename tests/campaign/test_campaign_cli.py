@@ -164,7 +164,10 @@ def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
         (("--duration", "1e300"), "--duration 1e+300 s must be positive and at most 1e+06 s"),
         (("--duration", "nan"), "--duration nan s must be positive"),
         (("--control-period", "inf"), "--control-period inf s must be positive"),
-        (("--executor", "processes", "--workers", str(10**9)), "must be 1 or more, up to 1024"),
+        (
+            ("--executor", "processes", "--workers", str(10**9)),
+            "must be a whole number from 1 to 1024",
+        ),
         (("--controllers", "pid"), "unknown controller 'pid'"),
         (("--control-period", "0.0015"), "no multiple of the timestep"),
         (("--duration", "0"), "--duration 0 s must be positive"),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from grosmc_mj.assumptions.audit import ROUNDING, run_audit
 from grosmc_mj.experiments.experiment import Experiment, judge
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.linearization import linearize
-from grosmc_mj.premises.audit import ROUNDING, run_audit
 
 _OWN = ["pid", "looked_up", "from_positions", "transfer_function"]
 

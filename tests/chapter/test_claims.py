@@ -20,6 +20,7 @@ from shipped import case_plant, controller_names, find_case
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import switching_rate
 from grosmc_mj.chapter.claims import ledger as ledgers
 from grosmc_mj.chapter.claims import reading
 from grosmc_mj.chapter.claims.claim import (
@@ -69,7 +70,6 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.balance import switching_rate
 from grosmc_mj.report.document import json_text
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")

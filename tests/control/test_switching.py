@@ -18,6 +18,7 @@ from rich.cells import cell_len
 from shipped import case_plant, find_case, nominal_controller, of_case, run_case, run_on
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import (
     SWITCHINGS,
@@ -43,7 +44,6 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings, Surface
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.balance import balance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.studies.switching import measure as chattering
 from grosmc_mj.studies.switching.figure import write_chattering_figure

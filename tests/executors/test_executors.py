@@ -217,7 +217,7 @@ def test_no_worker_outlives_its_parent(how: signal.Signals, tmp_path: Path) -> N
     ("arguments", "message"),
     [
         ({"name": "process"}, "unknown executor 'process': did you mean 'processes'? valid: batch"),
-        ({"name": "processes", "workers": 0}, "workers = 0 must be 1 or more"),
+        ({"name": "processes", "workers": 0}, "workers = 0 must be a whole number from 1 to 1024"),
         ({"name": "batch", "workers": 2}, "executor 'batch' is one process on all cores"),
         ({"name": "processes", "scheduler": "tcp://a:1"}, "takes no scheduler; only 'dask' does"),
         ({"name": "dask", "scheduler": "tcp://a:1", "workers": 2}, "has workers of its own"),

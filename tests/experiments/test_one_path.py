@@ -11,6 +11,7 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj import cli
+from grosmc_mj.assumptions.audit import run_audit
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment
@@ -18,7 +19,6 @@ from grosmc_mj.experiments.file import shipped
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file, resolved_text
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.premises.audit import run_audit
 
 CASE = """
 extends = "common.toml"

@@ -106,7 +106,7 @@ def test_jacobian_is_not_led_astray_by_a_parameter_called_u0() -> None:
     A, B = chain(f2=-u0 * x1, u0=3.0).jacobian([0.5, 0.0], [7.0])
     assert A.tolist() == [[0.0, 1.0], [-3.0, 0.0]]
     assert B.tolist() == [[0.0], [1.0]]
-    with pytest.raises(ArgumentError, match=r"x has shape \(3,\) and u \(1,\)"):
+    with pytest.raises(ArgumentError, match=r"x has shape \(3,\), u \(1,\)"):
         chain().jacobian([0.0] * 3, [0.0])
 
 

@@ -140,13 +140,13 @@ def test_an_arm_whose_cable_gives_another_inertia_is_refused(site: str) -> None:
 
 @pytest.mark.parametrize("x", [[0.0], [0.0] * 3, [[0.0, 0.0]], 0.0])
 def test_derivative_wants_one_state(x: Any) -> None:
-    with pytest.raises(ArgumentError, match=r"must be \(2,\) and \(6,\)"):
+    with pytest.raises(ArgumentError, match=r"must be \(2,\), \(1,\) and \(6,\)"):
         analytic("servo").derivative(x)
 
 
 @pytest.mark.parametrize("wrench", [[0.0] * 6, [0.0] * 13, 0.0])
 def test_derivative_wants_a_wrench_for_each_body(wrench: Any) -> None:
-    with pytest.raises(ArgumentError, match=r"must be \(4,\) and \(12,\)"):
+    with pytest.raises(ArgumentError, match=r"must be \(4,\), \(1,\) and \(12,\)"):
         analytic("cart_pendulum").derivative([0.0] * 4, wrench=wrench)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
@@ -40,7 +41,6 @@ from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.files import load_spec, model_path
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import TWO_LINK_ARM
-from grosmc_mj.premises.balance import balance
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance

@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import largest_rate, least_margin
 from grosmc_mj.campaign.family.bisection import narrowed
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
-from grosmc_mj.premises.audit import largest_rate, least_margin
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 
 # Scales are known to this part of themselves, up to the largest.

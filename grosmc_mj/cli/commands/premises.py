@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from grosmc_mj.premises.audit import Audit
+    from grosmc_mj.assumptions.audit import Audit
 
 
 def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> int:
@@ -25,12 +25,12 @@ def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> in
         out: Folder for premises_SYSTEM.json.
         full: Whether to print all premises too.
     """
+    from grosmc_mj.assumptions.robot import audit_of
     from grosmc_mj.chapter.claims_document import audit_document
     from grosmc_mj.chapter.claims_tables import audit_table, worst_points
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
-    from grosmc_mj.premises.robot import audit_of
     from grosmc_mj.report.document import origin, write_json
 
     lab, found = Laboratory(Settings()), find_experiments(target)

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from grosmc_mj.assumptions.audit import Audit
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.requirements import Judgement
     from grosmc_mj.experiments.runs import RunResult
-    from grosmc_mj.premises.audit import Audit
 
 
 # Files of trajectories that are listed one by one.
@@ -156,11 +156,11 @@ class _JudgedExperiment:
 
     def run(self) -> None:
         """Run it, judge it, write its JSON."""
+        from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.chapter.claims_document import audit_document
         from grosmc_mj.experiments.curves.document import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
-        from grosmc_mj.premises.robot import audits
         from grosmc_mj.report.document import keep_other, write_json
 
         complete = False

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import audit
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measurements.measures import (
     deviation,
@@ -24,7 +25,6 @@ from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.premises.audit import audit
 from grosmc_mj.simulation.trajectory import Status
 
 _SYSTEM = "arm"

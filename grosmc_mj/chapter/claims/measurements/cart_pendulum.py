@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
 from grosmc_mj.experiments.catalogue import find_experiment
@@ -16,7 +17,6 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
-from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.simulation.trajectory import Status
 
 _SYSTEM = "cart_pendulum"
@@ -148,8 +148,7 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     true = lab.equations(case, plant)
     law, run = result.controller, result.trajectory
     points = balances_along(law, true, run, 10, pushed=False)
-    naive = max(each.push for _, _, each in points)
-    required = max(each.required for _, _, each in points)
+    naive, required = float(points.push.max()), float(points.required.max())
     if required < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     return of(

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import Premise, audit, per_second
+from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured, NeedsSlidingModeError
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
@@ -22,8 +24,6 @@ from grosmc_mj.experiments.metrics.recorded import Comparison
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
-from grosmc_mj.premises.audit import Premise, audit, per_second
-from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -146,19 +146,17 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     run, law = result.trajectory, result.controller
     s = sliding(run)
     true = lab.equations(result.experiment, plant)
-    worst, note = 0.0, ""
     points = balances_along(law, true, run, _EVERY, pushed=False)
-    for at, (t, _, balanced) in zip(s[::_EVERY], points, strict=True):
-        band = 2 * lab.settings.control_period * balanced.configured * np.diag(balanced.R)
-        if balanced.configured == 0:
-            return of(result, None, "the law does not switch")
-        if not np.all(band > 0):
-            return of(result, None, "the law switches the wrong way")
-        away = float((np.abs(at) / band).max())
-        if away > worst:
-            worst = away
-            note = f"at t = {t:.3g} s; max |s| = {np.abs(s).max():.3g}"
-    return of(result, worst, note)
+    own_effect = np.diagonal(points.R, axis1=1, axis2=2)
+    bands = 2 * lab.settings.control_period * points.configured[:, None] * own_effect
+    if not np.all(points.configured):
+        return of(result, None, "the law does not switch")
+    if not np.all(bands > 0):
+        return of(result, None, "the law switches the wrong way")
+    away = (np.abs(s[::_EVERY]).reshape(bands.shape) / bands).max(axis=1)
+    worst = int(away.argmax())
+    note = f"at t = {points.t[worst]:.3g} s; max |s| = {np.abs(s).max():.3g}"
+    return of(result, float(away[worst]), note)
 
 
 def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:

@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import per_second
+from grosmc_mj.assumptions.balance import balances
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, sliding, surface_memory
@@ -22,8 +24,6 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
-from grosmc_mj.premises.audit import per_second
-from grosmc_mj.premises.balance import balances
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
@@ -370,7 +370,7 @@ def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2
                 places.append(x)
         start, still = [0.0] * len(places), np.zeros((len(places), 12))
         found = balances(law, true, start, np.array(places), still)
-        largest.append(max(each.push for each in found))
+        largest.append(float(found.push.max()))
     if largest[0] < 1e-9:
         return Measured(None, "nothing pushes s away here", broken=True)
     note = f"{largest[1]:.3g} rad/s² against {largest[0]:.3g} rad/s²"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
 from grosmc_mj.chapter.claims.measurements.measures import (
     extrapolated,
@@ -29,7 +30,6 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.premises.balance import balances_along
 from grosmc_mj.report.palette import LABELS
 
 _SYSTEM = "two_link_arm"
@@ -129,11 +129,10 @@ def _least_margin(lab: Laboratory, plant: PlantName, cases: Iterable[Experiment]
     for case in cases:
         result = lab.run(case, plant, "grosmc")
         true, law = lab.equations(case, plant), result.controller
-        worst, least = np.inf, np.inf
-        for _, _, balanced in balances_along(law, true, result.trajectory, _EVERY):
-            least = min(least, balanced.gain_ratio)
-            if balanced.required > 0:
-                worst = min(worst, balanced.configured / balanced.required)
+        points = balances_along(law, true, result.trajectory, _EVERY)
+        needed = points.required > 0
+        worst = (points.configured[needed] / points.required[needed]).min(initial=np.inf)
+        least = points.gain_ratio.min()
         results.append(result)
         values.append(float(worst))
         notes.append(f"{case.case.name}: {worst:.3g}, least r {least:.3g}")

@@ -15,6 +15,9 @@ from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, ru
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import Audit, Premise, Reading
+from grosmc_mj.assumptions.balance import balance
+from grosmc_mj.assumptions.robot import is_robots, robot_audit
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table
 from grosmc_mj.control.controller import Controller
@@ -30,9 +33,6 @@ from grosmc_mj.machine import Stop, Transmission
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.premises.audit import Audit, Premise, Reading
-from grosmc_mj.premises.balance import balance
-from grosmc_mj.premises.robot import is_robots, robot_audit
 from grosmc_mj.report.document import json_text
 from grosmc_mj.robots.dynamics import inertia
 from grosmc_mj.robots.robot import Robot

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -19,7 +18,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class Balance(NamedTuple):
-    """One state, one plant, one wrench.
+    """The balance at many states of one plant, or at one of them, without the first axis.
 
     With z_i^(r_i) = alpha + E u by the law's model, alpha* + E* u + d on the true plant and G_r
     the columns of G that meet the rows of the inputs,
@@ -27,33 +26,45 @@ class Balance(NamedTuple):
         s' = G_r [(alpha* - alpha) + (E* - E) u_c + d] - rho R sgn(s),  R = (G_r E*) (G_r E)^-1.
 
     Attributes:
-        R: As above, (m, m).
-        gain_ratio: What is left of rho: r = E*/E for one input, else as ``gain_margin``.
-        pushes: The first part of s', (m,), in the unit of s per second.
-        push: Its largest entry.
-        required: push / r, the least rho that keeps |s| from growing.
-        configured: rho of the law; 0 for a law that does not switch.
-        determinant: det E of the law's model.
-        unmatched: What the uncertainty does to the other rows of z'.
-        u_c: The continuous part of the input, (m,).
+        t: Times [s], (N,).
+        x: States, (N, n).
+        R: As above, (N, m, m).
+        gain_ratio: What is left of rho, (N,): r = E*/E for one input, else as ``gain_margin``.
+        pushes: The first part of s', (N, m), in the unit of s per second.
+        push: Its largest entry, (N,).
+        required: push / r, the least rho that keeps |s| from growing, (N,).
+        configured: rho of the law, (N,); 0 for a law that does not switch.
+        determinant: det E of the law's model, (N,).
+        unmatched: What the uncertainty does to the other rows of z', (N,).
+        u_c: The continuous part of the input, (N, m).
     """
 
+    t: Any
+    x: Array
     R: Array
-    gain_ratio: float
+    gain_ratio: Any
     pushes: Array
-    push: float
-    required: float
-    configured: float
-    determinant: float
-    unmatched: float
+    push: Any
+    required: Any
+    configured: Any
+    determinant: Any
+    unmatched: Any
     u_c: Array
 
     @property
-    def times(self) -> float:
-        """How many times the configured gain is required; none is enough of no gain at all."""
-        if self.configured == 0:
-            return math.inf if self.required else 0.0
-        return self.required / self.configured
+    def margin(self) -> Any:
+        """How far the configured rate is above the required one, (N,)."""
+        return self.configured - self.required
+
+    @property
+    def times(self) -> Any:
+        """How many times the configured gain is required, (N,); none is enough of no gain."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.required == 0, 0.0, np.divide(self.required, self.configured))
+
+    def at(self, i: int) -> Balance:
+        """The balance at the i-th state."""
+        return Balance(*(values[i] for values in self))
 
 
 def balance(
@@ -64,7 +75,7 @@ def balance(
     w: Array,
     u: Array | None = None,
 ) -> Balance:
-    """The balance at a state of the true plant.
+    """The balance at one state of the true plant.
 
     Args:
         law: A controller with error coordinates.
@@ -79,12 +90,12 @@ def balance(
     error, x = law.designed.error, np.asarray(x, float)
     drift, gain = error.moved(t, x, law.parameters, true.rigid, w, u)
     z = np.array([error.state(t, x, law.parameters)])
-    return _balances(law, [t], x[None], z, (drift[None], gain[None]))[0]
+    return _balances(law, [t], x[None], z, (drift[None], gain[None])).at(0)
 
 
 def balances(
     law: Controller, true: AnalyticPlant, t: Sequence[float], x: Array, w: Array
-) -> list[Balance]:
+) -> Balance:
     """The balance at many states of a plant with equations, all at once.
 
     Args:
@@ -99,13 +110,9 @@ def balances(
     return _balances(law, t, x, error.errors(t, x, p), error.moved_along(t, x, p, true, w))
 
 
-# Times, states and what was found there.
-Points = list[tuple[float, Array, Balance]]
-
-
 def balances_along(
     law: Controller, true: AnalyticPlant, run: Trajectory, every: int, *, pushed: bool = True
-) -> Points:
+) -> Balance:
     """The balance along a run.
 
     Args:
@@ -120,16 +127,16 @@ def balances_along(
     w = np.zeros((len(t), 6 * len(true.system.bodies)))
     if pushed and run.wrench is not None:
         w = run.wrench[rows]
-    return list(zip(t, x, balances(law, true, t, x, w), strict=True))
+    return balances(law, true, t, x, w)
 
 
 def _balances(
     law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
-) -> list[Balance]:
-    """The balance at instants (N,), states (N, n) and errors (N, size) that move like that."""
+) -> Balance:
+    """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
     design, p = law.designed, law.parameters
     own = nominal(design, p, t, x, z)
-    dz, push, R = own.reaching(motion)
+    dz, pushes, R = own.reaching(motion)
     if isinstance(design.error, StateCoordinates):
         A, B = design.lqr.A, design.lqr.B
         differs = dz - times(A, z) - times(B, own.v_0)
@@ -138,23 +145,20 @@ def _balances(
         unmatched = design.error.unmatched(z, dz)
     together = "unit-vector" in design.switching
     r = gain_margin(R, together=together)
-    pushing = np.linalg.norm(push, axis=-1) if together else np.abs(push).max(axis=-1)
-    configured, determinant = switching_rate(p, own), np.linalg.det(own.E)
-    unmatched = np.abs(unmatched).max(axis=-1, initial=0.0)
-    return [
-        Balance(
-            R=R[i],
-            gain_ratio=float(r[i]),
-            pushes=push[i],
-            push=float(pushing[i]),
-            required=float(pushing[i] / r[i]) if r[i] > 0 else math.inf,
-            configured=float(configured[i]),
-            determinant=float(determinant[i]),
-            unmatched=float(unmatched[i]),
-            u_c=own.u_c[i],
-        )
-        for i in range(len(z))
-    ]
+    push = np.linalg.norm(pushes, axis=-1) if together else np.abs(pushes).max(axis=-1)
+    return Balance(
+        t=np.array(t),
+        x=x,
+        R=R,
+        gain_ratio=r,
+        pushes=pushes,
+        push=push,
+        required=np.divide(push, r, out=np.full_like(push, np.inf), where=r > 0),
+        configured=switching_rate(p, own),
+        determinant=np.linalg.det(own.E),
+        unmatched=np.abs(unmatched).max(axis=-1, initial=0.0),
+        u_c=own.u_c,
+    )
 
 
 def switching_rate(p: Any, law: Nominal) -> Array:

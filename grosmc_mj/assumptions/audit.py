@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import Balance, balances, balances_along
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
@@ -20,7 +21,6 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.balance import Points, balances, balances_along
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The grid's points are for all axes together.
@@ -75,16 +75,15 @@ class Premise:
     source: str
     requirement: str
     unit: str
-    region: Reading | None
-    along: Reading | None
+    region: Reading | None = None
+    along: Reading | None = None
     restores: str = ""
     note: str = ""
 
     @property
     def holds(self) -> bool:
         """Whether it holds in the region and along the run."""
-        readings = [each for each in (self.region, self.along) if each is not None]
-        return all(reading.margin >= 0 for reading in readings)
+        return all(reading.margin >= 0 for reading in (self.region, self.along) if reading)
 
 
 @dataclass(frozen=True)
@@ -133,27 +132,22 @@ def run_audit(result: RunResult) -> Audit:
             f"{result.key}: premises are told of laws with outputs and equations in symbols, and "
             "of all laws of a model in MuJoCo that has none"
         )
-    true = result.true.analytic(design_variant(result.plant))
-    bound = _bound(result)
-    here = _region(
-        law, true, bound, _largest_wrench(run), _GRID, _PHASES.get(len(bound), _COARSE_PHASES)
-    )
+    true, bound = result.true.analytic(design_variant(result.plant)), _bound(result)
+    phases = _PHASES.get(len(bound), _COARSE_PHASES)
+    here = _region(law, true, bound, _largest_wrench(run), _GRID, phases)
     there = balances_along(law, true, run, _EVERY)
     premises = [
-        *_linear(law),
-        _decoupling(law, here, there),
-        _matched(here, there),
-        _sign(here, there),
-    ]
+        *_linear(law), _decoupling(law, here, there), _matched(here, there), _sign(here, there)
+    ]  # fmt: skip
     if run.sliding is not None:
         premises += [_gain(law, here, there), initial_surface(run.sliding)]
     premises.append(_met(run, law))
-    signals = {
-        "time": np.array([t for t, _, _ in there]),
-        "required": np.array([found.required for _, _, found in there]),
-        "configured": np.array([found.configured for _, _, found in there]),
-    }
-    return Audit(result.case, law.name, tuple(premises), signals)
+    return Audit(result.case, law.name, tuple(premises), signals(there))
+
+
+def signals(along: Balance) -> dict[str, Array]:
+    """Time, required and configured rho along a run, for figures."""
+    return {"time": along.t, "required": along.required, "configured": along.configured}
 
 
 def _bound(result: RunResult) -> tuple[float, ...]:
@@ -183,8 +177,7 @@ def least_margin(
         amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
     """
     grid = _COARSE_GRID if _moves(law) else _GRID
-    points = _region(law, true, bound, amplitude, grid, _COARSE_PHASES)
-    return min(each.configured - each.required for _, _, each in points)
+    return float(_region(law, true, bound, amplitude, grid, _COARSE_PHASES).margin.min())
 
 
 def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -> float:
@@ -197,7 +190,7 @@ def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -
     """
     still = np.zeros(6 * len(true.system.bodies))
     points = _region(law, true, bound, still, _COARSE_GRID, _COARSE_PHASES)
-    return max(each.configured for _, _, each in points)
+    return float(points.configured.max())
 
 
 def _region(
@@ -207,25 +200,24 @@ def _region(
     amplitude: Array,
     grid: int,
     phases: int,
-) -> Points:
+) -> Balance:
     """The balance over the operating region, with the case's wrench at either bound.
 
     Raises:
         ArgumentError: If the laws are defined at none of its points.
     """
     error, system = law.coordinates, true.system
-    points = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
-    axes = [np.linspace(-size, size, points) for size in bound]
+    count = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
+    axes = [np.linspace(-size, size, count) for size in bound]
     times = np.linspace(0, 2, phases, endpoint=False) if _moves(law) else np.array([0.0])
-    pushes = list(_corners(amplitude))
-    found: list[tuple[float, Array, Array]] = []
+    wrenches = list(_corners(amplitude))
+    points: list[tuple[float, Array, Array]] = []
     for t, *z in itertools.product(times.tolist(), *axes):
         x = error.place(t, z, law.parameters)
         controlled = np.abs(x[list(system.controlled)])
-        if controlled.max() > system.position_bound or not system.linearizable(x):
-            continue
-        found += [(t, x, w) for w in pushes]
-    if not found:
+        if controlled.max() <= system.position_bound and system.linearizable(x):
+            points += [(t, x, w) for w in wrenches]
+    if not points:
         unit = system.states[system.controlled[0]].unit
         sizes = ", ".join(f"|z{i + 1}| <= {size:g}" for i, size in enumerate(bound))
         raise ArgumentError(
@@ -233,10 +225,8 @@ def _region(
             f"{system.region} and positions within {system.position_bound:g} {unit}; choose "
             "another reference or operating region"
         )
-    instants, states = [t for t, _, _ in found], np.array([x for _, x, _ in found])
-    wrenches = np.array([w for _, _, w in found])
-    there = balances(law, true, instants, states, wrenches)
-    return list(zip(instants, states, there, strict=True))
+    t, x, w = zip(*points, strict=True)
+    return balances(law, true, t, np.array(x), np.array(w))
 
 
 def _moves(law: Controller) -> bool:
@@ -261,14 +251,12 @@ def _largest_wrench(run: Trajectory) -> Array:
     return run.wrench[rows, range(run.wrench.shape[1])]
 
 
-def reading_of(points: Points, margins: Iterable[float]) -> Reading:
+def reading_of(points: Balance, margins: Array) -> Reading:
     """The least margin of many points, at the first of those that share it but for rounding."""
-    values = np.array(list(margins))
-    least = float(values.min())
-    worst = int(np.isclose(values, least, rtol=ROUNDING, atol=0, equal_nan=True).argmax())
-    t, x, _ = points[worst]
-    place = tuple(np.asarray(x, float).tolist())
-    return Reading(Point(t, place, least), least, float(np.mean(values < 0)))
+    least = float(margins.min())
+    worst = int(np.isclose(margins, least, rtol=ROUNDING, atol=0, equal_nan=True).argmax())
+    place = Point(float(points.t[worst]), tuple(points.x[worst].tolist()), least)
+    return Reading(place, least, float(np.mean(margins < 0)))
 
 
 def single_reading(margin: float) -> Reading:
@@ -278,40 +266,33 @@ def single_reading(margin: float) -> Reading:
 
 def _linear(law: Controller) -> list[Premise]:
     """Assumption 1 and G B, of the law's linear model."""
-    optimum = law.designed.lqr
-    A, B = optimum.A, optimum.B
-    reach = np.hstack([np.linalg.matrix_power(A, k) @ B for k in range(len(A))])
-    values = np.linalg.svd(reach, compute_uv=False)
-    found = [
-        Premise(
-            "controllability",
-            "Assumption 1",
-            "rank [B, AB ...] = n: smallest over largest singular value above rounding",
-            "1",
-            single_reading(float(values[-1] / values[0]) - ROUNDING),
-            None,
-            note=f"rank {np.linalg.matrix_rank(reach)} of {len(A)}",
-        )
-    ]
-    p: Any = law.parameters
-    if hasattr(p, "GB"):
-        least = float(np.linalg.svd(p.GB, compute_uv=False).min())
-        share = least / float(np.linalg.norm(p.G) * np.linalg.norm(B))
-        found.append(
-            Premise(
-                "G B nonsingular",
-                "eqs. (8), (31), (51)",
-                "least singular value of GB, over |G| |B|, above rounding",
-                "1",
-                single_reading(share - ROUNDING),
-                None,
-                note=f"G B = {_matrix(p.GB)}",
-            )
-        )
-    return found
+    A, B, p = law.designed.lqr.A, law.designed.lqr.B, law.parameters
+    controllability = np.hstack([np.linalg.matrix_power(A, k) @ B for k in range(len(A))])
+    values = np.linalg.svd(controllability, compute_uv=False)
+    rank = Premise(
+        "controllability",
+        "Assumption 1",
+        "rank [B, AB ...] = n: smallest over largest singular value above rounding",
+        "1",
+        single_reading(float(values[-1] / values[0]) - ROUNDING),
+        note=f"rank {np.linalg.matrix_rank(controllability)} of {len(A)}",
+    )
+    if not hasattr(p, "GB"):
+        return [rank]
+    least = float(np.linalg.svd(p.GB, compute_uv=False).min())
+    share = least / float(np.linalg.norm(p.G) * np.linalg.norm(B))
+    steered = Premise(
+        "G B nonsingular",
+        "eqs. (8), (31), (51)",
+        "least singular value of GB, over |G| |B|, above rounding",
+        "1",
+        single_reading(share - ROUNDING),
+        note=f"G B = {_matrix(p.GB)}",
+    )
+    return [rank, steered]
 
 
-def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
+def _decoupling(law: Controller, here: Balance, there: Balance) -> Premise:
     """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
     x0 = law.coordinates.place(0.0, np.zeros(law.coordinates.size), law.parameters)
     scale = abs(float(np.linalg.det(law.coordinates.dynamics(0.0, x0, law.parameters)[1])))
@@ -321,72 +302,69 @@ def _decoupling(law: Controller, here: Points, there: Points) -> Premise:
         "eqs. (21)-(23), Assumption 7",
         "decoupling matrix: |det E(x)| over the one at zero error, above rounding",
         "1",
-        reading_of(here, (abs(each.determinant) / scale - ROUNDING for _, _, each in here)),
-        reading_of(there, (abs(each.determinant) / scale - ROUNDING for _, _, each in there)),
+        reading_of(here, np.abs(here.determinant) / scale - ROUNDING),
+        reading_of(there, np.abs(there.determinant) / scale - ROUNDING),
     )
 
 
-def _matched(here: Points, there: Points) -> Premise:
+def _matched(here: Balance, there: Balance) -> Premise:
     """The uncertainty enters where the input does."""
-    matched = max(abs(each.push) for _, _, each in [*here, *there])
+    matched = max(np.abs(b.push).max() for b in (here, there))
     return Premise(
         "matching",
         "Assumptions 3, 5 and 9",
         "no uncertainty in the rows of z' without an input",
         "1/s",
-        reading_of(here, (ROUNDING - each.unmatched for _, _, each in here)),
-        reading_of(there, (ROUNDING - each.unmatched for _, _, each in there)),
+        reading_of(here, ROUNDING - here.unmatched),
+        reading_of(there, ROUNDING - there.unmatched),
         note=f"the matched part moves s by up to {matched:.3g} a second; in mechanics this holds "
         "by kinematics for the output, not for coordinates that the law does not see, such as a "
         "cart",
     )
 
 
-def _sign(here: Points, there: Points) -> Premise:
-    """The input pushes the way that the law believes."""
-    ratios = [each.gain_ratio for _, _, each in [*here, *there]]
+def _sign(here: Balance, there: Balance) -> Premise:
+    """The input pushes the way that the law's model says."""
+    ratios = np.concatenate([here.gain_ratio, there.gain_ratio])
     return Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
         "r = E_true/E_nominal positive (several inputs: what dominance leaves of it)",
         "1",
-        reading_of(here, (each.gain_ratio - ROUNDING for _, _, each in here)),
-        reading_of(there, (each.gain_ratio - ROUNDING for _, _, each in there)),
-        note=f"r from {min(ratios):.3g} to {max(ratios):.3g}",
+        reading_of(here, here.gain_ratio - ROUNDING),
+        reading_of(there, there.gain_ratio - ROUNDING),
+        note=f"r from {ratios.min():.3g} to {ratios.max():.3g}",
     )
 
 
-def _gain(law: Controller, here: Points, there: Points) -> Premise:
+def _gain(law: Controller, here: Balance, there: Balance) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
-    everywhere = [*here, *there]
     p: Any = law.parameters
     unit = per_second(law.designed.sliding_unit)
+    region, along = here.required.max(), there.required.max()
+    required, factor = max(region, along), max(here.times.max(), there.times.max())
+    name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
     if "epsilon" in law.designed.gains:
-        region, along = (max(each.required for _, _, each in points) for points in (here, there))
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (
             f"ε = {along:.3g} along this run, which leaves its surface, and {region:.3g} over the "
             f"region, instead of {p.epsilon:.3g}"
         )
+    elif math.isinf(factor):
+        restores = f"η = {required:.3g}; there is no gain to multiply"
     else:
-        needed = max(each.times for _, _, each in everywhere)
-        name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
-        restores = f"η, γ0 and γ1 {needed:.3g} times as large"
-        if math.isinf(needed):
-            eta = max(each.required for _, _, each in everywhere)
-            restores = f"η = {eta:.3g}; there is no gain to multiply"
-    found = Premise(
+        restores = f"η, γ0 and γ1 {factor:.3g} times as large"
+    premise = Premise(
         name,
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
-        reading_of(here, (each.configured - each.required for _, _, each in here)),
-        reading_of(there, (each.configured - each.required for _, _, each in there)),
-        note=f"required at most {max(each.required for _, _, each in everywhere):.3g} {unit}",
+        reading_of(here, here.margin),
+        reading_of(there, there.margin),
+        restores,
+        f"required at most {required:.3g} {unit}",
     )
-    if found.holds:
-        return found
-    return replace(found, restores=restores)
+    return replace(premise, restores="") if premise.holds else premise
 
 
 def _matrix(values: Array) -> str:

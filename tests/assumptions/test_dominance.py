@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from grosmc_mj.assumptions.robot import robot_audit
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
-from grosmc_mj.premises.robot import robot_audit
 
 MODEL = """
 <mujoco model="three"><option timestep="0.001" integrator="RK4"/><compiler angle="radian"/>

@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,15 @@ from shipped import ARM_G, cases, find_case, run_case, task_of
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import (
+    Audit,
+    Premise,
+    audit,
+    least_margin,
+    reading_of,
+    run_audit,
+)
+from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table, worst_points
@@ -30,15 +40,6 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.premises.audit import (
-    Audit,
-    Premise,
-    audit,
-    least_margin,
-    reading_of,
-    run_audit,
-)
-from grosmc_mj.premises.balance import Balance, balance
 from grosmc_mj.report.document import json_text
 
 SYSTEMS = ("servo", "cart_pendulum", "arm")
@@ -520,7 +521,7 @@ def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) ->
 )
 def test_no_multiple_of_no_gain_is_enough(required: float, configured: float, times: float) -> None:
     one = np.eye(1)
-    found = Balance(one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
+    found = Balance(0.0, one[0], one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
     assert found.times == times
 
 
@@ -553,8 +554,8 @@ def test_command_says_where_the_premise_fails(
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
-    points: Any = [(t, (t,), None) for t in (0.0, 1.0, 2.0, 3.0)]
+    points: Any = SimpleNamespace(t=np.arange(4.0), x=np.arange(4.0)[:, None])
     least = -6.45 * (1 + 4e-16)
-    reading = reading_of(points, [2.0, -6.45, least, -6.4])
+    reading = reading_of(points, np.array([2.0, -6.45, least, -6.4]))
     assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
