@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
 
 import numpy as np
 import pydantic
@@ -338,6 +338,7 @@ def range_of(kind: type, field: str) -> Range | None:
         field: Name of the field.
     """
     hint = get_type_hints(kind, include_extras=True)[field]
-    return next(
-        (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Range)), None
-    )
+    # A number that may be left out is one of a union.
+    kinds = (hint, *get_args(hint))
+    notes = (note for kind in kinds for note in getattr(kind, "__metadata__", ()))
+    return next((note for note in notes if isinstance(note, Range)), None)

@@ -154,7 +154,8 @@ def test_what_is_near_a_limit_ended_early_or_worse_than_the_sample_is_confirmed(
     values = whole.values(ids)
     (first,) = screened_all(whole, Screening({"fl-lqr": 0.0}), whole.laws, values, 0, ids)
     margins = first.screened[np.isfinite(first.screened)]
-    band, worst_of_sample = np.quantile(np.abs(margins), 0.1), np.quantile(margins, 0.05)
+    band = float(np.quantile(np.abs(margins), 0.1))
+    worst_of_sample = float(np.quantile(margins, 0.05))
     screening = Screening({"fl-lqr": band}, "", {"fl-lqr": worst_of_sample})
     (found,) = screened_all(whole, screening, whole.laws, values, 0, ids)
     assert found.band == band

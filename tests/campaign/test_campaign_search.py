@@ -82,7 +82,7 @@ def test_all_sides_are_told_and_who_won(known: Worst, monkeypatch: pytest.Monkey
     own = evaluate(asked, "lqr", asked.values(range(8))).relative
     assert known.samples == own.min()
 
-    def lazy(search: Any, bounds: Any, **_: Any) -> None:
+    def lazy(search: Any, bounds: Any, **_options: Any) -> None:
         """A search that looks at the middle of the family alone."""
         for _ in range(4):
             search(np.full((len(bounds), 64), 0.5))

@@ -362,7 +362,7 @@ def test_nothing_to_tell_is_said():
         (lambda: pass_rate(0, 0), "runs = 0 must be a whole number 1 or more"),
         (lambda: pass_rate(3, 2), "kept = 3 must be at most the number of runs, 2"),
         (lambda: pass_rate(-1, 2), "kept = -1 must be a whole number not negative"),
-        (lambda: pass_rate(1.5, 2), "kept = 1.5 must be"),  # pyright: ignore[reportArgumentType]
+        (lambda: pass_rate(1.5, 2), "kept = 1.5 must be"),
         (lambda: pass_rate(1, 2, 1.0), "confidence = 1 must be above 0 to below 1"),
         (lambda: pass_rate(1, 2, math.nan), "confidence = nan"),
         (lambda: runs_needed(1.0, 0.9), "rate = 1 must be above 0 to below 1"),

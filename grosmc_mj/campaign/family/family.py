@@ -110,7 +110,9 @@ class Quantity:
     @property
     def bounds(self) -> Range:
         """The values that a plant can have."""
-        own = range_of(_EDITS[self.owner], self.quantity) if self.owner in _EDITS else None
+        # An added mass is an edit of its own, and may be none.
+        edited = self.owner in _EDITS and self.quantity != "added_mass"
+        own = range_of(_EDITS[self.owner], self.quantity) if edited else None
         if own is not None:
             return own
         if self.quantity == "missed":
