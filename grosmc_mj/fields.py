@@ -69,14 +69,14 @@ class Range(_Check):
         """The number, if it is within."""
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
-        beyond = isinstance(value, int) and number is not None and math.isinf(number)
+        beyond = isinstance(value, int) and number is not None and abs(number) == math.inf
         if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
         """Whether a number is within the bounds; NaN is not."""
-        if math.isinf(number):
+        if abs(number) == math.inf:
             return self.infinite and (number > 0 or self.low == -math.inf)
         over = number > self.low if self.above else number >= self.low
         under = number < self.high if self.below else number <= self.high
