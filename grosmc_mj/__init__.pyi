@@ -15,9 +15,9 @@ from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
 from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
 from .control.from_control import from_control
-from .control.gains import Uncertainty
 from .control.lqr import lqr
 from .control.task import Realization, Task
+from .control.uncertainty import Uncertainty
 from .errors import GrosmcError
 from .experiments.catalogue import chapter_controller
 from .experiments.experiment import Experiment, judge

@@ -21,7 +21,7 @@ from enum import Enum, EnumMeta
 from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_type_hints
 
 import numba
 import numpy as np
@@ -78,17 +78,68 @@ def _array_at(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
 array_at: Any = intrinsic(_array_at)
 
 
-def function_at(signature: Any) -> Any:
-    """Inside compiled code: the C function of this signature whose address an integer holds."""
-    kind = types.FunctionType(signature)
+def numba_type(annotation: Any) -> types.Type:
+    """numba's type of a field: an integer, a real number, what ``Annotated`` says, a named tuple.
+
+    Args:
+        annotation: ``int``, ``float``, ``Annotated[..., type of numba's]`` or a ``NamedTuple``.
+    """
+    if annotation in (int, float):
+        return types.int64 if annotation is int else types.float64
+    if metadata := getattr(annotation, "__metadata__", ()):
+        return metadata[0]
+    hints = get_type_hints(annotation, include_extras=True)
+    return types.NamedTuple([numba_type(hint) for hint in hints.values()], annotation)
+
+
+def layout_of(kind: types.Type) -> Any:
+    """The dtype in which Python hands such a value over: of an array its address and its shape."""
+    if isinstance(kind, types.NamedTuple):
+        members = zip(kind.fields, kind.types, strict=True)
+        return np.dtype([(name, layout_of(member)) for name, member in members])
+    if isinstance(kind, types.Array):
+        return np.dtype((np.int64, (1 + kind.ndim,)))
+    return np.dtype(np.float64 if kind == types.float64 else np.int64)
+
+
+def laid_out(value: Any) -> Any:
+    """A named tuple of numbers, addresses and arrays without gaps, as its layout holds it."""
+    if isinstance(value, np.ndarray):
+        return (value.ctypes.data, *value.shape)
+    return tuple(map(laid_out, value)) if isinstance(value, tuple) else value
+
+
+def structure_at(kind: types.Type) -> Any:
+    """Inside compiled code: the value of this type whose layout is at an address."""
+
+    def load(context: Any, builder: Any, kind: Any, place: Any) -> Any:
+        if isinstance(kind, types.NamedTuple):
+            places = [layout_of(kind).fields[name][1] for name in kind.fields]
+            members = [
+                load(context, builder, member, cgutils.pointer_add(builder, place, offset))
+                for member, offset in zip(kind.types, places, strict=True)
+            ]
+            return context.make_tuple(builder, kind, members)
+        if isinstance(kind, types.Array):
+            words = [cgutils.pointer_add(builder, place, 8 * k) for k in range(1 + kind.ndim)]
+            address, *shape = [load(context, builder, types.int64, word) for word in words]
+            start = builder.inttoptr(address, context.get_value_type(types.voidptr))
+            shape_type = types.UniTuple(types.int64, kind.ndim)
+            lengths = context.make_tuple(builder, shape_type, shape)
+            signature = kind(types.voidptr, shape_type)
+            return np_cfarray(context, builder, signature, (start, lengths))
+        if isinstance(kind, types.FunctionType):
+            function = cgutils.create_struct_proxy(kind)(context, builder)
+            address = load(context, builder, types.int64, place)
+            function.c_addr = builder.inttoptr(address, function.c_addr.type)
+            return function._getvalue()
+        return builder.load(builder.bitcast(place, context.get_value_type(kind).as_pointer()))
 
     def typed(typing_context: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-            function = cgutils.create_struct_proxy(kind)(context, builder)
-            function.c_addr = builder.inttoptr(arguments[0], function.c_addr.type)
-            return function._getvalue()
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return load(context, builder, kind, arguments[0])
 
-        return kind(address), generate
+        return kind(types.voidptr), generate
 
     return intrinsic(typed)
 
@@ -102,8 +153,8 @@ def fingerprint(function: Callable[..., Any]) -> str:
     seen: dict[int, int] = {}
 
     def describe(value: Any) -> str:
-        # A function that numba has compiled stands for its source.
-        value = getattr(value, "py_func", value)
+        # What numba has compiled stands for its source, what it is to generate for its generator.
+        value = getattr(value, "py_func", getattr(value, "_defn", value))
         if isinstance(value, FunctionType) and value.__module__.split(".")[0] not in _VERSIONED:
             if id(value) in seen:
                 return f"seen {seen[id(value)]}"
@@ -126,6 +177,8 @@ def fingerprint(function: Callable[..., Any]) -> str:
             return f"{value!r} {describe(value.value)}"
         if isinstance(value, types.ExternalFunction):
             return f"{value.symbol}{value.sig}"
+        if isinstance(value, types.Type):
+            return str(value)
         if isinstance(value, (int, float, complex, str, bytes, np.dtype, type(None))):
             return repr(value)
         return f"{type(value).__name__} {getattr(value, '__name__', '')}"

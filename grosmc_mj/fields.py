@@ -27,7 +27,7 @@ Class = TypeVar("Class")
 Returned = TypeVar("Returned")
 
 
-class _Check:
+class Check:
     """An annotation that pydantic calls with the given value; it returns the value to keep."""
 
     def __call__(self, value: Any) -> Any:
@@ -44,7 +44,7 @@ def refused(wanted: str) -> PydanticCustomError:
 
 
 @dataclass(frozen=True)
-class Range(_Check):
+class Range(Check):
     """Bounds and unit of a real number.
 
     Attributes:
@@ -55,6 +55,7 @@ class Range(_Check):
         below: Whether ``high`` itself is refused.
         infinite: Whether infinity is a value too, which stands for no limit.
         whole: Whether it must be a whole number.
+        optional: Whether None is a value, which stands for no number.
     """
 
     low: float = -math.inf
@@ -64,9 +65,12 @@ class Range(_Check):
     below: bool = False
     infinite: bool = False
     whole: bool = False
+    optional: bool = False
 
-    def __call__(self, value: Any) -> float | int:
+    def __call__(self, value: Any) -> float | int | None:
         """The number, if it is within."""
+        if value is None and self.optional:
+            return None
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
         beyond = isinstance(value, int) and number is not None and abs(number) == math.inf
@@ -103,7 +107,7 @@ class Range(_Check):
 
 
 @dataclass(frozen=True)
-class Reals(_Check):
+class Reals(Check):
     """An array of finite real numbers.
 
     Attributes:
@@ -130,7 +134,7 @@ class Reals(_Check):
 
 
 @dataclass(frozen=True)
-class Known(_Check):
+class Known(Check):
     """One of some names; another one is refused with the nearest of them.
 
     Attributes:
@@ -150,7 +154,7 @@ class Known(_Check):
 
 
 @dataclass(frozen=True)
-class Is(_Check):
+class Is(Check):
     """A value of one of some classes.
 
     Attributes:
@@ -169,7 +173,7 @@ class Is(_Check):
 
 
 @dataclass(frozen=True)
-class Items(_Check):
+class Items(Check):
     """A list or tuple of values of some classes; it is kept as a tuple.
 
     Attributes:
@@ -188,7 +192,7 @@ class Items(_Check):
         return tuple(value)
 
 
-class _Vector(_Check):
+class _Vector(Check):
     """Three finite numbers."""
 
     def __call__(self, value: Any) -> tuple[float, float, float]:
@@ -199,7 +203,7 @@ class _Vector(_Check):
         return tuple(array.tolist())
 
 
-class _Name(_Check):
+class _Name(Check):
     """A name that is not empty."""
 
     def __call__(self, value: Any) -> str:
@@ -312,7 +316,8 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
             return f"{place} = {value} must be a {mistake['ctx']['class']}"
         case "unexpected_keyword_argument" | "unexpected_positional_argument":
             return f"there is no argument {place}; valid: {', '.join(names)}"
-    return f"{place} = {value}: {mistake['msg'].replace('Input should be', 'must be')}"
+    separator = " " if mistake["msg"].startswith("Input should be ") else ": "
+    return f"{place} = {value}{separator}{mistake['msg'].replace('Input should be', 'must be')}"
 
 
 @cache

@@ -55,7 +55,7 @@ LAWS = f"""{LQR}
 [[controller]]
 law = "grosmc"
 """
-# Of the first eight runs of seed 5, six keep the first under LQR and all under GROSMC.
+# Of the first eight runs of seed 5, two keep the first under LQR and all under GROSMC.
 LIMITS = """
 [[requirement]]
 deviation_below = "3 mrad"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Loop, in_loop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -34,7 +35,18 @@ class Script:
     reference: Any
 
 
+@dataclass
+class Noticed(Memory):
+    """The number of samples, and the state that the law got at the last one, (2,)."""
+
+    samples: float = 0.0
+    x: Array = field(default_factory=lambda: np.zeros(2))
+
+
 def as_scripted(t: float, x: Any, memory: Any, p: Any) -> float:
+    memory.samples += 1.0
+    for i in range(2):
+        memory.x[i] = x[i]
     # One that predicts is asked for what comes after the end.
     memory.v = p.u[min(round(t / p.period), len(p.u) - 1)]
     return memory.v
@@ -46,10 +58,11 @@ def scripted(
     """An open loop that asks for one number after the other, with a design model or without."""
     u = np.array(u, float)
     if not modelled:
-        return Controller("scripted", as_scripted, Script(u, period, servo().parameters, 0.0))
+        script = Script(u, period, servo().parameters, 0.0)
+        return Controller("scripted", as_scripted, script, Noticed)
     lqr = nominal().law("corrected", "lqr")
     script = Script(u, period, lqr.parameters.plant, lqr.parameters.reference)
-    return Controller("scripted", as_scripted, script, design=lqr.design)
+    return Controller("scripted", as_scripted, script, Noticed, lqr.design)
 
 
 @cache

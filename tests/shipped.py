@@ -8,8 +8,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import AS_PRINTED, Realization, Task, realized
+from grosmc_mj.control.design import realized
 from grosmc_mj.control.references import Setpoints
+from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.experiments import runs
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import find_experiment, find_experiments

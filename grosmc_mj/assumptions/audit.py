@@ -344,7 +344,7 @@ def _gain(law: Controller, here: Balance, there: Balance) -> Premise:
     region, along = here.required.max(), there.required.max()
     required, factor = max(region, along), max(here.times.max(), there.times.max())
     name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
-    if hasattr(p, "epsilon"):
+    if "epsilon" in law.designed.gains:
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (
             f"ε = {along:.3g} along this run, which leaves its surface, and {region:.3g} over the "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,13 +11,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.gains import (
-    authority,
-    authority_together,
-    solved,
-    surface_rate,
-    times,
-)
+from grosmc_mj.control.reaching import Nominal, gain_margin, nominal, times
+from grosmc_mj.control.task import GrosmcParameters
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -35,7 +29,7 @@ class Balance(NamedTuple):
         t: Times [s], (N,).
         x: States, (N, n).
         R: As above, (N, m, m).
-        gain_ratio: What is left of rho, (N,): r = E*/E for one input, else as ``authority``.
+        gain_ratio: What is left of rho, (N,): r = E*/E for one input, else as ``gain_margin``.
         pushes: The first part of s', (N, m), in the unit of s per second.
         push: Its largest entry, (N,).
         required: push / r, the least rho that keeps |s| from growing, (N,).
@@ -140,30 +134,17 @@ def _balances(
     law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
 ) -> Balance:
     """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
-    error, p = law.designed.error, law.parameters
-    optimum, (drift, gain) = law.designed.lqr, motion
-    G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
-    feedback, limit = -times(p.K, z), getattr(p, "limit", math.inf)
-    # The input that the surface supposes, v_0 of the law.
-    v_0 = np.clip(feedback, -limit, limit)
-    u_c, modelled = v_0, G @ optimum.B
-    if isinstance(error, StateCoordinates):
-        E = modelled
-        matched = optimum.B @ np.linalg.pinv(optimum.B)
-        mismatch = drift + times(gain, u_c) - times(optimum.A, z) - times(optimum.B, v_0)
-        unmatched = mismatch - times(matched, mismatch)
+    design, p = law.designed, law.parameters
+    own = nominal(design, p, t, x, z)
+    dz, pushes, R = own.reaching(motion)
+    if isinstance(design.error, StateCoordinates):
+        A, B = design.lqr.A, design.lqr.B
+        mismatch = dz - times(A, z) - times(B, own.v_0)
+        unmatched = mismatch - times(B @ np.linalg.pinv(B), mismatch)
     else:
-        rows = list(error.linearization.last_rows)
-        E = optimum.B[rows]
-        if law.designed.linearizing:
-            alpha, E = error.dynamics_along(t, x, p)
-            u_c, modelled = solved(E, v_0 - alpha), G[:, rows] @ E
-        unmatched = error.unmatched(z, drift + times(gain, u_c))
-    pushes, steered = surface_rate((drift, gain), z, G, G @ optimum.closed_loop, u_c)
-    pushes = pushes - times(G @ optimum.B, v_0 - feedback)
-    together = "unit-vector" in law.designed.switching
-    R = steered @ np.linalg.inv(modelled)
-    r = authority_together(R) if together else authority(R)
+        unmatched = design.error.unmatched(z, dz)
+    together = "unit-vector" in design.switching
+    r = gain_margin(R, together=together)
     push = np.linalg.norm(pushes, axis=-1) if together else np.abs(pushes).max(axis=-1)
     return Balance(
         t=np.array(t),
@@ -173,31 +154,25 @@ def _balances(
         pushes=pushes,
         push=push,
         required=np.divide(push, r, out=np.full_like(push, np.inf), where=r > 0),
-        configured=switching_rate(law, z, E),
-        determinant=np.broadcast_to(np.linalg.det(E), r.shape),
+        configured=switching_rate(p, own),
+        determinant=np.linalg.det(own.E),
         unmatched=np.abs(unmatched).max(axis=-1, initial=0.0),
-        u_c=u_c,
+        u_c=own.u_c,
     )
 
 
-def switching_rate(law: Controller, z: Array, E: Array) -> Array:
-    """rho of the law, what its switching term asks of s': eqs. (12), (37) and (55).
+def switching_rate(p: Any, law: Nominal) -> Array:
+    """rho of a law at N states, what its switching term asks of s': eqs. (12), (37) and (55).
 
     Args:
-        law: The law.
-        z: Error state, (..., size).
-        E: Its model's decoupling matrix, (m, m) or (..., m, m).
+        p: Its parameters.
+        law: The law by its own model.
 
     Returns:
-        One number for each state, (...); 0 of a law that does not switch.
+        One number for each state, (N,); 0 of a law that does not switch.
     """
-    p: Any = law.parameters
-    if hasattr(p, "epsilon"):
-        return np.full(z.shape[:-1], p.epsilon * p.switching.gain)
-    if hasattr(p, "eta"):
-        linearizing = law.designed.linearizing
-        size = np.linalg.norm(p.GB @ E, axis=(-2, -1)) if linearizing else p.size_of_GB
-        return p.switching.gain * (
-            p.eta + (p.gamma0 + p.gamma1 * np.linalg.norm(z, axis=-1)) * size
-        )
-    return np.zeros(z.shape[:-1])
+    if not isinstance(p, GrosmcParameters):
+        return np.zeros(len(law.z))
+    bound = p.gamma0 + p.gamma1 * np.linalg.norm(law.z, axis=-1)
+    size = np.linalg.norm(law.GE, axis=(-2, -1))
+    return p.switching.gain * (p.epsilon + p.eta + bound * size)

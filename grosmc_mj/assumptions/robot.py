@@ -27,7 +27,7 @@ from grosmc_mj.assumptions.audit import (
 )
 from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.gains import authority_together
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -116,7 +116,7 @@ def _rate(result: RunResult, points: Balance) -> Premise:
     joint = _driven(result)[int(np.abs(most.pushes).argmax())]
     alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
     unit = per_second(law.designed.sliding_unit)
-    printed = hasattr(law.parameters, "epsilon")
+    printed = "epsilon" in law.designed.gains
     assert true is not None
     machine = ", the parts of its machine" if true.rigid is not true else ""
     needed = f"ρ = {most.required:.3g} {unit} instead of what is configured"
@@ -185,7 +185,7 @@ def _taken_away(result: RunResult, R: Array) -> str:
 
 def _dominance_again(result: RunResult, points: Balance) -> str:
     """What makes r positive: one switch for all joints, or a smaller part of the edits."""
-    together, ways = authority_together(points.R).min(), []
+    together, ways = gain_margin(points.R, together=True).min(), []
     if together > 0 and "unit-vector" not in result.controller.designed.switching:
         ways.append(f"a unit-vector switching law (r = {together:.3g} as one switch for all)")
     part = _bearable(result, points)

@@ -101,27 +101,27 @@ def changes(
 
 def _change(old: Figure, new: Figure, under: Conditions) -> Change | None:
     """One figure's change; None for none."""
-    if old.value == new.value:
+    before, after = old.value, new.value
+    if before == after:
         return None
-    change = Change(old.kind, old.name, old.value, new.value, Effect.CHANGED, new.unit)
+    change = Change(old.kind, old.name, before, after, Effect.CHANGED, new.unit)
+    if after is None:
+        return change._replace(effect=Effect.WORSE, note=GONE)
     if under.chance:
         return change._replace(effect=Effect.UNJUDGED, note="single runs of other seeds")
-    if isinstance(old.value, str) and isinstance(new.value, str):
-        return change._replace(effect=_effect(direction(old.value, new.value)))
-    if old.value is None or new.value is None or isinstance(old.value, str | None):
-        gone = new.value is None
-        return change._replace(effect=Effect.WORSE if gone else Effect.CHANGED)
-    assert not isinstance(new.value, str)
+    if isinstance(before, str) and isinstance(after, str):
+        return change._replace(effect=effect_of(direction(before, after)))
+    if before is None or isinstance(before, str) or isinstance(after, str):
+        return change
     relative, absolute = tolerance_of(
         new.metric, switched=(old.switched or new.switched) and not under.same
     )
-    size = max(abs(old.value if old.size is None else old.size),
-               abs(new.value if new.size is None else new.size))  # fmt: skip
-    if abs(new.value - old.value) <= max(absolute, relative * size):
+    sizes = (before if old.size is None else old.size, after if new.size is None else new.size)
+    if abs(after - before) <= max(absolute, relative * max(map(abs, sizes))):
         return change._replace(effect=Effect.NOISE, note=f"within {relative:g}, {absolute:g}")
-    better = new.better * (1 if new.value > old.value else -1)
-    return change._replace(effect=_effect(better))
+    return change._replace(effect=effect_of(new.better * (1 if after > before else -1)))
 
 
-def _effect(better: int) -> Effect:
+def effect_of(better: int) -> Effect:
+    """The effect of a change for the better (1), for the worse (-1) or of neither (0)."""
     return {1: Effect.BETTER, -1: Effect.WORSE}.get(better, Effect.CHANGED)

@@ -57,10 +57,8 @@ def direction(old: str, new: str) -> int:
 
 def figures_of(document: Document) -> Iterator[Figure]:
     """All that can be compared of a document; nothing of a kind that tells no results."""
-    tell = _TELL.get(document.kind)
-    if tell is not None:
-        for figure in tell(document.content):
-            yield figure._replace(kind=document.kind)
+    tell = _TELL.get(document.kind, lambda _: iter(()))
+    yield from (figure._replace(kind=document.kind) for figure in tell(document.content))
 
 
 def _runs(content: documents.StoredRunResults | documents.StoredValidation) -> Iterator[Figure]:
@@ -68,10 +66,10 @@ def _runs(content: documents.StoredRunResults | documents.StoredValidation) -> I
     for run in content.runs:
         name = f"{run.system}/{run.case} {run.plant} {run.controller}"
         yield Figure(f"{name}: status", run.status)
-        for metric, found in run.metrics.items():
-            yield Figure(
-                f"{name}: {metric}", found.value, OTHER, metric, bool(run.switching), found.unit
-            )
+        yield from (
+            Figure(f"{name}: {key}", metric.value, OTHER, key, bool(run.switching), metric.unit)
+            for key, metric in run.metrics.items()
+        )
 
 
 def _run(content: documents.StoredRunResults) -> Iterator[Figure]:
@@ -111,10 +109,8 @@ def _tolerances(content: documents.StoredTolerances) -> Iterator[Figure]:
         name = f"{target} {each.condition} {each.law}, {each.imperfection}"
         if each.impossible is None:
             yield Figure(f"{name}: ideally", "kept" if each.kept_ideally else "not kept")
-            most = each.largest_kept
-            yield Figure(
-                f"{name}: largest kept", None if most is None else most.factor, MORE, "", True
-            )
+            most = each.largest_kept and each.largest_kept.factor
+            yield Figure(f"{name}: largest kept", most, MORE, "", True)
 
 
 def _ladder(content: documents.StoredLadder) -> Iterator[Figure]:
@@ -142,8 +138,8 @@ def _switching(content: study_documents.StoredSwitching) -> Iterator[Figure]:
     found = content.benchmark
     for over, samples in (("h", found.sample_times), ("r", found.gain_ratios)):
         for each in samples:
-            at = each.h if over == "h" else each.gain_ratio
-            name = f"scalar benchmark, {each.law} at {over} = {at:g}: max |s|"
+            at = f"{over} = {each.h if over == 'h' else each.gain_ratio:g}"
+            name = f"scalar benchmark, {each.law} at {at}: max |s|"
             yield Figure(name, each.max_sliding, LESS, "", True)
     for each in content.cases:
         name = f"{each.system}/{each.case} {each.law}, {each.surface}, at {each.control_period:g} s"
@@ -164,10 +160,11 @@ def _premises(content: study_documents.StoredPremises) -> Iterator[Figure]:
         for each in audit.premises:
             name = f"{audit.system}/{audit.case} {audit.controller}: {each.name}"
             yield Figure(name, "holds" if each.holds else "fails")
-            for where, found in (("region", each.region), ("run", each.along_run)):
-                if found is not None:
-                    named = f"{name}, margin in the {where}"
-                    yield Figure(named, found.margin, MORE, "", True, each.unit)
+            yield from (
+                Figure(f"{name}, margin in the {where}", reading.margin, MORE, "", True, each.unit)
+                for where, reading in (("region", each.region), ("run", each.along_run))
+                if reading is not None
+            )
 
 
 _TELL: dict[str, Callable[[Any], Iterator[Figure]]] = {

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from grosmc_mj.campaign.runs.manifest import flat
 from grosmc_mj.comparison.changes import Conditions
 from grosmc_mj.errors import shown
 from grosmc_mj.report.page.documents import StoredProvenance
 from grosmc_mj.report.page.reading import Document
 from grosmc_mj.versions import DECISIVE
+
+# What two sides are compared in.
+_TOLD = {"git_revision", "machine", "seed", "versions", "configuration"}
 
 
 def conditions(old: Sequence[Document], new: Sequence[Document]) -> Mapping[str, Conditions]:
@@ -34,37 +38,17 @@ def source_differences(old: Sequence[Document], new: Sequence[Document]) -> list
     """A line for each thing in revision, versions, machine, seed and configuration that differs."""
     lines: dict[str, None] = {}
     for kind in sorted({each.kind for each in old} & {each.kind for each in new}):
-        before, after = (next(d for d in side if d.kind == kind) for side in (old, new))
-        mine, theirs = (dict(_flat(_told(each.provenance))) for each in (before, after))
-        for key in [*mine, *(key for key in theirs if key not in mine)]:
-            if mine.get(key) != theirs.get(key):
+        before, after = (
+            dict(flat(next(d for d in side if d.kind == kind).provenance.model_dump(include=_TOLD)))
+            for side in (old, new)
+        )
+        for key in dict.fromkeys([*before, *after]):
+            if before.get(key) != after.get(key):
                 where = f"{kind}: " if key.startswith("configuration") else ""
-                values = f"{_said(mine.get(key))} -> {_said(theirs.get(key))}"
+                values = " -> ".join(_words(side.get(key)) for side in (before, after))
                 lines[f"{where}{key}: {values}"] = None
     return list(lines)
 
 
-def _told(of: StoredProvenance) -> dict[str, Any]:
-    return {
-        "revision": of.git_revision,
-        "machine": of.machine,
-        "seed": of.seed,
-        "versions": of.versions,
-        "configuration": of.configuration,
-    }
-
-
-def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Each number and word with where it stands."""
-    if isinstance(value, Mapping):
-        for key, each in value.items():
-            yield from _flat(each, f"{name}.{key}" if name else str(key))
-    elif isinstance(value, list):
-        for index, each in enumerate(value):
-            yield from _flat(each, f"{name}[{index}]")
-    else:
-        yield name, value
-
-
-def _said(value: Any) -> str:
+def _words(value: Any) -> str:
     return "nothing" if value is None else shown(value, str)

@@ -1,7 +1,8 @@
 """The theory, without MuJoCo: from a task (plant, error coordinates, weights) to a law.
 
 ``design`` makes controllers, ``laws`` has their equations, ``switching`` and ``surface`` the
-sliding mode, ``gains`` what the declared uncertainty asks for, ``coordinates`` the error state z.
+sliding mode, ``uncertainty`` the gains that hold a declared family of plants, ``reaching`` the
+condition behind them, ``coordinates`` the error state z.
 """
 
 import lazy_loader

@@ -1,9 +1,9 @@
 from .coordinates.symbolic import ErrorCoordinates
-from .design import computed_torque_pd, linear_lqr
+from .design import computed_torque_pd, linear_lqr, state_grosmc
 from .references import TIME, Setpoint, Setpoints, reference, setpoints
-from .state_design import StateUncertainty, state_grosmc
 from .switching import find_switching
 from .task import StateTask
+from .uncertainty import StateUncertainty
 
 __all__ = [
     "TIME",

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,8 +25,11 @@ from grosmc_mj.own_law import around, checked
 from grosmc_mj.records import extended
 from grosmc_mj.vectors import algebra, each
 
+if TYPE_CHECKING:
+    from grosmc_mj.loop.in_loop import AppliedLoop
+
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
-_OF_THE_RUN = ("v", "undefined", "workspace", "first", "s", "meters", "loop")
+_OF_THE_RUN = ("v", "undefined", "workspace", "first", "s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,19 +84,6 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampling:
-    """How a law that samples itself is asked: at every timestep.
-
-    Attributes:
-        period: Its own control period [s].
-        timestep: That of the runs which it is made for [s].
-    """
-
-    period: float
-    timestep: float
-
-
-@dataclass(frozen=True, eq=False)
 class Controller:
     """A law, its parameters and the memory that each run of it starts with.
 
@@ -104,7 +94,7 @@ class Controller:
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
         design: What it was designed for; None for an open loop and the like.
-        sampling: Of a law that samples itself, as one in its loop does; None for all others.
+        loop: The sensors, computer, estimators and actuators around the law; None for none.
     """
 
     name: str
@@ -112,7 +102,7 @@ class Controller:
     parameters: Any
     memory: Callable[[], Memory] = Memory
     design: Design | None = None
-    sampling: Sampling | None = None
+    loop: AppliedLoop | None = None
 
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
@@ -152,15 +142,11 @@ class Controller:
     def sampled(self, control_period: float) -> Controller:
         """The same, told its control period [s] where it reads ``p.period``."""
         p = self.parameters
-        if self.sampling or not isinstance(p, Sampled) or p.period == control_period:
+        if not isinstance(p, Sampled) or p.period == control_period:
             return self
         made = self.design.numbers_at if self.design else None
         numbers = {} if made is None else made(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
-
-    def asked_every(self, control_period: float) -> float:
-        """Time between two calls of the law in runs of a control period [s]."""
-        return self.sampling.timestep if self.sampling else control_period
 
     def begin(self) -> tuple[Memory, Workspace | None]:
         """The memory of a new run, and what must be kept alive for as long as it."""
@@ -169,6 +155,8 @@ class Controller:
             workspace = self.design.error.workspace(self.parameters)
         if workspace is not None:
             memory.workspace = workspace.address
+        if self.loop is not None:
+            memory.first = self.loop.ahead
         return memory, workspace
 
 

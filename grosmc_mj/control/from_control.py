@@ -6,20 +6,24 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from grosmc_mj.arguments import real, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.laws import Coordinates, Law
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Is, Name, Range, checked_call
 from grosmc_mj.vectors import algebra, each
 
 
+@checked_call
 def from_control(
-    sys: Any, period: float, like: Controller, name: str = "from_control"
+    sys: Any,
+    period: Annotated[float, Range(0, unit="s", above=True)],
+    like: Annotated[Controller, Is(Controller, "a controller, such as chapter_controller's")],
+    name: Name = "from_control",
 ) -> Controller:
     """A linear controller of python-control as a law, in both engines.
 
@@ -39,16 +43,12 @@ def from_control(
         ArgumentError: If it is no such system, has another sampling time, or its inputs and
             outputs are not as many as the plant's outputs and inputs.
     """
-    require("name", name, str, "a text")
-    require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
-    if not 0 < real(period) < math.inf:
-        raise ArgumentError(f"period {shown(period)} s must be finite and positive")
     if not is_linear_system(sys):
         raise ArgumentError(
             f"{name} is a {type(sys).__name__}, must be a StateSpace or TransferFunction of "
             "python-control"
         )
-    error, found = like.designed.error, _sampled(sys, float(period), name)
+    error, found = like.designed.error, _sampled(sys, period, name)
     outputs, inputs = len(error.output_rows), error.inputs
     if (shape := found["D"].shape) != (inputs, outputs):
         raise ArgumentError(
@@ -56,10 +56,9 @@ def from_control(
             f"{outputs} errors and give {inputs} inputs of {error.system.name}"
         )
     order = len(found["A"])
-    memory = {"q": np.zeros(order)}
-    made = custom_controller(name, _law(error, order), like, found, memory)
-    design = replace(made.designed, source="python-control", control_period=float(period))
-    return replace(made, design=design)
+    law = custom_controller(name, _law(error, order), like, found, {"q": np.zeros(order)})
+    design = replace(law.designed, source="python-control", control_period=period)
+    return replace(law, design=design)
 
 
 def is_linear_system(found: Any) -> bool:

@@ -107,7 +107,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
     return design
 
 
-def priced(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, K: ArrayLike) -> LqrDesign:
+def priced(A: Array, B: Array, Q: ArrayLike, R: ArrayLike, K: Array) -> LqrDesign:
     """A given stable feedback u = -K x with what the index (4) says of it.
 
     P is not the Riccati equation's but the cost of this feedback, from Lyapunov's equation.
@@ -123,9 +123,6 @@ def priced(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, K: ArrayLike)
         GainError: If A - B K is not stable.
     """
     A, B, Q, R = _checked(A, B, Q, R)
-    K = np.atleast_2d(np.asarray(K, float))
-    if K.shape != B.T.shape:
-        raise GainError(f"LQR: K has shape {K.shape}, must be {B.T.shape}")
     closed = A - B @ K
     if np.linalg.eigvals(closed).real.max() >= 0:
         raise GainError(f"K = {K.tolist()} does not stabilize A - B K")
@@ -133,27 +130,22 @@ def priced(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, K: ArrayLike)
     return LqrDesign(A, B, Q, R, K, P)
 
 
-def _checked(
-    A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike
-) -> tuple[Array, Array, Array, Array]:
-    """The matrices of a design; a number for R weighs every input alike.
+def _checked(*matrices: ArrayLike) -> tuple[Array, Array, Array, Array]:
+    """A, B, Q, R of a design; a number for R weighs every input alike.
 
     Raises:
         GainError: If shapes do not fit or Q or R is not definite as needed.
     """
-    for name, given in (("A", A), ("B", B), ("Q", Q), ("R", R)):
-        if reals(given).ndim == 0 and not np.isfinite(reals(given)):
-            raise GainError(f"LQR: {name} must be a matrix of finite numbers, is {shown(given)}")
-    A, B, Q = (np.atleast_2d(reals(matrix)) for matrix in (A, B, Q))
-    R = reals(R)
+    *system, R = map(reals, matrices)
+    A, B, Q = map(np.atleast_2d, system)
     n, m = len(A), B.shape[-1]
     R = R * np.eye(m) if R.ndim == 0 else np.atleast_2d(R)
     shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}
-    for name, (matrix, shape) in shapes.items():
+    for (name, (matrix, shape)), value in zip(shapes.items(), matrices, strict=True):
+        if not np.all(np.isfinite(matrix)):
+            raise GainError(f"LQR: {name} = {shown(value)} must be a matrix of finite numbers")
         if matrix.shape != shape:
             raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
-        if not np.all(np.isfinite(matrix)):
-            raise GainError(f"LQR: {name} must be finite, is {matrix.tolist()}")
     if np.linalg.eigvalsh(Q).min() < -1e-12 * max(1.0, float(np.abs(Q).max())):
         raise GainError(f"LQR: Q must be positive semidefinite, is {Q.tolist()}")
     if np.linalg.eigvalsh(R).min() <= 0:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
+from pydantic import PlainValidator
 
-from grosmc_mj.arguments import require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
-from grosmc_mj.errors import ArgumentError, GrosmcError, PremiseError, shown
+from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.fields import Items, Range, checked_call, refused
 from grosmc_mj.jitable import jitable
 from grosmc_mj.vectors import each
 
@@ -28,7 +30,23 @@ TIME = sp.Symbol("t")
 _LONGEST, _HIGHEST = 500, 20
 
 
-def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> ReferenceFunction:
+def _expressions(outputs: Any) -> list[sp.Expr]:
+    """Outputs as expressions; they are never text, which sympy would execute."""
+    if isinstance(outputs, (list, tuple)):
+        with suppress(sp.SympifyError):
+            rows = [sp.sympify(output, strict=True) for output in outputs]
+            if all(isinstance(row, sp.Expr) for row in rows):
+                return rows
+    raise refused("a list of which each must be an expression of sympy in TIME, or a number")
+
+
+Degrees = Annotated[Sequence[int], Items(int, "whole numbers, one relative degree for each output")]
+
+
+@checked_call
+def reference(
+    outputs: Annotated[Sequence[Any], PlainValidator(_expressions)], degrees: Degrees = (2,)
+) -> ReferenceFunction:
     """The reference whose outputs are expressions in ``TIME``, with derivatives up to r_i.
 
     Args:
@@ -40,45 +58,24 @@ def reference(outputs: Sequence[Any], degrees: Sequence[int] = (2,)) -> Referenc
         ArgumentError: If an output is no expression, or a derivative too long for the next one.
         PremiseError: If there is not one degree for each output.
     """
-    require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
-    if not isinstance(outputs, (list, tuple)) or not all(1 <= r <= _HIGHEST for r in degrees):
-        raise ArgumentError(
-            f"outputs = {shown(outputs)} with degrees {shown(degrees)} must be a list of "
-            f"expressions in TIME, each with a relative degree from 1 to {_HIGHEST}"
-        )
+    if not all(1 <= degree <= _HIGHEST for degree in degrees):
+        raise ArgumentError(f"degrees = {shown(degrees)} must be from 1 to {_HIGHEST}")
     if len(outputs) != len(degrees):
         raise PremiseError(
-            f"{len(outputs)} outputs with relative degrees {tuple(degrees)}: give one degree each"
+            f"{len(outputs)} outputs with relative degrees {degrees}: give one degree each"
         )
     try:
-        rows = [
-            row
-            for output, degree in zip(map(_expression, outputs), degrees, strict=True)
-            for row in _derivatives(output, degree)
-        ]
-    except GrosmcError:
-        raise
+        rows = [row for pair in zip(outputs, degrees, strict=True) for row in _derivatives(*pair)]
     # sympy's own, of numbers beyond all bounds.
-    except (ArithmeticError, ValueError, RecursionError) as error:
+    except (ArithmeticError, TypeError, RecursionError) as error:
         raise ArgumentError(f"outputs = {shown(outputs)} cannot be differentiated") from error
-    fields = {s for row in rows for s in row.free_symbols} - {TIME}
-    places = {TIME: "t", **{s: f"p.{s}" for s in fields}}
-    function: Any = generate("reference", rows, "t, p", places)
+    fields = {symbol for row in rows for symbol in row.free_symbols} - {TIME}
+    function: Any = generate(
+        "reference", rows, "t, p", {TIME: "t", **{s: f"p.{s}" for s in fields}}
+    )
     # What a design must know of it.
-    function.degrees = tuple(degrees)
-    function.moves = any(row.has(TIME) for row in rows)
+    function.degrees, function.moves = degrees, any(row.has(TIME) for row in rows)
     return function
-
-
-def _expression(output: Any) -> sp.Expr:
-    """An output, which is never text: sympy would execute it."""
-    try:
-        found = sp.sympify(output, strict=True)
-    except sp.SympifyError:
-        found = None
-    if not isinstance(found, sp.Expr):
-        raise ArgumentError(f"{shown(output)} must be an expression of sympy in TIME, or a number")
-    return found
 
 
 def _derivatives(output: sp.Expr, degree: int) -> Iterator[sp.Expr]:
@@ -107,17 +104,16 @@ class Setpoint:
     value: float = 0.0
 
 
-def setpoints(*degrees: int) -> ReferenceFunction:
+@checked_call
+def setpoints(*degrees: Annotated[int, Range(1, _HIGHEST, whole=True)]) -> ReferenceFunction:
     """A setpoint for one output of any relative degree, or ``value1``, ``value2`` ... for more."""
-    require_each("degrees", degrees, int, "whole numbers, one relative degree for each output")
-    return _constant(*degrees)
+    return _setpoints(degrees)
 
 
 @cache
-def _constant(*degrees: int) -> ReferenceFunction:
-    if len(degrees) == 1:
-        return reference([sp.Symbol("value")], degrees)
-    return reference([sp.Symbol(f"value{i + 1}") for i in range(len(degrees))], degrees)
+def _setpoints(degrees: tuple[int, ...]) -> ReferenceFunction:
+    numbers = range(1, len(degrees) + 1) if len(degrees) > 1 else [""]
+    return reference([sp.Symbol(f"value{number}") for number in numbers], degrees)
 
 
 setpoint = setpoints(2)
@@ -180,13 +176,10 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
         # cos(k w t) and sin(k w t) from those before: two sines in all for a sample.
         cosine, sine, value = c, s, 0.0
         for k in range(harmonics):
-            rate = (k + 1) * p.frequency
-            if order == 0:
-                value += p.cosine[i, k] * cosine + p.sine[i, k] * sine
-            elif order == 1:
-                value += rate * (p.sine[i, k] * cosine - p.cosine[i, k] * sine)
-            else:
-                value -= rate * rate * (p.cosine[i, k] * cosine + p.sine[i, k] * sine)
+            a, b, rate = p.cosine[i, k], p.sine[i, k], (k + 1) * p.frequency
+            for _ in range(order):
+                a, b = rate * b, -rate * a
+            value += a * cosine + b * sine
             cosine, sine = cosine * c - sine * s, sine * c + cosine * s
         return value + p.mean[i] if order == 0 else value
 
@@ -197,6 +190,5 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
         return entries(math.cos(p.frequency * t), math.sin(p.frequency * t), p)
 
     function: Any = series
-    function.degrees = (2,) * outputs
-    function.moves = True
+    function.degrees, function.moves = (2,) * outputs, True
     return function

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import PlainValidator
 
-from grosmc_mj.arguments import real, reals, require
+from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
@@ -18,7 +19,11 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.switching import Sign, Switching
 from grosmc_mj.errors import ArgumentError, GainError, shown
-from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant, System
+from grosmc_mj.fields import Is, Range, checked, refused
+from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
+
+# A rate that rounding could be, in the unit of z per second.
+_AT_REST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,70 +41,65 @@ class FeedbackParameters:
     K: Array
 
 
-@dataclass(frozen=True, eq=False)
-class SurfaceParameters(FeedbackParameters):
-    """Numbers of the integral surface, eqs. (8), (31) and (51).
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GrosmcParameters(FeedbackParameters):
+    """Numbers of GROSMC: of the surfaces (8), (31), (51) and the laws (12), (37), (55).
+
+    A law has either ``eta``, ``gamma0`` and ``gamma1``, computed from a declared uncertainty, or
+    ``k`` and ``epsilon``; the others are 0.
 
     Attributes:
         G: Projection, (m, n).
         S: What G z drifts by on the optimal trajectory [1/s], (m, n): ``drift_of_surface``.
         GB: G B, (m, m).
         GB_inverse: Its inverse, (m, m).
-        size_of_GB: Its norm.
+        GB_held: What a unit of input that is cut off takes from s per second, (m, m): G B as
+            printed, that of a held input on the discrete-time surface.
+        size_of_GB: Norm of G B.
         switching: The switching law.
+        eta: Reaching gain, in the unit of s per second.
+        gamma0: Constant part of the uncertainty's bound, in the unit of the input.
+        gamma1: Its slope over the norm of the error state.
+        k: Proportional reaching gain [1/s].
+        epsilon: Switching gain, in the unit of s per second.
+        limit: Largest nominal input of the law (12), in the unit of the input; infinite as printed.
     """
 
     G: Array
     S: Array
     GB: Array
     GB_inverse: Array
+    GB_held: Array
     size_of_GB: float
     switching: Switching
-
-
-@dataclass(frozen=True, eq=False)
-class BoundedParameters(SurfaceParameters):
-    """Numbers of the law (37), and of (12) but for its limit.
-
-    Attributes:
-        eta: Reaching gain.
-        gamma0: Constant part of the uncertainty's bound.
-        gamma1: Its slope over the norm of the state.
-    """
-
-    eta: float
-    gamma0: float
-    gamma1: float
-
-
-@dataclass(frozen=True, eq=False)
-class LinearParameters(BoundedParameters):
-    """Numbers of the law (12).
-
-    Attributes:
-        GB_held: What a unit of input that is cut off takes from s per second, (m, m): G B as
-            printed, that of a held input on the discrete-time surface.
-        limit: Largest nominal input, in the unit of the input; infinite as printed.
-    """
-
-    GB_held: Array
+    eta: float = 0.0
+    gamma0: float = 0.0
+    gamma1: float = 0.0
+    k: float = 0.0
+    epsilon: float = 0.0
     limit: float = math.inf
 
 
-@dataclass(frozen=True, eq=False)
-class TrackingParameters(SurfaceParameters):
-    """Numbers of the law (55).
-
-    Attributes:
-        k: Proportional reaching gain [1/s].
-        epsilon: Switching gain.
-    """
-
-    k: float
-    epsilon: float
-
-
 @dataclass(frozen=True)
+class NoNumbers:
+    """Of what has no numbers that a law reads: MuJoCo or formulas have them."""
+
+
+def _matrix(value: Any) -> Array:
+    entries = reals(value)
+    if not np.all(np.isfinite(entries)):
+        raise refused("a matrix of finite numbers")
+    return entries
+
+
+Matrix = Annotated[ArrayLike, PlainValidator(_matrix)]
+# A plant with equations that a law could be designed from.
+Analytic = Annotated[
+    AnalyticPlant, Is(AnalyticPlant, "an analytic plant, such as MujocoPlant.load(...).analytic()")
+]
+
+
+@checked()
 class Realization:
     """How a sliding mode law is realized by a sampled controller.
 
@@ -109,26 +109,16 @@ class Realization:
             surface, which any sampling time goes with.
     """
 
-    switching: Switching = field(default_factory=Sign)
-    control_period: float | None = None
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.switching, Switching):
-            raise ArgumentError(
-                f"switching = {shown(self.switching)} must be a switching law, such as "
-                "find_switching('implicit')"
-            )
-        period = self.control_period
-        if period is not None and not 0 < real(period) < math.inf:
-            raise ArgumentError(f"control period {shown(period)} s must be finite and positive")
+    switching: Annotated[
+        Switching, Is(Switching, "a switching law, such as find_switching('implicit')")
+    ] = Sign()
+    control_period: Annotated[float, Range(0, unit="s", above=True)] | None = None
 
 
 AS_PRINTED = Realization()
-# A rate that rounding could be, in the unit of z per second.
-_AT_REST = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
+@checked(eq=False)
 class Task:
     """A nominal plant, what of it is regulated, and the index that weighs it.
 
@@ -142,17 +132,14 @@ class Task:
         realization: How a sliding mode law is sampled.
     """
 
-    plant: AnalyticPlant
-    error: OutputCoordinates
+    plant: Analytic
+    error: Annotated[OutputCoordinates, Is(OutputCoordinates, "error coordinates of the plant")]
     reference: Any
-    Q: ArrayLike
-    R: ArrayLike
+    Q: Matrix
+    R: Matrix
     realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
-        require_analytic("plant", self.plant)
-        require("error", self.error, OutputCoordinates, "error coordinates of the plant")
-        require("realization", self.realization, Realization, "a Realization")
         # The relative degrees of outputs and reference must agree before anything is made of them.
         degrees = self.error.linearization.relative_degree
         try:
@@ -170,16 +157,10 @@ class Task:
                 f"values: each output with derivatives up to {degrees}"
             )
         self.error.require_regular(self.feedback(np.zeros((0, 0))))
-        for name, given, size in (
-            ("Q", self.Q, self.error.size),
-            ("R", self.R, self.error.inputs),
-        ):
-            weight = reals(given)
-            number = weight.ndim == 0 and (name == "R" or size == 1)
-            if not np.all(np.isfinite(weight)) or not (number or weight.shape == (size, size)):
-                raise GainError(
-                    f"{name} = {shown(given)} must be a matrix of {size} x {size} finite numbers"
-                )
+        for name, size in (("Q", self.error.size), ("R", self.error.inputs)):
+            weight = getattr(self, name)
+            if np.shape(weight) not in ((), (size, size)):
+                raise GainError(f"{name} = {shown(weight)} must be a {size} x {size} matrix")
 
     @property
     def symbolic(self) -> ErrorCoordinates:
@@ -195,16 +176,22 @@ class Task:
             )
         return self.error
 
-    def linearization_optimum(self) -> LqrDesign:
-        """LQR on the Jacobian linearization about zero error; exact for the linear servo.
+    def optimum(self, *, linearizing: bool) -> LqrDesign:
+        """The nominal optimum of laws with feedback linearization, or of those without.
+
+        The former is LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45); the latter
+        LQR on the Jacobian linearization about zero error, exact for the linear servo.
 
         Raises:
-            GainError: If zero error is no equilibrium without input, or the weights do not fit.
+            GainError: If the weights do not fit or, on the linearization, zero error is no
+                equilibrium without input.
         """
+        if linearizing:
+            chains = self.error.linearization
+            return lqr(chains.A, chains.B, self.Q, self.R)
         error = self.symbolic
         p = self.feedback(np.zeros((error.inputs, error.size)))
-        at_rest = error.place(0.0, np.zeros(error.size), p)
-        alpha = error.dynamics(0.0, at_rest, p)[0]
+        alpha = error.dynamics(0.0, error.place(0.0, np.zeros(error.size), p), p)[0]
         if np.abs(alpha).max() > _AT_REST:
             raise GainError(
                 f"{self.plant.system.name}: zero error is no equilibrium without input, z' = "
@@ -212,29 +199,15 @@ class Task:
             )
         return lqr(*error.jacobian(p), self.Q, self.R)
 
-    def chain_optimum(self) -> LqrDesign:
-        """LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45).
-
-        Raises:
-            GainError: If the weights do not fit.
-        """
-        chains = self.error.linearization
-        return lqr(chains.A, chains.B, self.Q, self.R)
-
-    def optimum(self, *, linearizing: bool) -> LqrDesign:
-        """The nominal optimum of laws with feedback linearization, or of those without.
-
-        Raises:
-            GainError: As ``chain_optimum`` or ``linearization_optimum``.
-        """
-        return self.chain_optimum() if linearizing else self.linearization_optimum()
-
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
         return FeedbackParameters(self.plant.parameters, self.reference, K)
 
 
-@dataclass(frozen=True, eq=False)
+_state_coordinates = cache(StateCoordinates)
+
+
+@checked(eq=False)
 class StateTask:
     """A nominal plant whose whole state is held at an operating point, and the index of that.
 
@@ -247,22 +220,18 @@ class StateTask:
         realization: How a sliding mode law is sampled.
     """
 
-    plant: Plant
-    Q: ArrayLike
-    R: ArrayLike
-    reference: OperatingPoint | None = None
-    model: tuple[Array, Array] | None = None
+    plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")]
+    Q: Matrix
+    R: Matrix
+    reference: Annotated[
+        OperatingPoint | None,
+        Is((OperatingPoint, type(None)), "an OperatingPoint, as equilibrium gives it"),
+    ] = None
+    model: tuple[Matrix, Matrix] | None = None
     realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
-        require("plant", self.plant, Plant, "a plant, such as MujocoPlant.load(...)")
-        require("realization", self.realization, Realization, "a Realization")
-        kinds = (OperatingPoint, type(None))
-        require("reference", self.reference, kinds, "an OperatingPoint, as equilibrium gives it")
         self.plant.operating_point(self.point.x, self.point.u)
-        pair = isinstance(self.model, tuple) and len(self.model) == 2
-        if self.model is not None and not pair:
-            raise ArgumentError(f"model = {shown(self.model)} must be a pair (A, B)")
 
     @property
     def point(self) -> OperatingPoint:
@@ -271,11 +240,14 @@ class StateTask:
 
     @cached_property
     def error(self) -> StateCoordinates:
-        """z = x - x_e."""
+        """z = x - x_e; the same object for a system, as a law is compiled once for it."""
         return _state_coordinates(self.plant.system)
 
-    def linearization_optimum(self) -> LqrDesign:
+    def optimum(self, *, linearizing: bool = False) -> LqrDesign:
         """LQR on the plant's linearization about the operating point.
+
+        Args:
+            linearizing: False, for there is no feedback linearization of a whole state.
 
         Raises:
             ArgumentError: If the plant does not rest there.
@@ -289,40 +261,8 @@ class StateTask:
         return FeedbackParameters(self.plant.parameters or NoNumbers(), self.point, K)
 
 
-@dataclass(frozen=True)
-class NoNumbers:
-    """Of what has no numbers that a law reads: MuJoCo or formulas have them."""
-
-
-@cache
-def _state_coordinates(system: System) -> StateCoordinates:
-    """The coordinates of a system's state, made once, as a law is compiled once for them."""
-    return StateCoordinates(system)
-
-
-def require_task(task: Task | StateTask, *, of_states: bool = False) -> None:
-    """Refuse what is no task.
-
-    Args:
-        task: What a law is designed for.
-        of_states: Whether a task of the whole state will do too.
-
-    Raises:
-        ArgumentError: If it is something else.
-    """
-    kinds = (Task, StateTask) if of_states else Task
-    require("task", task, kinds, "a Task(plant, error, reference, Q, R)")
-
-
-def require_analytic(what: str, plant: Any) -> None:
-    """Refuse a plant without equations that a law could be designed from.
-
-    Raises:
-        ArgumentError: If it is something else, in MuJoCo with what to give.
-    """
-    twin = getattr(plant, "analytic", None)
-    if not isinstance(plant, AnalyticPlant) and callable(twin):
-        raise ArgumentError(f"{what} is a {type(plant).__name__}: give its .analytic()")
-    require(
-        what, plant, AnalyticPlant, "an analytic plant, such as MujocoPlant.load(...).analytic()"
-    )
+# Largest |u| that the actuators give, in the unit of the input; infinite for none.
+Limit = Annotated[float, Range(0, above=True, infinite=True)]
+AnyTask = Annotated[
+    Task | StateTask, Is((Task, StateTask), "a Task(plant, error, reference, Q, R) or a StateTask")
+]

@@ -1,20 +1,18 @@
-"""The loop as built between an agent and the plant: what it observes, what comes of its actions."""
+"""The loop as built between an agent and the plant: its observations, and its actions' inputs."""
 
 from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
-from grosmc_mj.control.memory import memory_of
+from grosmc_mj.loop.actuators import actuate
+from grosmc_mj.loop.delay import send
 from grosmc_mj.loop.in_loop import loop_of, relooped
-from grosmc_mj.vectors import algebra, each
+from grosmc_mj.loop.stages import observe, remember
 
 
 class AgentLoop:
@@ -25,48 +23,42 @@ class AgentLoop:
     """
 
     def __init__(self, law: Controller) -> None:
-        sampling, bare = loop_of(law), loop_of(law).bare
-        m = len(sampling.system.inputs)
-        agent = replace(
-            bare,
-            name="agent",
-            law=_as_pending(m),
-            memory=memory_of(m, pending=np.zeros(m)),
-            sampling=None,
-        )
-        self._made = replace(law, sampling=replace(sampling, bare=agent, predicts=False))
+        self._law = replace(law, loop=replace(loop_of(law), predicts=False))
         self.restart(0)
 
     def restart(self, run: int) -> None:
         """Begin an episode with the noise of a run."""
-        made = relooped(self._made, loop_of(self._made).loop, run)
-        self._law, self._memory, self._kept_alive = made, *made.begin()
+        law = relooped(self._law, loop_of(self._law).loop, run)
+        applied, (memory, self._kept_alive) = loop_of(law), law.begin()
+        n, m = len(applied.system.states), len(applied.system.inputs)
+        self._loop = applied.begin_uncompiled(law, memory, np.zeros(n), np.zeros(n))
+        self._step, self._action, self._given = 0, np.zeros(m), np.zeros(m)
 
     def ask(self, u: Array) -> None:
-        """Take an action as what the agent asks for from its next sample on, (m,)."""
-        self._memory.pending[:] = u  # pyright: ignore[reportAttributeAccessIssue]
+        """Take an action as the agent's output from its next sample on, (m,)."""
+        self._action = u.copy()
 
     def given(self, x: Array) -> Array:
-        """What the actuators give in the next timestep from a state (n,), (m,)."""
-        return np.atleast_1d(self._law.law(0.0, x, self._memory, self._law.parameters))
+        """The actuators' inputs in the next timestep from a state (n,), (m,)."""
+        i, loop = self._step, self._loop
+        remember(i, x, loop)
+        if i >= loop.computer[0].due:
+            observe(i, loop)
+            send(self._action, loop)
+        actuate(i, loop, self._given)
+        self._step += 1
+        return self._given
 
     def seen(self, x: Array) -> Array:
-        """What sensors and estimators would tell now of a state (n,), (n,)."""
-        ahead: Any = deepcopy(self._memory)
-        ahead.loop.due = ahead.loop.step
-        self._law.law(0.0, x, ahead, self._law.parameters)
-        return ahead.loop.seen
+        """The state by sensors and estimators if they were read now in a state (n,), (n,)."""
+        ahead = deepcopy(self._loop)
+        remember(self._step, x, ahead)
+        observe(self._step, ahead)
+        return ahead.seen
 
     def copied(self) -> AgentLoop:
         """The same so far, to go on by itself."""
         other = AgentLoop.__new__(AgentLoop)
         other.__dict__.update(self.__dict__)
-        other._memory = deepcopy(self._memory)
+        other._loop, other._given = deepcopy(self._loop), self._given.copy()
         return other
-
-
-@cache
-def _as_pending(m: int) -> Law:
-    """The law that asks for what is pending."""
-    given, entries = algebra(m).given, each(m, lambda i, u: u[i])
-    return lambda t, x, memory, p: given(entries(memory.pending))

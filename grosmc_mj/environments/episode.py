@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,6 @@ from grosmc_mj.environments.signals import Signals, input_label, state_names
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop.in_loop import loop_of
 from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import Plant, find_system
@@ -84,8 +84,7 @@ class EpisodeSetup:
         settings, where = experiment.settings, experiment.nominal.truest
         self.case, self.plant = experiment.case, experiment.plant(where)
         law = experiment.law(where, _index_law(experiment))
-        self.looped = law if law.sampling else None
-        self.law = loop_of(law).bare.sampled(settings.control_period) if law.sampling else law
+        self.looped, self.law = law if law.loop else None, replace(law, loop=None)
         self.signals, self.index = Signals(self.law), Index(self.law)
         self.problem, _ = prepare(
             self.plant,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.loop.in_loop import loop_of
 from grosmc_mj.plants import System, find_system
 from grosmc_mj.simulation.inputs import ask
 
@@ -25,8 +25,7 @@ class LawPolicy:
     """
 
     def __init__(self, controller: Controller, system: System, control_period: float) -> None:
-        bare = loop_of(controller).bare if controller.sampling else controller
-        self._controller = bare.sampled(control_period)
+        self._controller = replace(controller, loop=None).sampled(control_period)
         self._names = state_names(system)
         self._u = np.zeros(len(system.inputs))
         self.reset()

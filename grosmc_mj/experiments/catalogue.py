@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from grosmc_mj.arguments import require, require_known
+from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
-from grosmc_mj.control.task import AS_PRINTED, Realization, require_analytic
+from grosmc_mj.control.task import AS_PRINTED, Analytic, Realization
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
-from grosmc_mj.plants import SYSTEMS, AnalyticPlant, find_system
+from grosmc_mj.fields import Name, checked_call
+from grosmc_mj.plants import SYSTEMS, find_system
 
 
 def find_experiments(target: str) -> list[Experiment]:
@@ -64,11 +65,12 @@ def _shipped(path: Path) -> Experiment:
     return undesigned(read_case_file(path), path)
 
 
+@checked_call
 def chapter_controller(
-    name: str,
-    nominal: AnalyticPlant,
+    name: Name,
+    nominal: Analytic,
     realization: Realization = AS_PRINTED,
-    case: str = "nominal",
+    case: Name = "nominal",
 ) -> Controller:
     """The law of that name that a case of the package has, designed for a nominal plant.
 
@@ -81,8 +83,4 @@ def chapter_controller(
     Raises:
         GrosmcError: If there is no such case or law, or the design fails for these numbers.
     """
-    require_analytic("nominal", nominal)
-    require("name", name, str, "the name of a controller")
-    require("realization", realization, Realization, "a Realization")
-    require("case", case, str, "the name of a case")
     return realized(find_experiment(nominal.system.name, case).law_for(nominal, name), realization)

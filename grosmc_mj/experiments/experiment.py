@@ -13,9 +13,9 @@ import numpy as np
 from grosmc_mj.arguments import require, require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
-from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
+from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError, unknown_name
 from grosmc_mj.experiments.case import Case, case_of, edits_of
 from grosmc_mj.experiments.file.numbers import uncertainty
@@ -36,9 +36,10 @@ from grosmc_mj.experiments.requirements import (
 )
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.loop import Loop, in_loop
+from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.inputs import require_answer
-from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP, stride_of
+from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 
 
@@ -173,11 +174,11 @@ class Experiment:
                 f"after = {table.after:g} s must be before the end of a run at "
                 f"{self.file.run.duration:g} s"
             )
-        if table.settles_within is not None and table.band is None:
-            require_initial_error("settles_within", designed[0], self.case.x0)
-        if table.overshoot_below is not None:
-            require_initial_error("overshoot_below", designed[0], self.case.x0)
-        return limits(table, designed, self.plant_names, self.case.duration)
+        found = limits(table, designed, self.plant_names, self.case.duration)
+        for limit in found:
+            if limit.of_initial_error:
+                require_initial_error(limit.kind, designed[0], self.case.x0)
+        return found
 
     def checked(self) -> Experiment:
         """The same, once its plants, laws and requirements are made.

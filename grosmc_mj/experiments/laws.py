@@ -22,6 +22,7 @@ from grosmc_mj.control.design import (
     linear_lqr,
     linearized_lqr,
     regulating_grosmc,
+    state_grosmc,
     tracking_grosmc,
 )
 from grosmc_mj.control.from_control import from_control, is_linear_system
@@ -29,7 +30,6 @@ from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
-from grosmc_mj.control.state_design import state_grosmc
 from grosmc_mj.control.task import FeedbackParameters, NoNumbers, StateTask, Task
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.experiments.case import state_of

@@ -84,6 +84,13 @@ class Limit(NamedTuple):
         return _METRICS.get(self.kind) or error_after(self.after)
 
     @property
+    def of_initial_error(self) -> bool:
+        """Whether it is a share of the error at the start, which a run must have then."""
+        return self.kind == "overshoot_below" or (
+            self.kind == "settles_within" and self.band is None
+        )
+
+    @property
     def words(self) -> str:
         """The requirement in words."""
         if self.kind == "no_reaching_phase":

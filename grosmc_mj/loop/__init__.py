@@ -1,13 +1,16 @@
 """The loop as built: what lies between a law and its plant.
 
-Sensors, a computer, estimators and actuators are values (``parts``); ``in_loop`` puts them around a
-law, written once for both engines.
+Sensors, a computer, estimators and actuators are values; ``in_loop`` attaches them to a controller,
+and the kernel runs their stages around its law.
 """
 
 from __future__ import annotations
 
-from grosmc_mj.loop.in_loop import in_loop, relooped, room_of
+from grosmc_mj.loop.actuators import Actuator
+from grosmc_mj.loop.delay import Computing
+from grosmc_mj.loop.estimators import Estimator
+from grosmc_mj.loop.in_loop import in_loop, relooped
 from grosmc_mj.loop.loop import Loop
-from grosmc_mj.loop.parts import Actuator, Computing, Estimator, Sensor
+from grosmc_mj.loop.sensors import Sensor
 
-__all__ = ["Actuator", "Computing", "Estimator", "Loop", "Sensor", "in_loop", "relooped", "room_of"]
+__all__ = ["Actuator", "Computing", "Estimator", "Loop", "Sensor", "in_loop", "relooped"]

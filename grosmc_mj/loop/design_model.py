@@ -1,96 +1,135 @@
-"""The plant that a law believes in, moved by a time: what observers and predictions run."""
+"""The plant that a law believes in, moved by a time: observers and predictions run it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Design
-from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, GainError, one_line
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.runge_kutta import state_derivative
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.vectors import each
 
-# Jitable (t, u, memory, p, h): move ``memory.loop.model`` by h [s] under the input u.
-Advance = Callable[[float, Any, Any, Any, float], None]
+# Jitable (t, x, u, h, memory, p, own): move x, (n,), by h [s] under the input u, (m,); memory and p
+# are the law's, own the model's.
+Advance = Callable[[float, Any, Any, float, Any, Any, Any], None]
 # Of a state and an input, to differentiate by.
 _STEP = 1e-6
-# Poles of a filter from here on are 1 but for the rounding of such differences.
-_FADES = 1 - 1e-9
 
 
-def advance_of(error: OutputCoordinates | StateCoordinates) -> Advance:
-    """How the design model of these error coordinates moves.
+class DesignModel(NamedTuple):
+    """How a design model moves.
+
+    Attributes:
+        advance: Moves it.
+        own: Its numbers and room to compute in, a dataclass.
+    """
+
+    advance: Advance
+    own: Any
+
+
+@dataclass
+class _Room:
+    """Room for the midpoint rule: a slope and a state, (n,), and no wrench."""
+
+    slope: Array
+    stage: Array
+    calm: Array
+
+    @classmethod
+    def of(cls, n: int, bodies: int, **more: Any) -> Any:
+        return cls(np.zeros(n), np.zeros(n), np.zeros(max(1, 6 * bodies)), **more)
+
+
+@dataclass
+class _Linear(_Room):
+    """x' = A (x - x_e) + B (u - u_e)."""
+
+    A: Array
+    B: Array
+    x_e: Array
+    u_e: Array
+
+
+@dataclass
+class _Nothing:
+    nothing: float = field(default=0.0)
+
+
+def design_model(controller: Controller, reason: str) -> DesignModel:
+    """How the design model of a controller moves.
 
     Plants with equations by one step of the midpoint rule, models about an operating point by the
     same on their linearization, robots by their accelerations, q + h q' + h^2/2 q''.
 
+    Args:
+        controller: Whose.
+        reason: What needs it.
+
     Raises:
-        ArgumentError: If they have no design model.
+        ArgumentError: If it has none.
     """
+    if controller.design is None:
+        raise ArgumentError(f"{controller.name} has no design model, which {reason} needs")
+    error, optimum = controller.design.error, controller.design.lqr
+    n, bodies = len(error.system.states), len(error.system.bodies)
     if isinstance(error, ErrorCoordinates):
-        return _by_equations(error)
+        return DesignModel(_of_equations(error), _Room.of(n, bodies))
     if isinstance(error, StateCoordinates):
-        return _linear(error.size, error.inputs)
+        point = controller.parameters.reference
+        A, B = np.ascontiguousarray(optimum.A), np.ascontiguousarray(optimum.B)
+        own = _Linear.of(n, bodies, A=A, B=B, x_e=np.array(point.x), u_e=np.array(point.u))
+        return DesignModel(_linear, own)
     if isinstance(error, RobotCoordinates):
-        return _of_robot(error)
+        return DesignModel(_of_robot(error), _Nothing())
     raise ArgumentError(f"{type(error).__name__} have no design model to predict by")
 
 
 @cache
-def _by_equations(error: ErrorCoordinates) -> Advance:
-    step = _midpoint(len(error.system.states), state_derivative(error.system))
+def _of_equations(error: ErrorCoordinates) -> Advance:
+    slope_at = state_derivative(error.system)
 
     @jitable
-    def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:
-        step(memory.loop, u, p.plant, h)
+    def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
+        slope_at(x, u, own.calm, p.plant, own.slope)
+        for i in range(len(x)):
+            own.stage[i] = x[i] + 0.5 * h * own.slope[i]
+        slope_at(own.stage, u, own.calm, p.plant, own.slope)
+        for i in range(len(x)):
+            x[i] += h * own.slope[i]
 
     return advance
 
 
-@cache
-def _linear(n: int, m: int) -> Advance:
-    @jitable
-    def slope_at(x: Any, u: Any, w: Any, q: Any, slope: Any) -> None:
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += q.A[i, j] * (x[j] - q.x_e[j])
-            for j in range(m):
-                total += q.B[i, j] * (u[j] - q.rest[j])
-            slope[i] = total
-
-    step = _midpoint(n, slope_at)
-
-    @jitable
-    def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:
-        step(memory.loop, u, p.loop, h)
-
-    return advance
+@jitable
+def _linear_slope(x: Any, u: Any, own: Any) -> None:
+    for i in range(len(x)):
+        total = 0.0
+        for j in range(len(x)):
+            total += own.A[i, j] * (x[j] - own.x_e[j])
+        for j in range(len(u)):
+            total += own.B[i, j] * (u[j] - own.u_e[j])
+        own.slope[i] = total
 
 
-def _midpoint(n: int, slope_at: Callable[..., None]) -> Callable[..., None]:
-    """Jitable (loop, u, p, h): move ``loop.model``, (n,), by h under u, without a wrench."""
-
-    @jitable
-    def step(loop: Any, u: Any, p: Any, h: float) -> None:
-        slope_at(loop.model, u, loop.calm, p, loop.slope)
-        for i in range(n):
-            loop.stage[i] = loop.model[i] + 0.5 * h * loop.slope[i]
-        slope_at(loop.stage, u, loop.calm, p, loop.slope)
-        for i in range(n):
-            loop.model[i] += h * loop.slope[i]
-
-    return step
+@jitable
+def _linear(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
+    _linear_slope(x, u, own)
+    for i in range(len(x)):
+        own.stage[i] = x[i] + 0.5 * h * own.slope[i]
+    _linear_slope(own.stage, u, own)
+    for i in range(len(x)):
+        x[i] += h * own.slope[i]
 
 
 @cache
@@ -99,8 +138,7 @@ def _of_robot(error: RobotCoordinates) -> Advance:
     accelerations, vector = error.accelerations, each(joints, lambda i, u: u[i])
 
     @jitable
-    def advance(t: float, u: Any, memory: Any, p: Any, h: float) -> None:
-        x = memory.loop.model
+    def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
         v = driven(t, x, vector(u), memory, p)
         moved = accelerations(v, reference(t, p.reference))
         for i in range(joints):
@@ -110,73 +148,30 @@ def _of_robot(error: RobotCoordinates) -> Advance:
     return advance
 
 
-def held(
-    design: Design, advance: Advance, memory: Any, p: Any, period: float
-) -> tuple[Array, Array]:
+def held(controller: Controller, model: DesignModel, rest: Array, period: float) -> Any:
     """(A_d, B_d) of the design model over a period, by central differences at zero error.
 
     Args:
-        design: Whose model it is.
-        advance: How it moves.
-        memory: Of a run, with room to compute in.
-        p: The law's parameters, with its loop's.
+        controller: Whose model it is.
+        model: How it moves.
+        rest: Input about which, (m,).
         period: [s].
 
     Returns:
         A_d (n, n) and B_d (n, m).
     """
-    error = design.error
+    error, p = controller.designed.error, controller.parameters
+    memory, _kept_alive = controller.begin()
     of_state = isinstance(error, StateCoordinates)
     x = np.array(p.reference.x if of_state else error.place(0.0, np.zeros(error.size), p), float)
-    u, columns = np.array(p.loop.rest, float), []
-    for i in range(len(x) + len(u)):
+    n, columns = len(x), []
+    for i in range(n + len(rest)):
         ends = []
         for sign in (1.0, -1.0):
-            at, by = x.copy(), u.copy()
-            (at if i < len(x) else by)[i if i < len(x) else i - len(x)] += sign * _STEP
-            memory.loop.model[:] = at
-            advance(0.0, by, memory, p, period)
-            ends.append(memory.loop.model.copy())
+            both = np.concatenate([x, rest])
+            both[i] += sign * _STEP
+            model.advance(0.0, both[:n], both[n:], period, memory, p, model.own)
+            ends.append(both[:n].copy())
         columns.append((ends[0] - ends[1]) / (2 * _STEP))
-    found = np.column_stack(columns)
-    return found[:, : len(x)], found[:, len(x) :]
-
-
-def kalman_gain(
-    A: Array, B: Array, measured: list[int], variances: Array, load: float
-) -> tuple[Array, Array]:
-    """Steady-state Kalman gain of x_{k+1} = A x + B (u + w), y = C x + v, and what it comes to.
-
-    Args:
-        A: (n, n).
-        B: (n, m).
-        measured: Rows of x that are measured.
-        variances: Of their noise v, (len(measured),).
-        load: Standard deviation of each entry of w.
-
-    Returns:
-        The gain on y - C x of the predicted state, (n, len(measured)), and the covariance of the
-        estimate after it, (n, n).
-
-    Raises:
-        GainError: If there is no such filter.
-    """
-    C = np.eye(len(A))[measured]
-    noise = np.diag(variances)
-    try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, load**2 * B @ B.T, noise)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise GainError(
-            "kalman: no steady filter: what has a [[sensor]] does not determine the other states; "
-            f"measure another one ({one_line(str(error))})"
-        ) from None
-    gain = P @ C.T @ np.linalg.inv(C @ P @ C.T + noise)
-    kept = np.eye(len(A)) - gain @ C
-    # Numbers too far apart make a solution that is none.
-    steady = np.all(np.isfinite(gain)) and np.abs(np.linalg.eigvals(kept @ A)).max() < _FADES
-    if not steady:
-        raise GainError(
-            "kalman: no steady filter for what is measured: noise and load are too far apart, or "
-            "a state that the load does not reach is not seen"
-        )
-    return gain, kept @ P
+    whole = np.column_stack(columns)
+    return whole[:, :n], whole[:, n:]

@@ -1,56 +1,114 @@
-"""A law in its loop: a law again, for every engine, asked at each timestep.
-
-It samples the law itself. So the plant meets what the actuators give, and the law what sensors and
-estimators tell it, while all else (engines, meters, films) sees an ordinary controller.
-"""
+"""A loop attached to a controller: its numbers for one system, timestep and control period."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import InstanceOf
 
-from grosmc_mj.arguments import real, require, require_whole
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, shown
-from grosmc_mj.loop.design_model import Advance, advance_of, held, kalman_gain
-from grosmc_mj.loop.layout import (
-    LoopSampling,
-    Room,
-    loop_memory,
-    loop_numbers,
-    state_index,
-)
-from grosmc_mj.loop.loop import LARGEST_SEED, SEED, Loop
-from grosmc_mj.loop.looped_law import looped_law_of
-from grosmc_mj.loop.numbers import LoopNumbers
-from grosmc_mj.plants import System
-from grosmc_mj.records import extended
-from grosmc_mj.simulation.prepare import stride_of
+from grosmc_mj.control.coordinates.state import StateCoordinates
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Flag, Range, checked_call
+from grosmc_mj.loop.actuators import ACTUATOR, Actuator
+from grosmc_mj.loop.delay import COMPUTER
+from grosmc_mj.loop.design_model import DesignModel, design_model, held
+from grosmc_mj.loop.estimators import ESTIMATOR, KINDS
+from grosmc_mj.loop.kalman import kalman_gain
+from grosmc_mj.loop.loop import LARGEST_SEED, Loop
+from grosmc_mj.loop.prediction import LEARNING
+from grosmc_mj.loop.rows import rows_of
+from grosmc_mj.loop.sensors import SENSOR, Sensor
+from grosmc_mj.loop.stages import LoopRun
+from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, steps_in, stride_of
+from grosmc_mj.plants import Signal, System
 
 
+@dataclass(frozen=True, eq=False)
+class AppliedLoop:
+    """A loop as a controller meets it.
+
+    Attributes:
+        loop: Its parts.
+        known: The loop that the law knows.
+        predicts: Whether the law gets the state at the instant when its output arrives.
+        run: Number of the run.
+        system: The plant's.
+        period: Control period [s].
+        timestep: [s].
+        model: The design model; None where nothing runs it.
+        start: As a run begins.
+    """
+
+    loop: Loop
+    known: Loop
+    predicts: bool
+    run: int
+    system: System
+    period: float
+    timestep: float
+    model: DesignModel | None
+    start: LoopRun
+
+    @property
+    def ahead(self) -> float:
+        """From a sample to the arrival of its output, as the law knows it [s]."""
+        return float(self.start.computer["ahead"][0])
+
+    def begin(self, seen: Array, predicted: Array, **of_engine: Any) -> LoopRun:
+        """The loop of a new run.
+
+        Args:
+            seen: Where the state by sensors and estimators is written, (n,).
+            predicted: Where the state that the law gets is written, (n,).
+            of_engine: ``advance``, ``memory``, ``p`` and ``own`` of ``LoopRun``.
+        """
+        copies = {name: rows.copy() for name, rows in self.start._asdict().items()
+                  if isinstance(rows, np.ndarray)}  # fmt: skip
+        return self.start._replace(**{**copies, "seen": seen, "predicted": predicted, **of_engine})
+
+    def begin_uncompiled(
+        self, controller: Controller, memory: Any, seen: Array, predicted: Array
+    ) -> LoopRun:
+        """The same for Python, under a controller with this memory."""
+        model, p = self.model, controller.parameters
+
+        def advance(t: float, x: Any, u: Any, h: float, *_flat: Any) -> None:
+            assert model is not None
+            model.advance(t, x, u, h, memory, p, model.own)
+
+        return self.begin(seen, predicted, advance=advance).uncompiled()
+
+
+def ideal_loop(n: int, m: int) -> LoopRun:
+    """No loop: without sensors the kernel leaves it out."""
+    return _start(n, m, np.zeros(0, COMPUTER), past=0, queue=0)
+
+
+@checked_call
 def in_loop(
-    controller: Controller,
+    controller: InstanceOf[Controller],
     loop: Loop,
-    system: System,
+    system: InstanceOf[System],
     *,
-    control_period: float = 1e-3,
-    timestep: float = 1e-3,
-    predict: bool = False,
-    run: int = 0,
+    control_period: ControlPeriod = 1e-3,
+    timestep: Annotated[float, Range(SHORTEST, LONGEST, unit="s")] = 1e-3,
+    predict: Flag = False,
+    run: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0,
     known: Loop | None = None,
-    room: Room | None = None,
 ) -> Controller:
     """A controller with a loop around its law, for runs of this control period and timestep.
 
     The law sees what sensors and estimators give; its output reaches the plant through computer and
-    actuators. With ``predict`` it is told the state at the instant when its output arrives: the
+    actuators. With ``predict`` it gets the state at the instant when its output arrives: the
     design model runs ahead over the dead time of sensors, computer and actuators, a lag counting
-    as a delay of its time constants, under the outputs that are on their way. What the model has
-    missed of the state's rate lately, a load say, it goes on missing.
+    as a delay of its time constants, under the outputs that are on their way. The model's recent
+    error in the state's rate, a load say, goes on in the prediction.
 
     Args:
         controller: Any; observers and predictions need one with a design model.
@@ -59,170 +117,248 @@ def in_loop(
         control_period: Of the law [s]; a multiple of the timestep.
         timestep: Of the physics [s].
         predict: Whether the law knows its loop.
-        run: Number of the run: each has noise of its own.
+        run: Number of the run: every run has noise of its own.
         known: The loop that the law knows, if it is another than the one that it meets.
-        room: What its memory shall have room for: the laws of a batch need the same.
 
     Returns:
-        The controller, with its design and a memory and parameters that have ``loop`` besides.
+        The controller with its law as it is, and the loop for the kernel.
 
     Raises:
         ArgumentError: If a part does not fit the system or the timestep.
         GainError: If no filter exists.
     """
-    require("controller", controller, Controller, "a Controller")
-    require("loop", loop, Loop, "a Loop(computing, sensors, estimators, actuators)")
-    require("system", system, System, "a System, such as plant.system")
-    require("known", known, (Loop, type(None)), "a Loop or None")
-    require("predict", predict, (bool, np.bool_), "True or False")
-    run = require_whole("run", run, 0, LARGEST_SEED - 1, SEED)
-    h = real(timestep)
-    if not 0 < h < math.inf:
-        raise ArgumentError(f"timestep = {shown(timestep)} s must be finite and positive")
-    stride, period = stride_of(control_period, h)
-    if controller.sampling is not None:
+    if controller.loop is not None:
         raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
-    loop.require_fits(system, h, period)
+    stride, period = stride_of(control_period, timestep)
+    steps_in("control_period", period, timestep)
+    for one in dict.fromkeys((loop, known or loop)):
+        one.require_fits(system, timestep, period)
+    observers = {part.law for part in loop.estimators} & {"eso", "kalman"}
+    users = sorted(observers | ({"predict"} if predict else set()))
+    _require_one_age(loop, system, users)
     if known is not None:
-        known.require_fits(system, h, period)
-        _require_one_age(known, system, {"predict"} if predict else set())
+        _require_one_age(known, system, ["predict"] if predict else [])
     known = loop if known is None else known
-    needed = Room.needed(loop, h, stride).with_other(Room.needed(known, h, stride))
-    sampling = LoopSampling(
-        period=period,
-        timestep=h,
-        bare=controller,
-        loop=loop,
-        known=known,
-        predicts=predict,
-        run=run,
-        room=room or needed,
-        system=system,
-    )
-    if room is not None and room.with_other(needed) != room:
-        raise ArgumentError(f"room = {shown(room)} is less than the loop needs, {needed}")
-    told = controller.sampled(period)
-    observers = {each.law for each in loop.estimators} & {"eso", "kalman"}
-    _require_one_age(loop, system, observers | ({"predict"} if predict else set()))
-    advance = _design_model(told, observers, predict=predict)
-    numbers = loop_numbers(told, sampling)
-    made = replace(
-        told,
-        law=looped_law_of(
-            told.law,
-            len(system.states),
-            len(system.inputs),
-            advance,
-            frozenset(observers),
-            predict,
-        ),
-        parameters=extended(told.parameters, loop=numbers),
-        memory=partial(loop_memory, told.memory, sampling, numbers),
-        sampling=sampling,
-    )
-    if "kalman" in observers and advance is not None:
-        tuned = _with_filter(made, numbers, advance)
-        made = replace(made, parameters=extended(told.parameters, loop=tuned))
-    return made
+    sampled = controller.sampled(period)
+    model = design_model(sampled, " and ".join(sorted(observers) or users)) if users else None
+    start = _start_of(sampled, loop, known, system, timestep, period, stride, predict, run)
+    if model is not None and "kalman" in observers:
+        start.gain[:] = _filter_gain(sampled, loop, system, model, start, period)
+    applied = AppliedLoop(loop, known, predict, run, system, period, timestep, model, start)
+    return replace(sampled, loop=applied)
 
 
-def relooped(
-    controller: Controller, loop: Loop, run: int = 0, room: Room | None = None
-) -> Controller:
+def relooped(controller: Controller, loop: Loop, run: int = 0) -> Controller:
     """A controller with another loop around its law, of which it knows what it knew.
 
     Args:
         controller: In a loop.
         loop: The other one.
         run: Number of the run.
-        room: What its memory shall have room for.
 
     Raises:
         ArgumentError: If it is in none, or a part does not fit.
     """
     of = loop_of(controller)
     return in_loop(
-        of.bare, loop, of.system, control_period=of.period, timestep=of.timestep,
-        predict=of.predicts, run=run, known=of.known, room=room,
+        replace(controller, loop=None), loop, of.system, control_period=of.period,
+        timestep=of.timestep, predict=of.predicts, run=run, known=of.known,
     )  # fmt: skip
 
 
-def room_of(controller: Controller, loops: Iterable[Loop]) -> Room:
-    """Room for each of these loops around a controller that is in one."""
-    of = loop_of(controller)
-    found = of.room
-    for loop in loops:
-        found = found.with_other(Room.needed(loop, of.timestep, round(of.period / of.timestep)))
-    return found
+def loop_of(controller: Controller) -> AppliedLoop:
+    """The loop that a controller is in.
+
+    Raises:
+        ArgumentError: If it is in none.
+    """
+    if controller.loop is None:
+        raise ArgumentError(f"{controller.name} is in no loop")
+    return controller.loop
 
 
-def _require_one_age(loop: Loop, system: System, users: set[str]) -> None:
+def rate_positions(system: System) -> dict[int, int]:
+    """The states that are another state's rate, with that: of a mechanical system its velocities.
+
+    Of equations of one's own those whose drift is just another state.
+    """
+    n = system.degrees_of_freedom
+    if n:
+        return {i + n: i for i in range(n)}
+    if not system.symbolic:
+        return {}
+    x = list(system.equations.x)
+    return {x.index(f): i for i, f in enumerate(system.equations.f) if f in x}
+
+
+def _require_one_age(loop: Loop, system: System, users: list[str]) -> None:
     """Refuse states of different ages where one model is to run ahead of all of them."""
-    # A filter goes by every sensor; other estimates are as old as what they are made of.
-    filtered = any(each.law == "kalman" for each in loop.estimators)
-    estimated = {name for each in loop.estimators for name in each.of}
-    estimated -= {each.of for each in loop.sensors} if filtered else set()
-    delays = {each.of: each.delay for each in loop.sensors}
+    # A filter goes by every sensor; other estimates are as old as their measurements.
+    filtered = any(part.law == "kalman" for part in loop.estimators)
+    estimated = {name for part in loop.estimators for name in part.of}
+    estimated -= {sensor.of for sensor in loop.sensors} if filtered else set()
+    delays = {sensor.of: sensor.delay for sensor in loop.sensors}
     measured = [state.name for state in system.states if state.name not in estimated]
     ages = {name: delays.get(name, 0.0) for name in measured}
-    delays_out = {each.delay for each in loop.actuators}
-    if "predict" in users and len(delays_out) > 1:
+    if "predict" in users and len({part.delay for part in loop.actuators}) > 1:
         raise ArgumentError(
             "predict: the actuators have different delays, and the state is told at one instant: "
             "give them the same, the longest one's"
         )
     if users and len(set(ages.values())) > 1:
-        told = ", ".join(f"{of} {delay:g} s" for of, delay in ages.items())
+        listed = ", ".join(f"{of} {delay:g} s" for of, delay in ages.items())
         raise ArgumentError(
-            f"{' and '.join(sorted(users))}: what is seen is of different ages, {told}: give "
+            f"{' and '.join(users)}: what is seen is of different ages, {listed}: give "
             "each of these states a [[sensor]] with the delay of the oldest one"
         )
 
 
-def _design_model(controller: Controller, observers: set[str], *, predict: bool) -> Advance | None:
-    """The design model, where something runs it."""
-    if not (observers or predict):
-        return None
-    if controller.design is None:
-        what = " and ".join(sorted(observers)) or "predict"
-        raise ArgumentError(f"{controller.name} has no design model, which {what} needs")
-    return advance_of(controller.design.error)
+def _start_of(
+    controller: Controller,
+    loop: Loop,
+    known: Loop,
+    system: System,
+    h: float,
+    period: float,
+    stride: int,
+    predicts: bool,
+    run: int,
+) -> LoopRun:
+    """The loop as a run begins; the Kalman filter's gain is still zero."""
+    n, m = len(system.states), len(system.inputs)
+    sensors = _of_all(system.states, Sensor, loop.sensors)
+    actuators = _of_all(system.inputs, Actuator, loop.actuators)
+    error = controller.design.error if controller.design else None
+    of_state = isinstance(error, StateCoordinates)
+    rest = np.array(controller.parameters.reference.u, float) if of_state else np.zeros(m)
+    # What the law knows of its own loop: nothing, unless it predicts.
+    believed = rows_of(_of_all(system.inputs, Actuator, known.actuators), ACTUATOR, h)
+    delays = believed["delay"] + believed["lag"] / h * believed["order"]
+    to_output = round(known.computing.delay / h) + round(float(delays.max(initial=0.0)))
+    age = round(max((sensor.delay for sensor in known.sensors), default=0.0) / h)
+    dead = (to_output + age) if predicts else 0
+    filters = [part for part in loop.estimators if part.law == "kalman"]
+    filtered = {name for part in filters for name in part.of}
+    computer = rows_of(
+        [loop.computing], COMPUTER, h,
+        timestep=h, period=period, stride=stride, seed=loop.seed, run=run,
+        filters=bool(filters), settled=any(part.settled for part in filters),
+        oldest=round(max((sensor.delay for sensor in loop.sensors), default=0.0) / h),
+        observes=any(part.law == "eso" for part in loop.estimators),
+        predicts=predicts, dead=dead, age=age * predicts, ahead=to_output * h * predicts,
+        learning=0.0 if dead == 0 else 1.0 - math.exp(-LEARNING * period / (dead * h)),
+    )  # fmt: skip
+    delayed = [round(part.delay / h) for part in actuators]
+    latest = round(loop.computing.delay / h) + max(delayed)
+    return _start(
+        n, m, computer,
+        past=max(round(part.delay / h) + round(part.period / h) for part in sensors),
+        queue=max(latest, dead + stride),
+        estimators=_estimators(loop, system),
+        sensors=rows_of(
+            sensors, SENSOR, h, filtered=[state.name in filtered for state in system.states]
+        ),
+        actuators=rows_of(
+            actuators, ACTUATOR, h, rest=rest, output=rest, rated=rest, first=rest, second=rest,
+            known_limit=believed["limit"] if predicts and known.actuators else np.inf,
+        ),
+    )  # fmt: skip
 
 
-def _with_filter(made: Controller, numbers: LoopNumbers, advance: Advance) -> LoopNumbers:
-    """The numbers with the Kalman filter's gain.
+def _start(n: int, m: int, computer: Any, *, past: int, queue: int, **rows: Any) -> LoopRun:
+    """A loop as a run begins, which keeps so many timesteps of the state and of the outputs."""
+    empty = {"sensors": SENSOR, "estimators": ESTIMATOR, "actuators": ACTUATOR}
+    nothing, held = np.zeros(0), len(computer)
+    return LoopRun(
+        computer=computer,
+        **{name: rows.get(name, np.zeros(0, dtype)) for name, dtype in empty.items()},
+        gain=np.zeros((n * held, n * held)),
+        # Rings of a power of two rows.
+        past=np.zeros((1 << past.bit_length(), n)),
+        queue=np.zeros((1 << queue.bit_length(), m)),
+        seen=nothing,
+        predicted=nothing,
+        x=np.zeros(n),
+        mean=np.zeros(m),
+        advance=0,
+        memory=nothing,
+        p=nothing,
+        own=nothing,
+    )
+
+
+def _of_all(signals: Sequence[Signal], kind: Any, parts: Sequence[Any]) -> list[Any]:
+    """The part of each state or input, an ideal one where there is none."""
+    named = {part.of: part for part in parts}
+    return [named.get(signal.name, kind(signal.name)) for signal in signals]
+
+
+def _estimators(loop: Loop, system: System) -> np.ndarray[Any, Any]:
+    """Rows of the estimators of rates.
+
+    Raises:
+        ArgumentError: If one is of what is no rate, or needs what is not measured.
+    """
+    names, pairs = [state.name for state in system.states], rate_positions(system)
+    rates, measured = [names[i] for i in pairs], {sensor.of for sensor in loop.sensors}
+    estimated = [(part, of) for part in loop.estimators if part.law != "kalman" for of in part.of]
+    for part, of in estimated:
+        if of not in rates:
+            raise ArgumentError(
+                f"estimator: {part.law} gives a rate: {of!r} is none of "
+                f"{', '.join(rates) or 'them: no state is the rate of another'}"
+            )
+        if of in measured:
+            raise ArgumentError(
+                f"estimator: {of!r} has a sensor too, which would go unheard: leave one out"
+            )
+    if sum(part.law == "kalman" for part in loop.estimators) > 1:
+        raise ArgumentError("estimator: two filters by kalman: give one of them all states")
+    slow = [sensor.of for sensor in loop.sensors if sensor.period]
+    for part in loop.estimators:
+        if part.law in ("eso", "kalman") and slow:
+            raise ArgumentError(
+                f"estimator: {part.law} runs at the law's pace: the sensor of {slow[0]} has a "
+                "period of its own"
+            )
+    rows = np.zeros(len(estimated), ESTIMATOR)
+    for row, (part, of) in zip(rows, estimated, strict=True):
+        row["kind"], row["number"], row["settled"] = (
+            KINDS.index(part.law),
+            part.number,
+            part.settled,
+        )
+        row["of"], row["position"] = names.index(of), pairs[names.index(of)]
+    return rows
+
+
+def _filter_gain(
+    controller: Controller,
+    loop: Loop,
+    system: System,
+    model: DesignModel,
+    start: LoopRun,
+    period: float,
+) -> Array:
+    """The Kalman filter's gain, (n, n); zero on states without a sensor.
 
     Raises:
         ArgumentError: If nothing is measured, or without noise.
         GainError: If there is no such filter.
     """
-    sampling = loop_of(made)
-    loop, system = sampling.loop, sampling.system
-    measured = {state_index(system, sensor.of): sensor for sensor in loop.sensors}
-    if not measured:
+    names = [state.name for state in system.states]
+    if not loop.sensors:
         raise ArgumentError("estimator: kalman has nothing to go by: give it a [[sensor]]")
     for sensor in loop.sensors:
         if not (sensor.noise or sensor.resolution):
             raise ArgumentError(
                 f"estimator: kalman: the sensor of {sensor.of} has neither noise nor resolution"
             )
+    measured = [names.index(sensor.of) for sensor in loop.sensors]
     # A reading rounded to q is off by q / sqrt(12).
-    variances = np.array([s.noise**2 + s.resolution**2 / 12 for s in measured.values()])
-    load = next(each.number for each in loop.estimators if each.law == "kalman")
-    memory, _kept_alive = made.begin()
-    A, B = held(made.designed, advance, memory, made.parameters, sampling.period)
-    gain, _covariance = kalman_gain(A, B, list(measured), variances, load)
-    whole = np.zeros_like(numbers.gain)
-    whole[:, list(measured)] = gain
-    return replace(numbers, gain=whole)
-
-
-def loop_of(controller: Controller) -> LoopSampling:
-    """The loop that a controller is in.
-
-    Raises:
-        ArgumentError: If it is in none.
-    """
-    if not isinstance(controller.sampling, LoopSampling):
-        raise ArgumentError(f"{controller.name} is in no loop")
-    return controller.sampling
+    variances = np.array([s.noise**2 + s.resolution**2 / 12 for s in loop.sensors])
+    load = next(part.number for part in loop.estimators if part.law == "kalman")
+    A, B = held(controller, model, start.actuators["rest"], period)
+    gain = np.zeros((len(names), len(names)))
+    gain[:, measured] = kalman_gain(A, B, measured, variances, load)[0]
+    return gain

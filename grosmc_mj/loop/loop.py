@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import field, fields, replace
+from typing import Annotated, Any
 
-from grosmc_mj.arguments import require, require_each, require_known, require_whole
+from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.loop.parts import Actuator, Computing, Estimator, Sensor
+from grosmc_mj.fields import Items, Range, checked
+from grosmc_mj.loop.actuators import Actuator
+from grosmc_mj.loop.delay import Computing
+from grosmc_mj.loop.estimators import Estimator
+from grosmc_mj.loop.sensors import Sensor
+from grosmc_mj.loop.timing import MOST_STEPS, TIMES, steps_in, time_as_run
 from grosmc_mj.plants import System
 
-# Beyond this many timesteps a delay is a slip of the unit.
-MOST_STEPS = 100_000
 LARGEST_SEED = 2**53
-SEED = "a whole number from 0 to below 2^53"
 
 Part = Computing | Sensor | Estimator | Actuator
-# Numbers of parts that are times, on the timestep's grid.
-TIMES = ("delay", "jitter", "period")
 # What it may have several of.
 _LISTS: Mapping[str, type[Any]] = {"sensor": Sensor, "estimator": Estimator, "actuator": Actuator}
 _KINDS = ("computing", *_LISTS)
 
 
-@dataclass(frozen=True)
+@checked()
 class Loop:
     """All that lies between a law and its plant.
 
@@ -38,19 +38,10 @@ class Loop:
     """
 
     computing: Computing = field(default_factory=Computing)
-    sensors: tuple[Sensor, ...] = ()
-    estimators: tuple[Estimator, ...] = ()
-    actuators: tuple[Actuator, ...] = ()
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for kind, made in _LISTS.items():
-            name, parts = f"{kind}s", getattr(self, f"{kind}s")
-            require_each(name, parts, made, f"a tuple of {made.__name__}s")
-            object.__setattr__(self, name, tuple(parts))
-        require("computing", self.computing, Computing, "a Computing")
-        seed = require_whole("seed", self.seed, 0, LARGEST_SEED - 1, SEED)
-        object.__setattr__(self, "seed", seed)
+    sensors: Annotated[tuple[Sensor, ...], Items(Sensor, "a tuple of Sensors")] = ()
+    estimators: Annotated[tuple[Estimator, ...], Items(Estimator, "a tuple of Estimators")] = ()
+    actuators: Annotated[tuple[Actuator, ...], Items(Actuator, "a tuple of Actuators")] = ()
+    seed: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0
 
     @property
     def parts(self) -> Iterator[tuple[str, Part]]:
@@ -175,38 +166,3 @@ class Loop:
 def _names(part: Any) -> tuple[str, ...]:
     """What a part is of."""
     return (part.of,) if isinstance(part.of, str) else part.of
-
-
-def time_as_run(
-    name: str, seconds: float, timestep: float, control_period: float = math.inf
-) -> float:
-    """The time on the timestep's grid that a drawn or scaled one is run as [s].
-
-    Args:
-        name: Which of ``TIMES``: jitter stays shorter than a control period.
-        seconds: The time [s].
-        timestep: [s].
-        control_period: [s].
-    """
-    near = round(seconds / timestep) * timestep
-    return min(near, control_period - timestep) if name == "jitter" else near
-
-
-def steps_in(what: str, seconds: float, timestep: float) -> int:
-    """A time as a number of timesteps.
-
-    Raises:
-        ArgumentError: If it is none.
-    """
-    steps = round(seconds / timestep)
-    if not math.isclose(steps * timestep, seconds, rel_tol=1e-9, abs_tol=1e-15):
-        near = f"{steps * timestep:g} s" if steps else f"{timestep:g} s"
-        raise ArgumentError(
-            f"{what} = {seconds:g} s is no multiple of the timestep {timestep:g} s: take {near}, "
-            "or a shorter timestep"
-        )
-    if steps > MOST_STEPS:
-        raise ArgumentError(
-            f"{what} = {seconds:g} s is {steps} timesteps of {timestep:g} s: at most {MOST_STEPS}"
-        )
-    return steps

@@ -3,36 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from typing import get_args, get_type_hints
 
+from grosmc_mj.loop.actuators import Actuator
+from grosmc_mj.loop.delay import Computing
+from grosmc_mj.loop.estimators import TUNED_BY, Estimator
 from grosmc_mj.loop.loop import Loop
-from grosmc_mj.loop.parts import TUNED_BY, Actuator, Computing, Estimator, Sensor
+from grosmc_mj.loop.sensors import Sensor
 from grosmc_mj.plants import System
-
-# What each number of a part is called, where it is not ideal.
-_WORDS: Mapping[type, Mapping[str, str]] = {
-    Computing: {
-        "delay": "{ms:.4g} ms from sample to output",
-        "jitter": "samples up to {ms:.4g} ms late",
-        "missed": "{percent:.3g} % of the outputs missed",
-    },
-    Sensor: {
-        "resolution": "steps of {value:.4g} {unit}",
-        "noise": "noise of {value:.4g} {unit}",
-        "bias": "bias of {value:.4g} {unit}",
-        "drift": "drift of {value:.4g} {unit}/s",
-        "delay": "{ms:.4g} ms old",
-        "period": "every {ms:.4g} ms",
-    },
-    Actuator: {
-        "limit": "within {value:.4g} {unit}",
-        "rate_limit": "at most {value:.4g} {unit}/s",
-        "lag": "{lags} of {ms:.4g} ms",
-        "delay": "{ms:.4g} ms late",
-        "resolution": "steps of {value:.4g} {unit}",
-        "dead_zone": "dead up to {value:.4g} {unit}",
-    },
-}
 
 
 def loop_words(loop: Loop, system: System) -> list[str]:
@@ -53,10 +32,12 @@ def loop_words(loop: Loop, system: System) -> list[str]:
 
 
 def _of(part: Computing | Sensor | Actuator, unit: str = "") -> Iterator[str]:
+    """The words of each number that is not ideal, which stand beside its bounds."""
     lags = "two lags" if getattr(part, "order", 1) == 2 else "a lag"
-    for name, words in _WORDS[type(part)].items():
+    for name, hint in get_type_hints(type(part), include_extras=True).items():
+        words = next((each for each in get_args(hint)[1:] if isinstance(each, str)), "")
         value = getattr(part, name)
-        if value and math.isfinite(value):
+        if words and value and math.isfinite(value):
             yield words.format(
                 value=value, unit=unit, ms=1e3 * value, percent=100 * value, lags=lags
             )

@@ -69,12 +69,10 @@ class Transmission(MachinePart):
             )
 
     def __str__(self) -> str:
-        words = []
-        if math.isfinite(self.stiffness):
-            words.append(f"gives way by 1/{self.stiffness:.4g}")
-        if self.backlash:
-            words.append(f"has a play of {self.backlash:.4g}")
-        return f"{self.joint}: transmission that {' and '.join(words)}, motor of {self.inertia:.3g}"
+        flexible = math.isfinite(self.stiffness) and f"gives way by 1/{self.stiffness:.4g}"
+        loose = self.backlash > 0 and f"has a play of {self.backlash:.4g}"
+        words = " and ".join(filter(None, (flexible, loose)))
+        return f"{self.joint}: transmission that {words}, motor of {self.inertia:.3g}"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         """A coordinate of the motor's own, tied to the joint by a tendon."""

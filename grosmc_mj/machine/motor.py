@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -38,24 +38,6 @@ from grosmc_mj.physics.hidden_states import HiddenState
 _STIFF = 1e9
 # By which copper's resistance grows [1/K].
 _COPPER = 0.0039
-
-
-class _Winding(NamedTuple):
-    """A motor in MuJoCo's units.
-
-    Attributes:
-        constant: K.
-        resistance: R.
-        gear: Of the actuator, with the sign of the input's.
-        force: MuJoCo's force for one N m at the motor.
-        volts: c, of a motor without a supply: the voltage for one unit of the input.
-    """
-
-    constant: float
-    resistance: float
-    gear: float
-    force: float
-    volts: float
 
 
 @checked(ModelError)
@@ -112,23 +94,24 @@ class Motor(MachinePart):
     remedy = "take another integrator, or leave its inductance out"
 
     def __post_init__(self) -> None:
-        mistake = ""
-        if bool(self.thermal_resistance) != bool(self.heat_capacity):
-            mistake = "heating needs both thermal_resistance and heat_capacity"
-        if 0 < self.time_constant < LEAST:
-            mistake = f"its current follows in {self.time_constant:.2g} s: leave that out"
-        if abs(self.ratio) < LEAST:
-            mistake = f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative"
-        if mistake:
-            raise ModelError(f"motor of {self.input!r}: {mistake}")
+        heated, tau = bool(self.thermal_resistance), self.time_constant
+        mistakes = {
+            "heating needs both thermal_resistance and heat_capacity": (
+                heated != bool(self.heat_capacity)
+            ),
+            f"its current follows in {tau:.2g} s: leave that out": 0 < tau < LEAST,
+            f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative": (
+                abs(self.ratio) < LEAST
+            ),
+        }
+        if any(mistakes.values()):
+            text = "; ".join(mistake for mistake, wrong in mistakes.items() if wrong)
+            raise ModelError(f"motor of {self.input!r}: {text}")
 
     def __str__(self) -> str:
         kind = f"current loop of {self.bandwidth:.4g} rad/s" if self.bandwidth else "voltage"
-        limits = []
-        if math.isfinite(self.voltage):
-            limits.append(f"{self.voltage:.3g} V")
-        if math.isfinite(self.current):
-            limits.append(f"{self.current:.3g} A")
+        bounds = (self.voltage, "V"), (self.current, "A")
+        limits = [f"{bound:.3g} {unit}" for bound, unit in bounds if math.isfinite(bound)]
         within = f", within {' and '.join(limits)}" if limits else ""
         return f"{self.input}: DC motor by {kind}{within}"
 
@@ -161,26 +144,27 @@ class Motor(MachinePart):
         gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
         if not ideal or gear == 0:
             raise ModelError(f"motor: input {self.input!r} is no ideal motor on a joint")
-        winding, root = self._winding(gear), math.sqrt(self.efficiency)
-        low, high = self._limits(actuator, winding.volts / root)
+        constant, resistance, new_gear, force = self._winding(gear)
+        root = math.sqrt(self.efficiency)
+        low, high = self._limits(actuator, self._volts(gear) / root)
         supply = root * self.voltage if self.supplied else 0.0
-        most = self.efficiency * self.constant * self.current * winding.force
+        most = self.efficiency * self.constant * self.current * force
         rate = self._rate(supply, spec.option.timestep)
         kind = "mjINPUT_FF" if supply else "mjINPUT_VOLTAGE"
         try:
             actuator.set_to_dcmotor(
-                motorconst=[winding.constant, 0.0],
-                resistance=winding.resistance,
+                motorconst=[constant, 0.0],
+                resistance=resistance,
                 saturation=[most if math.isfinite(most) else 0.0, 0.0, rate],
                 inductance=[0.0, self.time_constant],
-                cogging=[self.cogging * winding.force, self.cogging_periods * winding.force, 0.0],
+                cogging=[self.cogging * force, self.cogging_periods * force, 0.0],
                 controller=[0.0, 0.0, 0.0, 0.0, 0.0, supply],
                 thermal=self._thermal(),
                 ctrlspec=int(getattr(mujoco.mjtCtrlInput, kind)),
             )
         except ValueError as error:
             raise ModelError(f"motor of {self.input!r}: {one_line(str(error))}") from None
-        actuator.gear = [winding.gear, *[0.0] * 5]
+        actuator.gear = [new_gear, *[0.0] * 5]
         if math.isfinite(high):
             actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
             actuator.ctrlrange = [low, high]
@@ -191,18 +175,26 @@ class Motor(MachinePart):
         """Resistance against the back-EMF [ohm]."""
         return self.resistance * (_STIFF if self.bandwidth and not self.supplied else 1.0)
 
-    def _winding(self, gear: float) -> _Winding:
-        """The motor in the place of an input whose torque at the joint is the gear.
+    @property
+    def _constant(self) -> float:
+        """MuJoCo's constant of both torque and back-EMF [N m/A]."""
+        return math.sqrt(self.efficiency) * self.constant
 
-        One that turns against its joint is the same with its current the other way round.
+    def _volts(self, gear: float) -> float:
+        """c: the voltage for one unit of an input whose torque at the joint is the gear [V]."""
+        return abs(gear) * self._resistance / (abs(self.ratio) * self._constant)
+
+    def _winding(self, gear: float) -> tuple[float, float, float, float]:
+        """In the place of such an input: K, R, the actuator's gear, and its force for one N m.
+
+        A motor that turns against its joint is the same with its current the other way round.
         """
-        ratio, constant = abs(self.ratio), math.sqrt(self.efficiency) * self.constant
-        volts = volts_for(abs(gear), ratio, constant, self._resistance)
         if self.supplied:
-            force = ratio / abs(gear)
-            return _Winding(constant * force, self.resistance, gear, force, volts)
-        constant, resistance = in_units_of(volts, constant, self._resistance)
-        return _Winding(constant, resistance, ratio * math.copysign(1.0, gear), 1.0, volts)
+            force = abs(self.ratio) / abs(gear)
+            return self._constant * force, self.resistance, gear, force
+        c = self._volts(gear)
+        signed_ratio = abs(self.ratio) * math.copysign(1.0, gear)
+        return self._constant / c, self._resistance / c**2, signed_ratio, 1.0
 
     def _limits(self, actuator: mujoco.MjsActuator, volts: float) -> tuple[float, float]:
         """Least and largest input: the model's own, and those that an amplifier's voltage allows.
@@ -275,20 +267,3 @@ class Motor(MachinePart):
         torque = model.actuator_gainprm[index, 1] * model.actuator_gear[index, 0]
         scale = float(torque / (self.efficiency * self.constant * self.ratio))
         return replace(state, name=f"{self.input} winding", unit="A", kind="winding", scale=scale)
-
-
-def volts_for(torque: float, ratio: float, constant: float, resistance: float) -> float:
-    """c: the voltage for one unit of an input that demands a torque at the joint [V].
-
-    Args:
-        torque: For one unit of the input [N m or N].
-        ratio: Of the gear.
-        constant: K [N m/A].
-        resistance: R [ohm].
-    """
-    return torque * resistance / (ratio * constant)
-
-
-def in_units_of(c: float, constant: float, resistance: float) -> tuple[float, float]:
-    """K and R in a unit of voltage that is c times as large."""
-    return constant / c, resistance / c**2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -17,6 +17,10 @@ from grosmc_mj.physics.edits import Edit
 LEAST, MOST = 1e-15, 1e15
 # MuJoCo wants mass and inertia on every body that moves: too little to matter.
 TOKEN = 1e-12
+# Growth of an oscillation in a timestep that is none, but for rounding.
+STABLE = 1 + 1e-9
+# A timestep that is short enough for anything [s].
+_SHORTEST = 1e-30
 # Of the largest stable timestep: what else moves needs a share of it.
 _SAFE = 0.9
 
@@ -59,8 +63,8 @@ class Oscillation:
             return f"follows its input in {1 / self.damping:.2g} s"
         return f"moves at {math.sqrt(self.square):.4g} rad/s"
 
-    def stable(self, h: float, integrator: mujoco.mjtIntegrator) -> bool:
-        """Whether it does not grow in a timestep h [s]."""
+    def growth(self, h: float, integrator: mujoco.mjtIntegrator) -> float:
+        """Factor by which it grows in a timestep h [s]; it is stable up to ``STABLE``."""
         square, d = self.square, self.damping
         if integrator == mujoco.mjtIntegrator.mjINT_RK4:
             z = h * np.array([[0.0, 1.0], [-square, -d]])
@@ -70,20 +74,18 @@ class Oscillation:
             divided = 1.0 / (1.0 + h * d) if implicit else 1.0
             kept, push = divided if implicit else 1.0 - h * d, -h * square * divided
             step = np.array([[1.0 + h * push, h * kept], [push, kept]])
-        return float(np.abs(np.linalg.eigvals(step)).max()) <= 1 + 1e-9
+        return float(np.abs(np.linalg.eigvals(step)).max())
 
     def longest_timestep(self, unstable: float, integrator: mujoco.mjtIntegrator) -> float:
         """The longest stable timestep below one that is not stable [s]."""
-        stable = unstable
-        while not self.stable(stable, integrator) and stable > 1e-9:
-            stable /= 2
-        for _ in range(30):
-            middle = math.sqrt(stable * unstable)
-            if self.stable(middle, integrator):
-                stable = middle
-            else:
-                unstable = middle
-        return stable
+        # Here, for it is a part of scipy that little needs.
+        from scipy.optimize import bisect
+
+        ends = math.log(_SHORTEST), math.log(unstable)
+        root: Any = bisect(
+            lambda e: self.growth(math.exp(e), integrator) - STABLE, *ends, xtol=1e-6
+        )
+        return math.exp(root)
 
 
 class MachinePart(Edit):
@@ -106,7 +108,7 @@ class MachinePart(Edit):
         """Refuse a timestep with which it is unstable, as ``Edit`` says."""
         h, integrator = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
         oscillation = self.oscillation(model)
-        if oscillation is None or oscillation.stable(h, integrator):
+        if oscillation is None or oscillation.growth(h, integrator) <= STABLE:
             return
         longest = _SAFE * oscillation.longest_timestep(h, integrator)
         raise ModelError(

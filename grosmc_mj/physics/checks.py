@@ -1,4 +1,4 @@
-"""What is looked at in a compiled model before it is stepped: its numbers, and who changed them."""
+"""Checks of a model before it is stepped: are its numbers usable, and has anybody changed them?"""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SHORTEST, LONGEST = 1e-9, 1.0
 def _arrays() -> tuple[str, ...]:
     """Names of the arrays of numbers that the motion depends on."""
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    found = (
+    arrays = (
         name
         for name in dir(model)
         if _owner(name) in _OWNERS
@@ -43,8 +43,8 @@ def _arrays() -> tuple[str, ...]:
         and isinstance(getattr(model, name), np.ndarray)
         and getattr(model, name).dtype.kind == "f"
     )
-    # What MuJoCo derives at the reference position comes after what it derives it from.
-    return tuple(sorted(found, key=lambda name: name.endswith("0")))
+    # Numbers that MuJoCo derives at the reference position come after those that it reads.
+    return tuple(sorted(arrays, key=lambda name: name.endswith("0")))
 
 
 def _owner(array: str) -> str:
@@ -61,7 +61,7 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
 
     Raises:
         ModelError: If the timestep is not from 1e-9 to 1 s, a number that the motion depends on is
-            not finite, with the name of what has it, or a name cannot be printed.
+            not finite, with the name of its owner, or a name cannot be printed.
     """
     if not model.names.decode(errors="replace").replace("\0", "").isprintable():
         raise ModelError(f"{shown(name, str)}: a name in it has characters that cannot be printed")
@@ -74,16 +74,13 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
     for option in _OPTIONS:
         if not np.all(np.isfinite(getattr(model.opt, option))):
             raise ModelError(f"{name}: its {option} is {getattr(model.opt, option)}, not finite")
-    # All at once: a model has a hundred small arrays.
-    if np.all(np.isfinite(np.concatenate([getattr(model, each).ravel() for each in _arrays()]))):
-        return
-    for each in _arrays():
-        values = getattr(model, each)
-        rows = np.unique(np.argwhere(~np.isfinite(values))[:, 0])
-        if len(rows):
+    for array in _arrays():
+        values = getattr(model, array)
+        if not np.all(np.isfinite(values)):
+            row = int(np.argwhere(~np.isfinite(values))[0, 0])
             raise ModelError(
-                f"{name}: {_named(model, each, int(rows[0]))}: {each.partition('_')[2] or each} = "
-                f"{values[rows[0]].tolist()} must be finite"
+                f"{name}: {_named(model, array, row)}: {array.partition('_')[2] or array} = "
+                f"{values[row].tolist()} must be finite"
             )
 
 
@@ -101,11 +98,11 @@ def _named(model: mujoco.MjModel, array: str, row: int) -> str:
 def fingerprint(model: mujoco.MjModel) -> str:
     """Hash of all numbers that the motion depends on."""
     options = (getattr(model.opt, name) for name in (*_OPTIONS, *_SWITCHES, *_FLAGS))
-    said = [*(getattr(model, name).tobytes() for name in _arrays()), *map(_bytes, options)]
-    return hashlib.sha256(b"".join(said)).hexdigest()
+    arrays = (getattr(model, name) for name in _arrays())
+    return hashlib.sha256(b"".join(map(_bytes, (*arrays, *options)))).hexdigest()
 
 
-# What of an editable model the motion depends on most, by the kind of its parts.
+# Fields of an editable model that the motion depends on most, by the kind of its elements.
 _WRITTEN = {
     "bodies": "name mass inertia fullinertia ipos iquat pos quat gravcomp",
     "joints": "name axis pos range ref springref stiffness damping armature frictionloss "
@@ -117,12 +114,11 @@ _WRITTEN_OPTIONS = "timestep integrator gravity disableflags density viscosity"
 
 
 def spec_fingerprint(spec: mujoco.MjSpec) -> str:
-    """Hash of what a model that is not compiled says of its motion."""
-    said = [_bytes(getattr(spec.option, name)) for name in _WRITTEN_OPTIONS.split()]
-    for kind, written in _WRITTEN.items():
-        names = written.split()
-        said += [_bytes(getattr(part, name)) for part in getattr(spec, kind) for name in names]
-    return hashlib.sha256(b"".join(said)).hexdigest()
+    """Hash of the numbers of an editable model that the motion depends on."""
+    values = [getattr(spec.option, name) for name in _WRITTEN_OPTIONS.split()]
+    for kind, names in _WRITTEN.items():
+        values += [getattr(item, name) for item in getattr(spec, kind) for name in names.split()]
+    return hashlib.sha256(b"".join(map(_bytes, values))).hexdigest()
 
 
 def _bytes(value: Any) -> bytes:

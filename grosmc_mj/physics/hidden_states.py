@@ -6,7 +6,7 @@ qvel, and those that parts of a machine add come after them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -61,23 +61,18 @@ def hidden_states(
         system: Whose states laws do see.
         edits: They name the states that are theirs.
     """
-    states = [*_of_joints(model, system), *_of_actuators(model)]
+    added = range(system.degrees_of_freedom, model.njnt)
+    states = [HiddenState(model.joint(i).name, _unit(model, i), "load", 1 + i) for i in added]
+    for i, first in enumerate(1 + model.nq + model.nv + model.actuator_actadr.astype(int)):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)
+        units = {"temperature": "K", "bristle": _unit(model, model.actuator_trnid[i, 0])}
+        states += [
+            HiddenState(f"{name} {kind}", units.get(kind, "1"), kind, int(first) + offset)
+            for offset, kind in enumerate(_activations(model, i))
+        ]
     for edit in edits:
         states = [edit.hidden(state, model) for state in states]
     return tuple(states)
-
-
-def _of_joints(model: mujoco.MjModel, system: System) -> Iterator[HiddenState]:
-    for joint in range(system.degrees_of_freedom, model.njnt):
-        yield HiddenState(model.joint(joint).name, _unit(model, joint), "load", 1 + joint)
-
-
-def _of_actuators(model: mujoco.MjModel) -> Iterator[HiddenState]:
-    for i, first in enumerate(model.actuator_actadr):
-        for column, kind in enumerate(_activations(model, i), 1 + model.nq + model.nv + int(first)):
-            unit = {"temperature": "K", "bristle": _unit(model, model.actuator_trnid[i, 0])}
-            name = f"{mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i)} {kind}"
-            yield HiddenState(name, unit.get(kind, "1"), kind, column)
 
 
 def _activations(model: mujoco.MjModel, index: int) -> list[str]:

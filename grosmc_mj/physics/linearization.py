@@ -72,9 +72,9 @@ def differences(plant: Plant, x: Array, u: Array) -> tuple[Array, Array]:
         mujoco.mj_forward(model, data)
         # MuJoCo sets an input beyond its own bound to zero.
         if np.any(data.warning.number):
-            given = np.concatenate([x, u]).tolist()
+            point = np.concatenate([x, u]).tolist()
             raise ArgumentError(
-                f"{plant.system.name}: MuJoCo cannot compute x' at [x, u] = {given}"
+                f"{plant.system.name}: MuJoCo cannot compute x' at [x, u] = {point}"
             )
         mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
     to_rates = np.eye(n) - np.eye(n, k=m)

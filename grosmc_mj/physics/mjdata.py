@@ -20,10 +20,10 @@ def mujoco_library() -> Path:
     """
     folder = Path(mujoco.__file__).parent
     names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
-    found = [file for name in names for file in sorted(folder.glob(name))]
-    if not found:
+    files = [file for name in names for file in sorted(folder.glob(name))]
+    if not files:
         raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
-    return found[0]
+    return files[0]
 
 
 def scratch(model: mujoco.MjModel) -> mujoco.MjData:

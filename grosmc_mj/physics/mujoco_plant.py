@@ -17,40 +17,37 @@ from pydantic import InstanceOf
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Range, checked
+from grosmc_mj.fields import Known, Range, checked
 from grosmc_mj.physics.checks import LONGEST, SHORTEST, fingerprint, spec_fingerprint
 from grosmc_mj.physics.edits import BodyEdit, Change, Edit, apply_edits
 from grosmc_mj.physics.files import compile_spec, joint_names, load_spec, model_path
 from grosmc_mj.physics.hidden_states import HiddenState, hidden_states
+from grosmc_mj.physics.linearization import differences
 from grosmc_mj.physics.mjdata import scratch
 from grosmc_mj.physics.template import Template
 from grosmc_mj.physics.undrawn import can_constrain, undrawn
 from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 
-_INTEGRATORS: dict[int, Integrator] = {
-    int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")): name
-    for name in get_args(Integrator)
+# MuJoCo's integrators by name, and their names.
+_MUJOCO: dict[Integrator, mujoco.mjtIntegrator] = {
+    name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
+_INTEGRATORS: dict[int, Integrator] = {int(value): name for name, value in _MUJOCO.items()}
 
 
 class _Nominal:
     """What all plants of one nominal model share.
 
     Attributes:
-        fingerprint: Of the model when the first plant was made of it.
-        undrawn: The model without what is only drawn.
+        fingerprint: Of the model, when its first plant was created.
+        undrawn: The model without looks, to compute with.
         templates: To write edits into, by timestep and integrator.
     """
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
         self.fingerprint, self.undrawn = spec_fingerprint(spec), undrawn(spec)
         self.templates: dict[tuple[Any, ...], Template] = {}
-
-    @cached_property
-    def model(self) -> mujoco.MjModel:
-        """The same compiled, once for thousands of edits."""
-        return compile_spec(self.undrawn)
 
 
 # For as long as a plant has the model.
@@ -85,7 +82,7 @@ class MujocoPlant(Plant):
     spec: mujoco.MjSpec
     edits: tuple[Edit, ...] = ()
     timestep: Annotated[float, Range(SHORTEST, LONGEST, "s", below=True)] | None = None
-    integrator: Integrator | None = None
+    integrator: Annotated[Integrator, Known("integrator", get_args(Integrator))] | None = None
 
     @classmethod
     def load(
@@ -121,7 +118,7 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If an edit is not valid.
         """
-        return replace(self, spec=apply_edits(self.spec, edits, self._nominal.model))
+        return replace(self, spec=apply_edits(self.spec, edits, self.template.model))
 
     def changed(
         self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
@@ -175,7 +172,7 @@ class MujocoPlant(Plant):
     @property
     def _model_like(self) -> mujoco.MjModel:
         """A compiled model with its states and drives, which rigid edits do not change."""
-        return self.undrawn_model if self.parts else self._nominal.model
+        return self.undrawn_model if self.parts else self.template.model
 
     @property
     def stepped_by(self) -> Integrator:
@@ -184,7 +181,7 @@ class MujocoPlant(Plant):
 
     @property
     def restepped(self) -> bool:
-        """Whether another integrator is asked for than the model says."""
+        """Whether it has another integrator than its model."""
         return self.stepped_by != _INTEGRATORS[int(self.spec.option.integrator)]
 
     @property
@@ -243,9 +240,6 @@ class MujocoPlant(Plant):
             ModelError: If it has states of its own.
         """
         self._refuse_hidden()
-        # It imports the engine that compiles the laws, which loads slowly.
-        from grosmc_mj.physics.linearization import differences
-
         state, inputs = self.operating_point(x, u)
         self.require_unchanged([self])
         return differences(self, state, inputs)
@@ -261,13 +255,9 @@ class MujocoPlant(Plant):
 
         Runs compute with one that has the same motion and nothing that is only drawn.
         """
-        return self._handed_out[0]
-
-    @cached_property
-    def _handed_out(self) -> tuple[mujoco.MjModel, str]:
-        """The compiled model, and what it was like then."""
-        model = self._compiled(self._edited(self.spec))
-        return model, fingerprint(model)
+        _, model = self._compiled(self.spec)
+        vars(self)["_fingerprint"] = fingerprint(model)
+        return model
 
     @cached_property
     def undrawn_model(self) -> mujoco.MjModel:
@@ -281,8 +271,7 @@ class MujocoPlant(Plant):
     @property
     def _running(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
         """The model that runs compute with, editable and compiled."""
-        spec = self._edited(self._nominal.undrawn)
-        model = self._compiled(spec)
+        spec, model = self._compiled(self._nominal.undrawn)
         if not can_constrain(model):
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         return spec, model
@@ -311,23 +300,17 @@ class MujocoPlant(Plant):
             self.undrawn_model  # noqa: B018  compiled here, and not by several threads
         return changes
 
-    def _edited(self, nominal: mujoco.MjSpec) -> mujoco.MjSpec:
-        """The edited model, drawn or not."""
-        model = self._nominal.model if self.edits else None
-        spec = apply_edits(nominal, self.edits, model, self.timestep)
-        if self.integrator is not None:
-            spec.option.integrator = getattr(
-                mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"
-            )
-        return spec
-
-    def _compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
-        """Compile the edited model.
+    def _compiled(self, nominal: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+        """The edited model, editable and compiled, from the nominal one, drawn or not.
 
         Raises:
             ModelError: If MuJoCo refuses it, its joints are not the system's, or its parts need a
                 shorter timestep.
         """
+        compiled = self.template.model if self.edits else None
+        spec = apply_edits(nominal, self.edits, compiled, self.timestep)
+        if self.integrator is not None:
+            spec.option.integrator = _MUJOCO[self.integrator]
         model = compile_spec(spec, checked=bool(self.edits))
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -342,7 +325,7 @@ class MujocoPlant(Plant):
             )
         for edit in self.edits:
             edit.require_timestep(model, self.system.name)
-        return model
+        return spec, model
 
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
         """The analytic twin, with the numbers of the compiled model as it is edited.
@@ -350,23 +333,22 @@ class MujocoPlant(Plant):
         The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
-        compiled = "undrawn_model" in vars(rigid)
-        model = None if compiled else rigid.template.written(rigid.edits)
+        known = "undrawn_model" in vars(rigid) or not rigid.edits
+        model = None if known else rigid.template.written(rigid.edits)
         return AnalyticPlant.from_model(self.system, model or rigid.undrawn_model, variant)
 
     @classmethod
     def require_unchanged(cls, plants: Iterable[MujocoPlant]) -> None:
-        """Refuse to simulate something else than what the plants' models now say.
+        """Refuse plants whose models were changed since they were compiled, as ``Plant`` says.
 
-        A model that nobody has been given is not looked at, and one spec once.
+        A model that nobody has read is not looked at, and each spec once.
 
         Raises:
             ModelError: If a model or a spec was changed in place.
         """
         plants = dict.fromkeys(plants)
         for plant in plants:
-            model, before = plant.__dict__.get("_handed_out", (None, ""))
-            if model is not None and fingerprint(model) != before:
+            if "model" in vars(plant) and fingerprint(plant.model) != vars(plant)["_fingerprint"]:
                 raise ModelError(
                     f"{plant.system.name}: plant.model was changed after it was compiled, which no "
                     "run would notice: use plant.edited(...), or another MJCF"

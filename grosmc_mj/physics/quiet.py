@@ -36,7 +36,7 @@ def warnings_counted_only() -> Iterator[None]:
 
 @contextmanager
 def quiet_reading() -> Iterator[None]:
-    """Read or compile a model without a word of MuJoCo's about it: what is wrong is an error."""
+    """Read or compile a model without warnings of MuJoCo: its mistakes are errors."""
     with warnings_counted_only(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield

@@ -63,14 +63,11 @@ class Template:
         model.tendon_lengthspring[self._springs] = model.tendon_length0[self._springs, None]
 
     def written(self, edits: Sequence[Edit]) -> mujoco.MjModel | None:
-        """The edited model, one object for all calls, to be read at once; None as ``changes``."""
-        if not edits:
-            return self.model
-        changes = self.changes(edits)
+        """The edited model; None as ``changes``."""
+        changes, model = self.changes(edits), self.copy()
         if changes is None:
             return None
-        model, data = self._scratch
-        self.write(changes, model, data)
+        self.write(changes, model, mujoco.MjData(model))
         return model
 
     @cached_property
@@ -82,12 +79,6 @@ class Template:
             if not (body.geoms or body.cameras or body.lights)
             and not any(part.frame for part in (*body.sites, *body.bodies))
         )
-
-    @cached_property
-    def _scratch(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """A model of this template's own, and its data."""
-        model = self.copy()
-        return model, mujoco.MjData(model)
 
     @cached_property
     def _springs(self) -> NDArray[np.intp]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -24,6 +24,8 @@ _NOT_ON_A_JOINT = {
 _LAGS = (_DYNAMICS.mjDYN_FILTER, _DYNAMICS.mjDYN_FILTEREXACT)
 # Integrals of a servo, which are a part of its own loop.
 _INTEGRALS = (_DYNAMICS.mjDYN_INTEGRATOR, _DYNAMICS.mjDYN_PID)
+# Fields of delays and of lags that act within a timestep.
+_TIMING = ("delay", "nsample", "interp", "actearly")
 _ANY = (-math.inf, math.inf)
 Limits = tuple[float, float]
 
@@ -91,32 +93,39 @@ def torque_input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Torqu
     gear, joint = float(own.gear[0]), model.joint(int(view.trnid[0]))
     resistance, constant = (float(number) for number in view.gainprm[:2])
     gain = 1.0 if servo or driver else constant / resistance if is_dc else resistance
-    torque, asked = gear * gain, _ANY
-    if view.ctrllimited[0] and not servo:
-        asked = _scaled(torque, view.ctrlrange)
-    limits = [asked]
-    if view.actlimited[0] and not servo:
-        limits.append(_scaled(torque, view.actrange))
-    if driver and (supply := view.gainprm[7]):
-        limits.append(_scaled(gear * supply * constant / resistance, (-1.0, 1.0)))
-    if view.forcelimited[0]:
-        limits.append(_scaled(gear, view.forcerange))
-    if model.jnt_actfrclimited[joint.id]:
-        limits.append(_scaled(1.0, model.jnt_actfrcrange[joint.id]))
+    supplied = gear * float(view.gainprm[7]) * constant / resistance if driver else 0.0
+    ranges = (
+        # Commands and activations of a servo are positions or velocities.
+        (view.ctrllimited[0] and not servo, gear * gain, view.ctrlrange),
+        (view.actlimited[0] and not servo, gear * gain, view.actrange),
+        (view.forcelimited[0], gear, view.forcerange),
+        (supplied, supplied, (-1.0, 1.0)),
+        (model.jnt_actfrclimited[joint.id], 1.0, model.jnt_actfrcrange[joint.id]),
+    )
+    limits = [_scaled(factor, ends) if limited else _ANY for limited, factor, ends in ranges]
     low, high = max(low for low, _ in limits), min(high for _, high in limits)
     within = f"within [{low:g}, {high:g}] {joint_unit(model, joint.id)}"
     within = within if math.isfinite(high) else "without limits"
-    extras, note, built = _extras(own, view, driver=driver), "", dict[str, Any]()
+    extras = _extras(own, view, driver=driver)
+    instead = f" instead of the {servo}" if servo else ""
+    note = _first(
+        {
+            f"the plant has {' and '.join(extras)}, which no law knows; torque control {within}"
+            f"{instead}": extras,
+            f"the {servo} is left out, torque control {within} instead": servo,
+            f"its input is torque at the joint, with its gear {gear:g} and gain {gain:g} in the "
+            f"limits, {within}": gear * gain != 1,
+        }
+    )
+    built = dict[str, Any]()
     if extras:
-        note = f"the plant has {' and '.join(extras)}, which no law knows; torque control {within}"
-        note += f" instead of the {servo}" if servo else ""
-        built = _built(own, view, asked, 0.0 if servo else torque)
-        built |= _motor_at_joint(view, gear, driver=driver) if is_dc else {}
-    elif servo:
-        note = f"the {servo} is left out, torque control {within} instead"
-    elif torque != 1:
-        note = f"its input is torque at the joint, with its gear {gear:g} and gain {gain:g} in the "
-        note += f"limits, {within}"
+        command, activation, force = limits[:3]
+        built = {**_bounded("ctrl", command), **_bounded("force", force)}
+        built |= {field: getattr(own, field) for field in _TIMING}
+        if own.dyntype in _LAGS:
+            built |= {"dyntype": own.dyntype, "dynprm": own.dynprm, **_bounded("act", activation)}
+        if is_dc:
+            built |= _motor_at_joint(view, gear, driver=driver)
     note = note and f"actuator {name!r}: {note}"
     return TorqueInput(name, joint.name, (low, high), built, note)
 
@@ -140,22 +149,27 @@ def _bounded(field: str, limits: Limits) -> dict[str, Any]:
     return {f"{field}limited": limited, f"{field}range": limits if finite else [0.0, 0.0]}
 
 
+def _first(reasons: Mapping[str, Any]) -> str:
+    """The first of these words that holds; empty if none does."""
+    return next((words for words, holds in reasons.items() if holds), "")
+
+
 def _servo(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> str:
     """Kind of the servo with its gains; empty for a motor."""
-    if driver:
-        kp, ki, kd = view.gainprm[4:7]
-        if own.ctrlspec & _INPUT.mjINPUT_POS:
-            return f"inner position controller (kp {kp:g}, ki {ki:g}, kd {kd:g})"
-        velocity = own.ctrlspec & _INPUT.mjINPUT_VEL
-        return f"inner velocity controller (kd {kd:g})" if velocity else ""
-    constant, of_position, of_velocity = view.biasprm[:3]
-    if own.biastype != _BIAS.mjBIAS_AFFINE:
-        return ""
-    if of_position:
-        return f"position servo (kp {0.0 - of_position:g}, kv {0.0 - of_velocity:g})"
-    if of_velocity:
-        return f"velocity servo (kv {0.0 - of_velocity:g})"
-    return f"constant bias {constant:g}" if constant else ""
+    kp, ki, kd = view.gainprm[4:7]
+    constant, stiffness, damping = view.biasprm[:3] * [1.0, -1.0, -1.0] + 0.0
+    affine = own.biastype == _BIAS.mjBIAS_AFFINE
+    return _first(
+        {
+            f"inner position controller (kp {kp:g}, ki {ki:g}, kd {kd:g})": (
+                driver and own.ctrlspec & _INPUT.mjINPUT_POS
+            ),
+            f"inner velocity controller (kd {kd:g})": driver and own.ctrlspec & _INPUT.mjINPUT_VEL,
+            f"position servo (kp {stiffness:g}, kv {damping:g})": affine and stiffness,
+            f"velocity servo (kv {damping:g})": affine and damping,
+            f"constant bias {constant:g}": affine and constant,
+        }
+    )
 
 
 def _extras(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> list[str]:
@@ -176,56 +190,36 @@ def _unfit(own: mujoco.MjsActuator, view: Any, servo: str) -> str:
     gain, bias = own.gaintype, own.biastype
     is_dc = gain == _GAIN.mjGAIN_DCMOTOR
     static = (_DYNAMICS.mjDYN_NONE, *_LAGS, *(_INTEGRALS if servo else ()))
-    reasons = {
-        "is a muscle, which pulls by its length and takes no torque": (
-            gain == _GAIN.mjGAIN_MUSCLE or dynamics == _DYNAMICS.mjDYN_MUSCLE
-        ),
-        _NOT_ON_A_JOINT.get(transmission, ""): transmission in _NOT_ON_A_JOINT,
-        "is a DC motor without an input, which actuators=... can leave out": (
-            own.ctrlspec == _INPUT.mjINPUT_NONE
-        ),
-        f"has activation dynamics ({dynamics.name.removeprefix('mjDYN_').lower()})": (
-            dynamics not in static and not is_dc
-        ),
-        "has a gain that depends on the state": (
-            gain not in (_GAIN.mjGAIN_FIXED, _GAIN.mjGAIN_PID) and not is_dc
-        ),
-        "has a lag of 0 s, which nothing can simulate": (
-            dynamics == _DYNAMICS.mjDYN_FILTER and lag <= 0
-        ),
-        f"has a bias of kind {bias.name.removeprefix('mjBIAS_').lower()}": (
-            bias not in (_BIAS.mjBIAS_NONE, _BIAS.mjBIAS_AFFINE) and not is_dc
-        ),
-        "is a plugin": own.plugin.active,
-        "has an armature or damping of its own, which belongs to its joint": (
-            own.armature or np.any(own.damping)
-        ),
-        "has no gear or no gain": (
-            own.gear[0] == 0 or (view.gainprm[int(is_dc)] == 0 and not servo)
-        ),
-    }
-    return next((reason for reason, applies in reasons.items() if applies), "")
-
-
-def _built(own: mujoco.MjsActuator, view: Any, asked: Limits, torque: float) -> dict[str, Any]:
-    """Fields of an actuator with its lag, delay and limits, whose input is a torque.
-
-    Args:
-        own: The model's actuator.
-        view: The same, compiled.
-        asked: Range of the input [N m or N].
-        torque: At the joint for one unit of its activation; 0 of a servo, whose activation is a
-            position or a velocity.
-    """
-    built = _bounded("ctrl", asked)
-    built |= {field: getattr(own, field) for field in ("actearly", "delay", "nsample", "interp")}
-    if view.forcelimited[0]:
-        built |= _bounded("force", _scaled(own.gear[0], view.forcerange))
-    if own.dyntype in _LAGS:
-        built |= {"dyntype": own.dyntype, "dynprm": view.dynprm.copy()}
-        if view.actlimited[0] and torque:
-            built |= _bounded("act", _scaled(torque, view.actrange))
-    return built
+    return _first(
+        {
+            "is a muscle, which pulls by its length and takes no torque": (
+                gain == _GAIN.mjGAIN_MUSCLE or dynamics == _DYNAMICS.mjDYN_MUSCLE
+            ),
+            _NOT_ON_A_JOINT.get(transmission, ""): transmission in _NOT_ON_A_JOINT,
+            "is a DC motor without an input, which actuators=... can leave out": (
+                own.ctrlspec == _INPUT.mjINPUT_NONE
+            ),
+            f"has activation dynamics ({dynamics.name.removeprefix('mjDYN_').lower()})": (
+                dynamics not in static and not is_dc
+            ),
+            "has a gain that depends on the state": (
+                gain not in (_GAIN.mjGAIN_FIXED, _GAIN.mjGAIN_PID) and not is_dc
+            ),
+            "has a lag of 0 s, which nothing can simulate": (
+                dynamics == _DYNAMICS.mjDYN_FILTER and lag <= 0
+            ),
+            f"has a bias of kind {bias.name.removeprefix('mjBIAS_').lower()}": (
+                bias not in (_BIAS.mjBIAS_NONE, _BIAS.mjBIAS_AFFINE) and not is_dc
+            ),
+            "is a plugin": own.plugin.active,
+            "has an armature or damping of its own, which belongs to its joint": (
+                own.armature or np.any(own.damping)
+            ),
+            "has no gear or no gain": (
+                own.gear[0] == 0 or (view.gainprm[int(is_dc)] == 0 and not servo)
+            ),
+        }
+    )
 
 
 def _motor_at_joint(view: Any, gear: float, *, driver: bool) -> dict[str, Any]:

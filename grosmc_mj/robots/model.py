@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from grosmc_mj.arguments import require_each, require_known
 from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.physics.files import compile_spec, joint_names
-from grosmc_mj.robots.actuators import torque_input
+from grosmc_mj.robots.actuators import TorqueInput, torque_input
 
 _JOINT, _DISABLE = mujoco.mjtJoint, mujoco.mjtDisableBit
 Names = Iterable[str] | None
@@ -76,36 +76,15 @@ def robot_specs(
     _select(spec, joints, actuators, notes)
     couplings = _couplings(spec, notes)
     compiled = compile_spec(spec)
-    for problem in _problems(compiled):
-        raise ModelError(problem)
     inputs = [torque_input(spec, compiled, actuator.name) for actuator in spec.actuators]
+    drives = {
+        joint: [torque for torque in inputs if torque.joint == joint]
+        for joint in joint_names(compiled)
+    }
+    for problem in _problems(compiled, drives, couplings):
+        raise ModelError(problem)
     notes += [torque.note for torque in inputs if torque.note]
-    order = list(joint_names(compiled))
-    inputs.sort(key=lambda torque: order.index(torque.joint))
-    for joint in order:
-        rivals = [torque.actuator for torque in inputs if torque.joint == joint]
-        if len(rivals) > 1:
-            raise ModelError(
-                f"joint {joint!r} has {len(rivals)} actuators, {', '.join(rivals)}: name the one "
-                "to use with actuators=..."
-            )
-    driven = {torque.joint for torque in inputs}
-    idle = [joint for joint in order if joint not in driven]
-    if not driven:
-        raise ModelError(
-            f"no actuator drives {', '.join(map(repr, idle))}: name one with actuators=..."
-        )
-    for coupled in couplings:
-        for joint in coupled:
-            if joint in idle:
-                raise ModelError(
-                    f"joint {joint!r} is coupled (equality) and no actuator drives it: leave it "
-                    "out of joints=..., which locks it, or give it an actuator"
-                )
-        names = " and ".join(map(repr, coupled))
-        kind = f"couples the joints {names}" if len(coupled) > 1 else f"holds the joint {names}"
-        notes.append(f"the plant {kind} (equality), which no law knows: laws move each on its own")
-    if idle:
+    if idle := [joint for joint, driving in drives.items() if not driving]:
         notes.append(
             f"no actuator drives {', '.join(idle)}: laws are designed from MuJoCo's linearization "
             "about an operating point (a joint left out of joints=... is locked)"
@@ -115,7 +94,8 @@ def robot_specs(
     built = spec.copy() if couplings or any(torque.built for torque in inputs) else None
     for equality in spec.equalities:
         spec.delete(equality)
-    for torque in inputs:
+    # In the order of the joints.
+    for (torque,) in filter(None, drives.values()):
         torque.add_to(spec)
         if built is not None:
             torque.add_to(built, as_built=True)
@@ -188,6 +168,12 @@ def _couplings(spec: mujoco.MjSpec, notes: list[str]) -> list[list[str]]:
             )
         if equality.active and joints.issuperset(coupled):
             couplings.append(coupled)
+            names = " and ".join(map(repr, coupled))
+            kind = "couples the joints" if len(coupled) > 1 else "holds the joint"
+            notes.append(
+                f"the plant {kind} {names} (equality), which no law knows: laws move each on its "
+                "own"
+            )
             continue
         if equality.active:
             left = ", ".join(sorted({*coupled} - joints))
@@ -196,12 +182,20 @@ def _couplings(spec: mujoco.MjSpec, notes: list[str]) -> list[list[str]]:
     return couplings
 
 
-def _problems(model: mujoco.MjModel) -> Iterator[str]:
-    """What makes it no tree of hinges and slides that inverse dynamics is exact for."""
-    if not model.njnt:
+def _problems(
+    model: mujoco.MjModel, drives: Mapping[str, list[TorqueInput]], couplings: list[list[str]]
+) -> Iterator[str]:
+    """What makes it no tree of hinges and slides that torques drive and inverse dynamics tells of.
+
+    Args:
+        model: Compiled.
+        drives: The torque inputs of every joint.
+        couplings: Joints of which each is coupled to the other.
+    """
+    if not drives:
         yield "the model has no joint that a law could move"
-    for index in range(model.njnt):
-        name, kind = model.joint(index).name, _JOINT(int(model.jnt_type[index]))
+    for index, (name, driving) in enumerate(drives.items()):
+        kind = _JOINT(int(model.jnt_type[index]))
         if kind in (_JOINT.mjJNT_FREE, _JOINT.mjJNT_BALL):
             yield (
                 f"joint {name!r} is a {kind.name.removeprefix('mjJNT_').lower()} joint: a robot "
@@ -212,6 +206,19 @@ def _problems(model: mujoco.MjModel) -> Iterator[str]:
                 f"joint {name!r} has actuatorgravcomp: its actuator would bear gravity as well as "
                 "the law; set it to false"
             )
+        if len(driving) > 1:
+            rivals = ", ".join(torque.actuator for torque in driving)
+            yield (
+                f"joint {name!r} has {len(driving)} actuators, {rivals}: name the one to use with "
+                "actuators=..."
+            )
+        if not driving and any(name in coupled for coupled in couplings):
+            yield (
+                f"joint {name!r} is coupled (equality) and no actuator drives it: leave it out of "
+                "joints=..., which locks it, or give it an actuator"
+            )
+    if not any(drives.values()):
+        yield f"no actuator drives {', '.join(map(repr, drives))}: name one with actuators=..."
     fields = ("stiffness", "damping", "frictionloss", "armature", "limited")
     if any(np.any(getattr(model, f"tendon_{field}")) for field in fields):
         yield (

@@ -11,31 +11,25 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, compile_c
 from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
+from grosmc_mj.loop.design_model import Advance, DesignModel
+from grosmc_mj.loop.in_loop import ideal_loop
+from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.own_law import innermost
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.guard import c_address, guard
 from grosmc_mj.simulation.inputs import ask, written_inputs
-from grosmc_mj.simulation.kernel import (
-    ANSWERED,
-    LAW,
-    CompiledLoop,
-    c_address,
-    guard,
-    kernel,
-)
+from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, kernel
 from grosmc_mj.simulation.law_errors import LawError, compiling
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop
-from grosmc_mj.simulation.steppers import (
-    Stepper,
-    Steppers,
-    kernel_run,
-)
+from grosmc_mj.simulation.steppers import Stepper, Steppers, kernel_run
 from grosmc_mj.simulation.trajectory import Status
 
 # What is noted of a law that has raised an error, in place of a ``Status``.
@@ -82,13 +76,15 @@ class _Runs:
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self._stopped = problem, threading.Event()
+        self._dtypes = problem.memory_dtype, record_dtype(problem.controller.parameters)
+        meters, self._note = problem.meters[0], 0
         with compiling(problem.controller):
-            self._law = _compiled_law(
-                problem.system,
-                problem.controller.law,
-                problem.memory_dtype,
-                record_dtype(problem.controller.parameters),
-            )
+            self._law = _compiled_law(problem.system, problem.controller.law, *self._dtypes)
+            loops = [each.loop for each in problem.controllers if each.loop]
+            for model in {of.model.advance: of.model for of in loops if of.model}.values():
+                self._advance(model)
+            if meters is not None:
+                self._note = _compiled_note(meters.note, *self._dtypes, *meters.kind[1:]).address
         several = dict.fromkeys(problem.controllers)
         self._numbers = {controller: pack(controller.parameters) for controller in several}
         # Plants of one model after each other: a thread has one at a time.
@@ -100,6 +96,7 @@ class _Runs:
         kernel()
         stepper.addresses()
         self._record = Record.empty(problem, stepper.size)
+        self._rows_at = self._record.rows.ctypes.data
 
     def run(self) -> Record:
         """Run them all, until an error or Ctrl-C."""
@@ -131,24 +128,40 @@ class _Runs:
         controller = problem.controllers[number]
         memory, _kept_alive = controller.begin()
         step, model, data = stepper.addresses()
-        physics = record.physics
-        loop = kernel_run(
-            problem, number, record, stepper, memory,
-            p=self._numbers[controller], law=self._law.address, step=step, model=model, data=data,
-            read=c_address("mj_getState"), width=8 * stepper.size,
-            states=0 if physics is None else physics[number].ctypes.data,
+        numbers, width = self._numbers[controller], 8 * record.rows.shape[2]
+        first_row = self._rows_at + width * (number * record.rows.shape[1] + 1)
+
+        def loop_of(seen: Array, predicted: Array) -> LoopRun:
+            loop = controller.loop
+            if loop is None:
+                return ideal_loop(len(predicted), len(problem.system.inputs))
+            if loop.model is None:
+                return loop.begin(seen, predicted)
+            advance, own = self._advance(loop.model), pack(loop.model.own)
+            return loop.begin(seen, predicted, advance=advance, own=own, p=numbers)
+
+        r = kernel_run(
+            problem, number, record, stepper, memory, loop_of,
+            p=numbers, law=self._law.address, note=self._note, step=step, model=model, data=data,
+            read=c_address("mj_getState"), width=width if stepper.size else 0,
+            physics=first_row + 8 * problem.width,
         )  # fmt: skip
-        compiled, first, steps = CompiledLoop(loop), 0, _FIRST
-        while first < problem.steps and not self._stopped.is_set():
+        r = r._replace(loop=r.loop._replace(memory=r.memory))
+        compiled, steps = CompiledRun(r), _FIRST
+        while (first := int(r.clock[0])) < problem.steps and not self._stopped.is_set():
             last, began = min(first + steps, problem.steps), time.perf_counter()
-            if not compiled.advance(first, last, own):
+            if not compiled.advance(last, own):
                 break
             spent = max(time.perf_counter() - began, _PAUSE / 50)
             steps = max(1, int((last - first) * _PAUSE / spent))
-            first = last
-        record.valid[number], record.status[number] = loop.end - (0, ANSWERED)
+        record.valid[number], record.status[number] = r.clock[0], r.clock[2] - ANSWERED
         if record.status[number] == _FAILED:
             self._stopped.set()
+
+    def _advance(self, model: DesignModel) -> int:
+        """Address of what moves a design model."""
+        dtypes = *self._dtypes, record_dtype(model.own)
+        return _compiled_advance(model.advance, *dtypes).address
 
 
 def _model_of(plant: Any) -> Any:
@@ -169,13 +182,13 @@ def _compiled_law(
     singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
     undefined_input = ANSWERED + Status.UNDEFINED_INPUT.value
 
-    def sample(t: float, x: Any, memory: Any, p: Any, u: Any) -> int:
+    def sample(t: float, x: Any, seen: Any, memory: Any, p: Any, u: Any) -> int:
         if singular(x):
             return singular_plant
         remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
         numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
         try:
-            finite = inputs(u, law(t, x, remembered, numbers))
+            finite = inputs(u, law(t, seen, remembered, numbers))
         except Exception:
             return failed
         if remembered.undefined != 0.0:
@@ -183,3 +196,34 @@ def _compiled_law(
         return answered if finite else undefined_input
 
     return compile_c(sample, *LAW.args, returns=LAW.return_type)
+
+
+@cache
+def _compiled_advance(
+    advance: Advance, memory_dtype: Any, numbers_dtype: Any, own_dtype: Any
+) -> Any:  # fmt: skip
+    """What moves a design model as a C function, which the kernel calls."""
+    advance = jitable(advance)
+
+    def moved(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
+        remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
+        numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
+        advance(t, x, u, h, remembered, numbers, array_at(own.ctypes.data, (1,), own_dtype)[0])
+
+    return compile_c(moved, *ADVANCE.args)
+
+
+@cache
+def _compiled_note(
+    note: Any, memory_dtype: Any, numbers_dtype: Any, meters_dtype: Any, known_dtype: Any
+) -> Any:
+    """What accumulates metrics as a C function, which the kernel calls."""
+    note = jitable(note)
+
+    def noted(t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any) -> None:
+        remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
+        numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
+        kept = array_at(meters.ctypes.data, (1,), meters_dtype)[0]
+        note(t, x, u, remembered, numbers, kept, array_at(known.ctypes.data, (1,), known_dtype)[0])
+
+    return compile_c(noted, *NOTE.args)

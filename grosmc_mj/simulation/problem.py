@@ -1,9 +1,11 @@
-"""A simulation that has been checked and is ready to run, and what an engine returns."""
+"""A simulation that has been checked and is ready to run, and the rows that an engine writes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +13,29 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant, System
-from grosmc_mj.records import record_dtype
+from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
+
+
+@dataclass(frozen=True, eq=False)
+class Meters:
+    """Metrics that are accumulated while a run goes on.
+
+    Attributes:
+        note: Jitable (t, x, u, memory, p, meters, numbers): note the timestep that begins at t [s]
+            in the state x, (n,), under the input u, (m,), of the law with memory and p.
+        start: Their values as a run begins, a dataclass of numbers and arrays.
+        numbers: What ``note`` needs to know, another one.
+    """
+
+    note: Callable[[float, Any, Any, Any, Any, Any, Any], None]
+    start: Any
+    numbers: Any
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What runs of one batch have in common."""
+        return self.note, record_dtype(self.start), record_dtype(self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +45,7 @@ class Problem:
     Attributes:
         plants: One per simulation, all analytic or all in MuJoCo.
         controllers: One per simulation, with the same law.
+        meters: One per simulation, which note alike; None for none.
         x0: Starts, (nsim, n).
         steps: Number of timesteps.
         stride: Timesteps in a control period.
@@ -34,6 +58,7 @@ class Problem:
 
     plants: tuple[Plant, ...]
     controllers: tuple[Controller, ...]
+    meters: tuple[Meters | None, ...]
     x0: Array
     steps: int
     stride: int
@@ -59,9 +84,29 @@ class Problem:
         return record_dtype(self.controller.memory())
 
     @property
+    def meters_dtype(self) -> np.dtype[np.void] | None:
+        """Layout of the metrics; None without any."""
+        return record_dtype(self.meters[0].start) if self.meters[0] else None
+
+    @property
     def disturbed(self) -> bool:
         """Whether anything acts on any of the simulations."""
         return any(self.disturbances)
+
+    @cached_property
+    def columns(self) -> dict[str, slice]:
+        """Where the signals are in a row, by their names in ``KernelRun``; ``seen`` of a loop."""
+        n, m, looped = self.x0.shape[1], len(self.system.inputs), bool(self.controller.loop)
+        wrenches = 6 * len(self.system.bodies) if self.disturbed else 0
+        sizes = {"x": n, "command": m, "memory": self.memory_dtype.itemsize // 8, "w": wrenches,
+                 "given": m * looped, "seen": n * looped}  # fmt: skip
+        ends = np.cumsum(list(sizes.values())).tolist()
+        return {name: slice(end - sizes[name], end) for name, end in zip(sizes, ends, strict=True)}
+
+    @property
+    def width(self) -> int:
+        """Numbers in a row."""
+        return list(self.columns.values())[-1].stop
 
     @cached_property
     def pushes(self) -> list[tuple[Array, Array]]:
@@ -82,27 +127,20 @@ class Problem:
 
 @dataclass(eq=False)
 class Record:
-    """Rows of all simulations as an engine writes them.
+    """What an engine writes of all simulations.
 
     Attributes:
-        x: States after each kept step, (nsim, rows, n).
-        u: Commands of each kept step, (nsim, rows, m).
-        memory: Memory of the law in each kept step, flat, (nsim, rows, size).
+        rows: The signals at the start and after each kept step, and behind them
+            mjSTATE_FULLPHYSICS, (nsim, kept steps + 1, width + size).
         status: ``Status`` values, (nsim,).
         valid: Number of valid steps, (nsim,).
-        wrench: Disturbances in each kept step, (nsim, rows, 6 * bodies), or None.
-        physics: mjSTATE_FULLPHYSICS after each kept step, (nsim, rows, size), or None.
-        start: The same before the first step, (nsim, size), or None.
+        meters: Accumulated metrics, flat, (nsim, size).
     """
 
-    x: Array
-    u: Array
-    memory: Array
+    rows: Array
     status: NDArray[np.int64]
     valid: NDArray[np.int64]
-    wrench: Array | None = None
-    physics: Array | None = None
-    start: Array | None = None
+    meters: Array
 
     @classmethod
     def empty(cls, problem: Problem, size: int = 0) -> Record:
@@ -112,16 +150,11 @@ class Record:
             problem: What is run.
             size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
         """
-        nsim, rows = len(problem.x0), problem.steps if problem.record else 1
+        nsim, kept = len(problem.x0), problem.steps if problem.record else 1
+        starts = [pack(each.start) if each else np.zeros(0) for each in problem.meters]
         return cls(
-            x=np.zeros((nsim, rows, problem.x0.shape[1])),
-            u=np.zeros((nsim, rows, len(problem.system.inputs))),
-            memory=np.zeros((nsim, rows, problem.memory_dtype.itemsize // 8)),
+            rows=np.zeros((nsim, kept + 1, problem.width + size)),
             status=np.zeros(nsim, np.int64),
             valid=np.full(nsim, problem.steps, np.int64),
-            wrench=np.zeros((nsim, rows, 6 * len(problem.system.bodies)))
-            if problem.disturbed
-            else None,
-            physics=np.zeros((nsim, rows, size)) if size else None,
-            start=np.zeros((nsim, size)) if size else None,
+            meters=np.array(starts),
         )

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.loop.in_loop import ideal_loop
+from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.inputs import ask
@@ -32,7 +35,9 @@ class ClosedLoop:
     Attributes:
         steps: Timesteps done.
         memory: The law's memory.
-        u: Command held in the last one, (m,).
+        u: Input in the last one, (m,).
+        meters: Metrics accumulated so far; None without any.
+        run: All that the kernel has of it.
     """
 
     def __init__(
@@ -49,19 +54,29 @@ class ClosedLoop:
         )
         self.steps, (self.memory, self._kept_alive) = 0, self._controller.begin()
         kept = record or Record.empty(replace(problem, record=False), stepper.size)
+        meters, controller, memory = problem.meters[number], self._controller, self.memory
+        self.meters = deepcopy(meters.start) if meters else None
 
         def read(_model: Any, _data: Any, row: int, _which: int) -> None:
-            assert kept.physics is not None
-            stepper.read(kept.physics[number, row])
+            stepper.read(kept.rows[number, 1 + row, problem.width :])
 
-        self._loop = kernel_run(
-            problem, number, kept, stepper, self.memory, step=stepper.advance, read=read,
-            law=self._sample, p=np.zeros(0), model=stepper.model, data=stepper.data,
-            states=0, width=min(1, stepper.size),
+        def note(t: float, x: Array, u: Array, *_flat: Any) -> None:
+            assert meters is not None
+            meters.note(t, x, u, memory, controller.parameters, self.meters, meters.numbers)
+
+        def loop_of(seen: Array, predicted: Array) -> LoopRun:
+            if controller.loop is None:
+                return ideal_loop(len(predicted), len(stepper.u))
+            return controller.loop.begin_uncompiled(controller, memory, seen, predicted)
+
+        self.run = kernel_run(
+            problem, number, kept, stepper, memory, loop_of,
+            step=stepper.advance, read=read, law=self._sample, note=note, p=np.zeros(0),
+            model=stepper.model, data=stepper.data, physics=0, width=min(1, stepper.size),
         )  # fmt: skip
         if record is None:  # as many steps as somebody likes
-            self._loop = self._loop._replace(keep=sys.maxsize)
-        self.u = self._loop.u
+            self.run = self.run._replace(keep=sys.maxsize)
+        self.u = self.run.u
 
     @property
     def x(self) -> Array:
@@ -78,22 +93,24 @@ class ClosedLoop:
         Returns:
             Why the run cannot go on, or ``Status.COMPLETED`` for steps that were completed.
         """
-        run(self.steps, self.steps + steps, self._loop)
-        ended = Status(int(self._loop.end[1]) - ANSWERED)
-        self.steps = self.steps + steps if ended is Status.COMPLETED else int(self._loop.end[0])
-        return ended
+        self.run.clock[1] = self.steps + steps
+        run(self.run)
+        self.steps = int(self.run.clock[0])
+        return Status(int(self.run.clock[2]) - ANSWERED)
 
     def advance_under(self, wrench: Array) -> Status:
         """One timestep as ``advance``, but under a wrench, (6 * bodies,), and no disturbances."""
-        self._loop = self._loop._replace(pushes=self._loop.pushes[:0])
+        self.run = self.run._replace(pushes=self.run.pushes[:0])
         self._stepper.push(wrench)
         return self.advance()
 
-    def _sample(self, t: float, x: Array, memory: Array, p: Array, u: Array) -> int:
+    def _sample(
+        self, t: float, x: Array, seen: Array, memory: Array, p: Array, u: Array
+    ) -> int:  # fmt: skip
         """Ask the law for the input that is held from now on."""
         if self._problem.system.singular(x):
             return ANSWERED + Status.SINGULAR_PLANT.value
-        finite = ask(self._controller, t, x, self.memory, u)
+        finite = ask(self._controller, t, seen, self.memory, u)
         memory[:] = pack(self.memory)
         if self.memory.undefined:
             return ANSWERED + Status.UNDEFINED_LAW.value
@@ -116,4 +133,6 @@ def run_python(problem: Problem) -> Record:
             loop = ClosedLoop(problem, number, record, steppers)
             ended = loop.advance(problem.steps)
             record.status[number], record.valid[number] = ended.value, loop.steps
+            if loop.meters is not None:
+                record.meters[number] = pack(loop.meters)
     return record

@@ -13,9 +13,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import DivergenceError, UndefinedLawError
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.native_engine import run_native
-from grosmc_mj.simulation.prepare import Disturbances, prepare
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.simulation.problem import Meters, Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 
@@ -30,7 +31,8 @@ def simulate(
     duration: float,
     control_period: float | None = None,
     timestep: float | None = None,
-    disturbances: Disturbances = (),
+    disturbances: Sequence[Disturbance] | Sequence[Sequence[Disturbance]] = (),
+    meters: Meters | Sequence[Meters] | None = None,
     engine: Engine = "native",
     record: bool = True,
     threads: int = 0,
@@ -49,6 +51,7 @@ def simulate(
             must be a multiple of the timestep.
         timestep: Of an analytic plant [s], 1 ms by default; a model in MuJoCo has its own.
         disturbances: Wrenches, for all simulations or one list for each.
+        meters: Metrics to accumulate, for all simulations or one for each.
         engine: ``native`` compiles law and loop; ``python`` runs any callable law.
         record: Whether to keep every timestep, or only start and end.
         threads: For the native engine; 0 for all cores.
@@ -70,6 +73,7 @@ def simulate(
         control_period=control_period,
         timestep=timestep,
         disturbances=disturbances,
+        meters=meters,
         record=record,
         threads=threads,
     )
@@ -83,52 +87,39 @@ def simulate(
 
 def _trajectory(problem: Problem, record: Record) -> Trajectory:
     """What the engine wrote, with names, as a batch."""
-    n, rows = problem.x0.shape[1], record.u.shape[1]
-    time = np.arange(problem.steps + 1) * problem.timestep
+    rows, width, columns = record.rows, problem.width, problem.columns
+    # The last valid row is repeated; of an unrecorded run that ended early only the start is.
     for run in np.flatnonzero(record.status).tolist():
-        _repeat_last(problem, record, run)
-    memory = record.memory.view(problem.memory_dtype)[..., 0]
-    names = memory.dtype.names or ()
+        last = int(record.valid[run]) if problem.record else 0
+        rows[run, last + 1 :] = rows[run, last]
+    held = {name: rows[:, 1:, place] for name, place in columns.items()}
+    memory = held["memory"].view(problem.memory_dtype)[..., 0]
+    names, looped = memory.dtype.names or (), bool(problem.controller.loop)
     if "workspace" in names:
         memory["workspace"] = 0.0  # an address, which means nothing after the run
-    state = np.empty((len(problem.x0), rows + 1, n))
-    state[:, 0], state[:, 1:] = problem.x0, record.x
-    physics = None
-    if record.physics is not None and record.start is not None:
-        physics = np.concatenate([record.start[:, None], record.physics], axis=1)
+    time, dtype = np.arange(problem.steps + 1) * problem.timestep, problem.meters_dtype
     return Trajectory(
         system=problem.system,
         time=time if problem.record else time[[0, -1]],
-        state=state,
-        command=_squeezed(memory["loop"]["asked"] if "loop" in names else record.u),
-        seen=memory["loop"]["seen"] if "loop" in names else None,
-        input=_squeezed(_applied(problem, record.u)),
+        state=rows[..., columns["x"]],
+        command=_squeezed(held["command"]),
+        seen=held["seen"] if looped else None,
+        input=_squeezed(_applied(problem, held["given" if looped else "command"])),
         sliding=_squeezed(memory["s"]) if "s" in names else None,
         weighed=_squeezed(memory["v"]),
         memory=memory,
-        wrench=record.wrench,
-        physics=physics,
+        wrench=held["w"] if problem.disturbed else None,
+        physics=rows[..., width:] if rows.shape[2] > width else None,
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
         unseen=tuple(getattr(plant, "hidden_states", ()) for plant in problem.plants),
+        meters=record.meters.view(dtype)[:, 0] if dtype else None,
     )
 
 
 def _squeezed(rows: Array) -> Array:
     """Values of one input without an axis of their own: (nsim, rows) instead of (nsim, rows, 1)."""
     return rows[..., 0] if rows.ndim == 3 and rows.shape[-1] == 1 else rows
-
-
-def _repeat_last(problem: Problem, record: Record, run: int) -> None:
-    """Repeat the last valid row of a run that ended early."""
-    valid = int(record.valid[run]) if problem.record else 0
-    record.x[run, valid:] = record.x[run, valid - 1] if valid else problem.x0[run]
-    for rows in (record.u, record.memory, record.wrench):
-        if rows is not None:
-            rows[run, valid:] = rows[run, valid - 1] if valid else 0.0
-    if record.physics is not None and record.start is not None:
-        last = record.physics[run, valid - 1] if valid else record.start[run]
-        record.physics[run, valid:] = last
 
 
 def _applied(problem: Problem, u: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -15,11 +16,13 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, compile_c
 from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.plants.runge_kutta import runge_kutta_step
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.kernel import ANSWERED, STEP, KernelRun, c_address, cannot_step
+from grosmc_mj.simulation.guard import c_address, cannot_step
+from grosmc_mj.simulation.kernel import ANSWERED, STEP, KernelRun
 from grosmc_mj.simulation.problem import Problem, Record
 
 # A state beyond this has diverged; MuJoCo's own bound.
@@ -242,7 +245,13 @@ def stepper_of(plant: Plant, timestep: float) -> Stepper:
 
 
 def kernel_run(
-    problem: Problem, number: int, record: Record, stepper: Stepper, memory: Any, **of_engine: Any
+    problem: Problem,
+    number: int,
+    record: Record,
+    stepper: Stepper,
+    memory: Any,
+    loop_of: Callable[..., LoopRun],
+    **of_engine: Any,
 ) -> KernelRun:
     """One run of a problem at its start, for the kernel.
 
@@ -252,20 +261,26 @@ def kernel_run(
         record: Where its rows go.
         stepper: What moves its plant.
         memory: Of its law.
+        loop_of: Its loop, which writes into two arrays, ``seen`` and ``predicted``, each (n,).
         of_engine: The fields of ``KernelRun`` in which the engines differ.
     """
-    stepper.restart(problem.x0[number])
-    if record.start is not None:
-        stepper.read(record.start[number])
+    x0, meters = problem.x0[number], problem.meters[number]
+    stepper.restart(x0)
     pushes, values = problem.pushes[min(number, len(problem.pushes) - 1)]
-    nothing = np.zeros((0, 6 * len(stepper.bodies)))
+    now, told = np.zeros(problem.width), np.zeros(len(x0))
+    signals = {name: now[columns] for name, columns in problem.columns.items()}
+    signals["x"][:], signals["memory"][:] = x0, pack(memory)
+    loop = loop_of(signals.pop("seen"), told)
+    rows = record.rows[number]
+    rows[0, : len(x0)] = x0
+    if stepper.size:
+        stepper.read(rows[0, problem.width :])
     return KernelRun(
+        clock=np.array([0, problem.steps, ANSWERED]),
         keep=0 if problem.record else problem.steps - 1,
         stride=problem.stride,
         h=problem.timestep,
         period=problem.control_period,
-        x=stepper.x,
-        memory=pack(memory),
         q=stepper.q,
         v=stepper.v,
         u=stepper.u,
@@ -273,12 +288,13 @@ def kernel_run(
         pushes=pushes,
         values=values,
         bodies=stepper.bodies,
-        w=np.zeros(6 * len(stepper.bodies)),
         forces=stepper.forces,
-        xs=record.x[number],
-        us=record.u[number],
-        memories=record.memory[number],
-        wrenches=nothing if record.wrench is None else record.wrench[number],
-        end=np.array([problem.steps, ANSWERED]),
+        now=now,
+        **signals,
+        seen=told,
+        meters=record.meters[number],
+        meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
+        rows=rows[1:],
+        loop=loop,
         **of_engine,
     )

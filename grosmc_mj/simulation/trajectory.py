@@ -34,8 +34,8 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Of a law's memory: an address, when it began, and what a loop computes in.
-_NOT_SAVED = ("workspace", "first", "loop")
+# Of a law's memory: an address, and when it began.
+_NOT_SAVED = ("workspace", "first")
 
 
 # Signals with a row for each instant, and for each interval between two.
@@ -72,6 +72,7 @@ class Trajectory:
             law that knows it.
         unseen: What of ``physics`` no law sees, such as twists and currents of a machine; of a
             batch one such tuple for each run.
+        meters: The accumulated metrics, a structured array, () or (nsim,); None without any.
     """
 
     system: System
@@ -88,6 +89,7 @@ class Trajectory:
     valid_until: Array
     seen: Array | None = None
     unseen: tuple[Any, ...] = ()
+    meters: NDArray[np.void] | None = None
 
     def __repr__(self) -> str:
         """What it is, without its rows."""
@@ -186,9 +188,7 @@ class Trajectory:
             "groups": named,
             "unseen": [astuple(each) for each in self.unseen],
             "memory": {
-                name: list(self.memory.dtype[name].shape)
-                for name in self.memory.dtype.names or ()
-                if name != "loop"
+                name: list(self.memory.dtype[name].shape) for name in self.memory.dtype.names or ()
             },
             "one_axis": {
                 "sliding": self.sliding is not None and self.sliding.ndim == 1,
@@ -226,6 +226,7 @@ class Trajectory:
             status=self.status[run],
             valid_until=self.valid_until[run],
             unseen=self.unseen[run],
+            meters=None if self.meters is None else self.meters[run],
             **cut,
         )
 
@@ -269,14 +270,29 @@ def load_trajectory(path: str | Path) -> Trajectory:
     file = Path(path)
     columns, about = read_columns(file)
     try:
-        return _restored({each.name: each.values for each in columns}, about)
+        return _restored({column.name: column.values for column in columns}, about)
+    except ArgumentError as error:
+        raise ArgumentError(f"{file}: holds no trajectory: {error}") from None
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ArgumentError(f"{file}: holds no trajectory: {error!r}") from None
 
 
 def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajectory:
-    """A trajectory from its columns and what is said about them."""
+    """A trajectory from its columns and what is said about them.
+
+    Raises:
+        ArgumentError: If the columns are not real numbers at increasing instants, a row for each.
+    """
     groups, time = about["groups"], found["time"]
+    for name, values in found.items():
+        if values.dtype.kind not in "fiu":
+            raise ArgumentError(f"{name} has values of type {values.dtype}, must be real numbers")
+        if values.ndim != 1 or len(values) != len(time):
+            raise ArgumentError(
+                f"{name} has shape {values.shape}, must have a row for each of {len(time)} instants"
+            )
+    if not (len(time) and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)):
+        raise ArgumentError("time must be finite and increasing")
 
     def rows(group: str) -> Array | None:
         names = groups[group]

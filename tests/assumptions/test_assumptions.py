@@ -25,7 +25,7 @@ from grosmc_mj.assumptions.audit import (
     reading_of,
     run_audit,
 )
-from grosmc_mj.assumptions.balance import Balance, balance, switching_rate
+from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.claims_document import audit_document
 from grosmc_mj.chapter.claims_tables import audit_table, worst_points
@@ -181,7 +181,7 @@ def test_required_rate_is_the_one_that_stops_s(system: str) -> None:
 
 def sized(law: Controller, found: Balance, factor: float) -> Controller:
     """The law with a switching rate of ``factor`` times the required one, at this state."""
-    if hasattr(law.parameters, "epsilon"):
+    if law.parameters.epsilon:
         return with_parameters(law, epsilon=factor * found.required)
     return with_parameters(law, eta=factor * found.required, gamma0=0.0, gamma1=0.0)
 
@@ -265,7 +265,7 @@ def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
         ddz = law.coordinates.sign * (plant.derivative(x, found.u_c)[velocity] - ddy_r)
         misses.append(abs(ddz + (law.parameters.K @ z).item()))
         if not hasattr(law.parameters, "GB"):
-            assert switching_rate(law, z, np.array([[found.determinant]])) == 0
+            assert found.configured == 0
             u = law.law(t, x, law.memory(), law.parameters)
             assert abs(found.u_c.item() - u) <= rounding_of_u_c(law, t, x, z)
     # The linear laws leave a closed loop of their own: z1'' = (A - B K) z, another one.

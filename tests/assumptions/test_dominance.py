@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.assumptions.robot import robot_audit
-from grosmc_mj.control.gains import authority
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 
@@ -63,7 +63,7 @@ def test_the_row_is_named_and_the_payload_that_restores_it(tmp_path: Path) -> No
 
 
 def test_dominance_is_by_rows() -> None:
-    assert authority(np.array([[1.0, -0.4], [0.9, 0.5]])) == pytest.approx(-0.4)
+    assert gain_margin(np.array([[1.0, -0.4], [0.9, 0.5]])) == pytest.approx(-0.4)
 
 
 def test_parts_of_edits() -> None:

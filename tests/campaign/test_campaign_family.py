@@ -103,18 +103,21 @@ WRONG = [
         "spread = 0 must be positive",
     ),
     # What is not physical.
-    (mass("[-1, 1]"), "mass scale = -1 can occur, but must be positive: cut the distribution off"),
-    (mass("[0, 1]"), "mass scale = 0 can occur, but must be positive"),
+    (
+        mass("[-1, 1]"),
+        "-1 can occur, but must be finite and positive: cut the distribution off",
+    ),
+    (mass("[0, 1]"), "mass scale = 0 can occur, but must be finite and positive"),
     (
         mass('{ distribution = "normal", mean = 1, deviation = 0.1 }'),
-        "mass scale = -inf can occur, but must be positive: cut the distribution off with least",
+        "= -inf can occur, but must be finite and positive: cut the distribution off with least",
     ),
-    (mass("[1, 2]", "nominal = 0"), "mass scale = 0 can occur, but must be positive"),
+    (mass("[1, 2]", "nominal = 0"), "mass scale = 0 can occur, but must be finite and positive"),
     (
         uncertain('joint = "shaft"', "damping = [-0.1, 1]"),
-        "damping = -0.1 can occur, but must be not",
+        "damping = -0.1 can occur, but must be finite and not",
     ),
-    (uncertain('joint = "shaft"', "friction = [-1, 1]"), "must be not negative"),
+    (uncertain('joint = "shaft"', "friction = [-1, 1]"), "must be finite and not negative"),
     (uncertain('body = "rotor"', 'added_mass = ["-1 g", "1 g"]'), "added mass = -0.001 can occur"),
     # Units.
     (mass('["1 kg", "2 kg"]'), "least: '1 kg' must be a number without a unit"),
@@ -204,7 +207,7 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
         (
             plain(more='[[requirement]]\nstays_within = "1 rad"\nafter = "49.5 ms"\n'),
             {},
-            "an error after 0.0495 s: the last sample of a run is at 0.049 s",
+            "an error after 0.0495 s: the last timestep of a run begins at 0.049 s",
         ),
     ],
 )

@@ -27,7 +27,7 @@ from grosmc_mj.report.figure import in_lines, write_figure
 from grosmc_mj.report.palette import COLOURS
 
 INF = math.inf
-TITLE = "Cart-pendulum: 8 of 16 runs, sobol, seed 0"
+TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 
 

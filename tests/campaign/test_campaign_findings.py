@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, LQR, PAIR, begun, campaign, falling, kept, servo
+from rich.console import Console
 
-from grosmc_mj.campaign.family.sampling import REPLICATES
-from grosmc_mj.campaign.findings.basis import Basis
 from grosmc_mj.campaign.findings.findings import ALL, Findings, findings
 from grosmc_mj.campaign.findings.pairing import paired
-from grosmc_mj.campaign.findings.replicates import AGREE
-from grosmc_mj.campaign.findings.sensitivity import sensitivities
-from grosmc_mj.campaign.findings.statistics import replicated_pass_rate
+from grosmc_mj.campaign.findings.sensitivity import Sensitivity, sensitivities
+from grosmc_mj.campaign.findings.statistics import pass_rate
 from grosmc_mj.campaign.report.document import results_document
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.work import shards_of
+from grosmc_mj.cli.commands.campaign.answer import say_findings
 from grosmc_mj.report.document import json_text
 
 COMPLETES = "completes"
-SOBOL = Basis(8, 8, "sobol", 0, REPLICATES)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +50,7 @@ def test_rates_count_what_the_columns_have(folder: Folder, found: Findings, law:
         own = column(folder, name, law)
         rate = found.rates[words, law]
         assert (rate.kept, rate.runs) == ((own >= 0).sum(), 8)
-        # Eight runs are one of each of eight replicates.
-        assert rate == replicated_pass_rate((own >= 0).tolist(), [1] * 8, 0.9)
+        assert rate == pass_rate(int((own >= 0).sum()), 8, 0.9)
     assert found.rates[COMPLETES, law].kept == 8
     assert found.cut_short[law] == 0
     assert np.array_equal(found.margins[ALL, law], column(folder, "relative", law))
@@ -85,12 +83,12 @@ def test_only_laws_that_are_run_are_judged(tmp_path: Path) -> None:
 def test_differences_and_drivers_are_those_of_the_columns(folder: Folder, found: Findings) -> None:
     lqr, grosmc = (column(folder, "relative", law) for law in ("lqr", "grosmc"))
     difference = found.differences[ALL, "lqr", "grosmc"]
-    assert difference == paired(lqr, grosmc, 0.9, SOBOL.draws(np.arange(8)))
-    assert (difference.only_first, difference.only_second) == (0, 2)
+    assert difference == paired(lqr, grosmc, 0.9)
+    assert (difference.only_first, difference.only_second) == (0, 6)
+    assert ((lqr < 0) & (grosmc >= 0)).sum() == 6
     names = campaign(servo(), seed=5).family.names
     values = {name: column(folder, name, "lqr") for name in names}
-    draws = SOBOL.draws(np.arange(8))
-    assert found.sensitivities["lqr"] == sensitivities(values, lqr, 0.9, draws)
+    assert found.sensitivities["lqr"] == sensitivities(values, lqr, 0.9)
 
 
 def test_of_runs_that_are_as_bad_the_first_comes_first(tmp_path: Path) -> None:
@@ -122,13 +120,28 @@ def test_what_drives_a_margin_is_found(tmp_path: Path) -> None:
     assert sensitivities[0].parameter == "rotor mass scale"
 
 
+@pytest.mark.parametrize(("share", "named"), [(0.0, False), (0.0049, False), (0.0051, True)])
+def test_a_number_with_0_percent_is_not_named_as_a_driver(
+    found: Findings, share: float, named: bool
+) -> None:
+    driver = Sensitivity("rotor mass scale", 0.1, -0.1, 0.3, share, 0.5)
+    assert driver.drives == named
+    console = Console(width=100, color_system=None)
+    with console.capture() as shown:
+        told = replace(found, sensitivities={"lqr": [driver], "grosmc": []})
+        say_findings(console, campaign(servo(), seed=5), told)
+    said = " ".join(shown.get().split())
+    assert ("rotor mass scale drives its margin most (1 % of" in said) == named
+    assert "(0 % of" not in said
+
+
 def test_a_campaign_that_is_not_complete_says_so(tmp_path: Path) -> None:
     asked = campaign(servo())
     folder = begun(asked, tmp_path)
     shards_of(asked, folder, 0)(1)
     found = findings(asked, folder, 0.95)
     assert (found.sampled.runs, found.sampled.planned) == (4, 8)
-    assert found.sampled.words == "4 of 8 runs, sobol, seed 0"
+    assert found.sampled.words == "4 of 8 runs, random, seed 0"
     assert sorted(found.worst["lqr"]) == [4, 5, 6, 7]
 
 
@@ -137,10 +150,12 @@ def test_results_are_plain_json(found: Findings) -> None:
     assert json.loads(json_text(content)) == content
     assert "no proof" in content["says"]
     assert "of the declared design, not probabilities" in content["says"]
-    assert "16 independently scrambled replicates" in content["intervals"]
-    # JSON's null where replicates agree, and why.
+    assert content["intervals"] == "Intervals and p: of independent runs."
+    # All runs that are kept give an interval too: 0.05^(1/8) is its lower end.
     kept_by_all = [each for each in content["pass_rates"] if each["requirement"] == COMPLETES]
-    assert {(each["low"], each["note"]) for each in kept_by_all} == {(None, AGREE)}
+    lows = [each["low"] for each in kept_by_all]
+    assert lows == pytest.approx([0.05 ** (1 / 8)] * 2, rel=1e-9)
+    assert {each["high"] for each in kept_by_all} == {1.0}
 
 
 def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
@@ -167,3 +182,17 @@ def test_one_uncertain_number_is_enough(tmp_path: Path) -> None:
     asked = campaign(servo(AMPLITUDE, laws=LQR, limits=DEVIATION), runs=4)
     found = findings(asked, kept(asked, tmp_path), 0.95)
     assert [each.parameter for each in found.sensitivities["lqr"]] == ["load amplitude"]
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "lhs", "corners"])
+def test_points_that_are_no_independent_runs_give_no_interval_and_say_why(
+    sampler: str, tmp_path: Path
+) -> None:
+    asked = campaign(servo(laws=PAIR, limits=DEVIATION), sampler=sampler, runs=4)
+    found = findings(asked, kept(asked, tmp_path), 0.9)
+    rate, difference = found.rates[ALL, "lqr"], found.differences[ALL, "lqr", "stiff"]
+    assert (rate.runs, rate.low, rate.high) == (4, None, None)
+    assert (difference.low, difference.p_value, difference.median_low) == (None, None, None)
+    assert {summary.mean_low for summary in found.summaries.values()} == {None}
+    assert found.sampled.intervals.startswith("No interval: ")
+    assert found.sampled.intervals.endswith("not independent runs; --sampler random draws those.")

@@ -16,18 +16,15 @@ import pytest
 from campaign_cases import begun, bits, campaign, forged, kept, pair
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.findings.findings import ALL, findings
+from grosmc_mj.campaign.findings.findings import findings
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest
 from grosmc_mj.campaign.runs.part import EVERYTHING
-from grosmc_mj.campaign.runs.replay import replay
 from grosmc_mj.campaign.runs.running import missing, run_missing
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.executors import Executor, make_executor
-
-FROZEN = Path(__file__).parents[1] / "data" / "campaign_v1"
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +58,7 @@ def changed(folder: Folder, **content: Any) -> dict[str, Any]:
 def rehashed(folder: Folder, **content: Any) -> None:
     """The same, with a hash that is right, in the manifest and in the parts."""
     manifest = changed(folder, **content)
-    bound_to = _hash(manifest["schema_version"], {key: manifest[key] for key in _HASHED})
+    bound_to = _hash({key: manifest[key] for key in _HASHED})
     changed(folder, hash=bound_to)
     for file in folder.parts.iterdir():
         forged(file, pq.read_table(file), campaign=bound_to)
@@ -150,10 +147,10 @@ def test_a_campaign_without_its_short_last_part_is_not_complete(tmp_path: Path) 
     asked = campaign(pair(), runs=9)
     folder = kept(asked, tmp_path / "campaign")
     whole = findings(asked, folder, 0.95)
-    assert whole.sampled.words == whole.looked_at.words == "9 runs, sobol, seed 0"
+    assert whole.sampled.words == whole.looked_at.words == "9 runs, random, seed 0"
     folder.part(2).unlink()
     assert missing(asked, folder) == [2]
-    assert findings(asked, folder, 0.95).sampled.words == "8 of 9 runs, sobol, seed 0"
+    assert findings(asked, folder, 0.95).sampled.words == "8 of 9 runs, random, seed 0"
     rehashed(folder, versions={**read_manifest(folder.path)["versions"], "scipy": "0.1"})
     assert "is not complete" in told(folder.begin, asked, resume=True)
 
@@ -196,7 +193,7 @@ def test_a_folder_without_permission(tmp_path: Path) -> None:
     [
         ({"seed": 1}, "seed: 0 there, 1 now"),
         ({"runs": 9}, "runs: 8 there, 9 now"),
-        ({"sampler": "lhs"}, "sampler: sobol there, lhs now"),
+        ({"sampler": "lhs"}, "sampler: random there, lhs now"),
         ({"duration": 0.06}, "duration: 0.05 there, 0.06 now"),
         ({"controllers": ("lqr",)}, "controllers 2: stiff there, nothing now"),
     ],
@@ -238,11 +235,11 @@ def test_a_broken_part_is_named(copy: Folder, cut: int) -> None:
 
 
 MANIFESTS: list[tuple[dict[str, Any], str]] = [
-    ({"schema_version": 3}, "is of schema 3; this grosmc_mj reads up to 2: update it"),
+    ({"schema_version": 2}, "is of schema 2; this grosmc_mj reads schema 3 alone: run the camp"),
+    ({"schema_version": 4}, "is of schema 4; this grosmc_mj reads schema 3 alone: run the camp"),
     ({"schema_version": 10**400}, "it has no schema_version that is a number"),
     ({"schema_version": None}, "it has no schema_version that is a number"),
     ({"schema_version": True}, "it has no schema_version that is a number"),
-    ({"schema_version": 1}, "its hash is not that of its content: it was changed"),
     ({"hash": "new"}, "its hash is not that of its content: it was changed"),
     ({"model": "0"}, "its hash is not that of its content: it was changed"),
     ({"hash": 3}, "cannot be read: hash is no text"),
@@ -308,7 +305,7 @@ def test_a_specification_needs_its_text(copy: Folder) -> None:
         (b"[" * 40 + b"]" * 40, "manifest.json: cannot be read: it is nested more than 32 deep"),
         (b"1" * 5000, "manifest.json: cannot be read: Exceeds the limit"),
         (b"\xff", "manifest.json: cannot be read: it is no text in UTF-8"),
-        (b'{"schema_version": 1}', "it has no hash and no configuration and no model"),
+        (b'{"schema_version": 3}', "it has no hash and no configuration and no model"),
     ],
 )
 def test_a_manifest_that_is_no_json(copy: Folder, content: bytes, says: str) -> None:
@@ -355,56 +352,6 @@ def test_another_campaign_under_the_same_name_is_not_taken_for_the_old_one(tmp_p
     )
     own = folder.columns(asked, ["rotor mass scale"], [0])["lqr"]["rotor mass scale"]
     assert np.array_equal(own, asked.values(range(2))[:, 0])
-
-
-def test_a_folder_of_the_first_schema_stays_readable(tmp_path: Path) -> None:
-    assert read_manifest(FROZEN)["schema_version"] == 1
-    before = sorted(file.name for file in FROZEN.rglob("*"))
-    asked, (sampled, notice) = read_campaign(FROZEN)
-    assert sampled.startswith(f"{FROZEN} was drawn from one Sobol sequence by an older version")
-    assert notice.startswith(f"{FROZEN} is of schema 1: its parts carry no checksum")
-    found = findings(asked, Folder(FROZEN), 0.95)
-    assert sorted(file.name for file in FROZEN.rglob("*")) == before
-    assert (found.rates[ALL, "lqr"].kept, found.rates[ALL, "grosmc"].kept) == (3, 8)
-    assert found.worst["lqr"][:3] == [2, 0, 6]
-    assert found.margins["deviation below 3 mrad", "lqr"].min() == pytest.approx(-0.00392, abs=1e-5)
-    rate = found.rates[ALL, "lqr"]
-    assert (rate.low, rate.high) == (None, None)
-    assert rate.note.startswith("no interval: points of one Sobol sequence, of an older version")
-    # Its runs are no replicates: nobody goes on with it as if they were.
-    copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
-    assert "replicates: nothing there, 16 now" in told(copy.begin, asked, resume=True)
-
-
-def test_a_run_of_an_older_version_is_repeated_with_the_numbers_of_its_row() -> None:
-    asked, _ = read_campaign(FROZEN)
-    row = Folder(FROZEN).columns(asked, asked.family.names, [1])["grosmc"]
-    repeated = replay(asked, Folder(FROZEN), "5", "grosmc", "native")
-    assert list(repeated.values.values()) == [row[name][1] for name in asked.family.names]
-    assert repeated.values["rotor mass scale"] != asked.values(range(5, 6))[0, 0]
-
-
-def test_counts_of_the_first_schema_are_those_of_the_rows(tmp_path: Path) -> None:
-    copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
-    asked, _ = read_campaign(copy.path)
-    true = copy.counts(asked, range(2))
-    table = pq.read_table(copy.part(0))
-    said = json.loads(table.schema.metadata[b"grosmc_mj"])
-    said["counts"]["lqr"][EVERYTHING] = 4
-    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), copy.part(0))
-    assert copy.counts(asked, range(2)) == true
-    shutil.copy(copy.part(0), copy.part(1))
-    assert "part-0000001.parquet: is another part than 1" in told(copy.counts, asked, range(2))
-
-
-def test_a_folder_of_the_first_schema_gets_no_new_parts(tmp_path: Path) -> None:
-    copy = Folder(Path(shutil.copytree(FROZEN, tmp_path / "old")))
-    asked, _ = read_campaign(copy.path)
-    copy.part(1).unlink()
-    said = told(copy.begin, asked, resume=True)
-    assert said.endswith("replicates: nothing there, 16 now; take another --out")
-    bound_to = read_manifest(copy.path)["hash"]
-    assert "is of schema 1" in told(run_shard, str(copy.path), asked.specification, bound_to, 1)
 
 
 def test_findings_of_nothing(tmp_path: Path) -> None:

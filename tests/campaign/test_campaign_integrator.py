@@ -20,7 +20,7 @@ from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.physics.files import load_model
 
 # Of 256 arms drawn with seed 7, those of which GROSMC keeps more under implicitfast at 1 ms.
-NEAR_A_LIMIT = (5, 33, 95, 146, 197)
+NEAR_A_LIMIT = (2, 20, 75, 76, 131, 154, 165, 232)
 
 
 @pytest.mark.parametrize("name", campaign_files())
@@ -73,4 +73,4 @@ def test_the_arm_is_judged_as_in_steps_a_tenth_as_long_by_rk4_and_more_kindly_by
     assert (kept != expected).sum() <= 1
     assert np.all(fast - exact > np.abs(own - exact))
     assert np.all(kinder >= kept)
-    assert (kinder != kept).sum(axis=1).tolist() == [1, 1, 2, 1, 2]
+    assert (kinder != kept).sum(axis=1).tolist() == [1, 1, 1, 1, 1, 2, 1, 1]

@@ -1,4 +1,4 @@
-"""Meters against what is measured on the recorded samples of the same run."""
+"""Meters against what is measured on the recorded rows of the same run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, Windows, folded
 from grosmc_mj.experiments.metrics.recorded import Comparison, compare_with_optimum, measure, noted
-from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, metered
+from grosmc_mj.experiments.metrics.running import METRICS, cost_ratios, meters_of
 from grosmc_mj.experiments.requirements import judge_all
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
@@ -27,7 +27,7 @@ from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 POLE = '[[uncertain]]\nbody = "pole"\nmass_scale = [1, 2]\n'
-PERIOD, AFTER = 0.002, [0.0, 0.05, 0.12]
+H, PERIOD, AFTER = 0.001, 0.002, [0.0, 0.05, 0.12]
 PUSH = (0.06, 0.09)
 
 
@@ -56,32 +56,32 @@ def system(name: str) -> Campaign:
 def run(
     asked: Campaign, law: str, engine: Any = "python", duration: float = 0.2, onset: float = 0.06
 ) -> Metered:
-    """A recorded run under a pulse, sampled every other timestep."""
+    """A recorded run under a pulse, its law sampled every other timestep."""
     controller = asked.laws[law]
     bodies = asked.plant.system.bodies
     push = Disturbance(bodies[-1], (0.3, 0, 0.2, 0, 0.1, 0), Pulse(onset, onset + 0.03))
     found = simulate(
         asked.plant,
-        metered(controller, PERIOD, Windows(tuple(AFTER)), onset, costs=True),
+        controller,
         asked.experiment.case.x0,
         duration=duration,
         control_period=PERIOD,
         timestep=0.001,
         disturbances=[push],
+        meters=meters_of(controller, H, Windows(tuple(AFTER)), onset, costs=True),
         engine=engine,
     )
     samples = replace(
         found,
-        time=found.time[:-1:2],
-        state=found.state[:-1:2],
-        command=found.command[:-2:2],
-        input=found.command[:-2:2],
-        sliding=None if found.sliding is None else found.sliding[::2],
-        weighed=found.weighed[:-2:2],
+        time=found.time[:-1],
+        state=found.state[:-1],
+        command=found.command[:-1],
+        input=found.command[:-1],
+        weighed=found.weighed[:-1],
     )
     comparison = compare_with_optimum(samples, controller)
     measured = measure(samples, controller, comparison, onset)
-    return Metered(found.memory["meters"][-1:], samples, comparison, (measured, found))
+    return Metered(np.atleast_1d(found.meters), samples, comparison, (measured, found))
 
 
 def check(found: Metered, asked: Campaign, law: str) -> None:
@@ -89,7 +89,7 @@ def check(found: Metered, asked: Campaign, law: str) -> None:
     meters, samples, comparison = found.meters, found.samples, found.comparison
     measured, whole = found.measured
     controller = asked.laws[law]
-    assert meters["input"][0] == np.abs(whole.command[::2]).max()
+    assert meters["input"][0] == np.abs(whole.command).max()
     if samples.sliding is not None:
         assert controller.designed.sliding_unit
         assert meters["sliding"][0] == np.abs(samples.sliding).max()
@@ -159,14 +159,15 @@ def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: 
     for law in asked.laws.values():
         found = simulate(
             asked.plant,
-            metered(law, asked.control_period, Windows((0.5,)), case.onset, costs=True),
+            law,
             case.x0,
             duration=asked.duration,
             control_period=asked.control_period,
             timestep=asked.control_period,
             disturbances=case.disturbances,
+            meters=meters_of(law, asked.control_period, Windows((0.5,)), case.onset, costs=True),
         )
-        running = found.memory["meters"][-1:]
+        running = np.atleast_1d(found.meters)
         samples = replace(found, time=found.time[:-1], state=found.state[:-1])
         comparison = compare_with_optimum(samples, law)
         rows, _ = noted(samples, comparison, case.onset, Windows((0.5,)))
@@ -195,12 +196,13 @@ def test_laws_with_dynamics_are_metered_in_both_engines(law: str) -> None:
 
 
 def stepped(asked: Campaign, onset: float, *states: list[float]) -> Any:
-    """The meters after samples at these states, a period apart."""
-    law = metered(asked.laws["lqr"], PERIOD, Windows(tuple(AFTER)), onset)
-    memory: Any = law.memory()
+    """The meters after timesteps at these states."""
+    law = asked.laws["lqr"]
+    meters = meters_of(law, PERIOD, Windows(tuple(AFTER)), onset)
+    kept, memory, p = meters.start, law.memory(), law.parameters
     for k, state in enumerate(states):
-        law.law(k * PERIOD, np.array(state), memory, law.parameters)
-    return memory.meters
+        meters.note(k * PERIOD, np.array(state), np.zeros(1), memory, p, kept, meters.numbers)
+    return kept
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
@@ -221,7 +223,7 @@ def test_a_disturbance_from_the_start_is_part_of_the_transient(onset: float, out
 
 
 def recording(onset: float, duration: float) -> Recording:
-    return Recording.sampled(PERIOD, duration, np.array([onset]))
+    return Recording.sampled(H, duration, np.array([onset]))
 
 
 @pytest.mark.parametrize(("duration", "onset"), [(6.0, 5.0), (6.0, 7.0), (6.0, 4.2), (3.0, 2.9)])
@@ -247,17 +249,17 @@ def test_a_run_that_starts_at_its_reference_has_settled() -> None:
 def test_one_law_measures_many_batches_without_compiling_again() -> None:
     law = campaign(servo()).laws["grosmc"]
     one, other = (
-        metered(law, 0.001, NO_WINDOWS, 0.02),
-        metered(law, 0.001, Windows((0.5,)), math.inf),
+        meters_of(law, H, NO_WINDOWS, 0.02),
+        meters_of(law, H, Windows((0.5,)), math.inf),
     )
-    assert one.law is other.law
+    assert one.note is other.note
     assert {"deviation", "settling_time", "max_input"} <= METRICS.keys()
 
 
 def test_a_law_without_an_optimum_cannot_be_metered() -> None:
     law = replace(campaign(servo()).laws["lqr"], design=None)
     with pytest.raises(ArgumentError, match="lqr has no error coordinates and no optimum"):
-        metered(law, 0.001, NO_WINDOWS, 0.0)
+        meters_of(law, H, NO_WINDOWS, 0.0)
 
 
 LEVER = """
@@ -289,6 +291,21 @@ input_below = "1.6 N m"
 body = "bar"
 mass_scale = [1, 1.5]
 """
+
+
+def test_a_campaign_judges_what_an_actuator_of_a_loop_gives(tmp_path: Path) -> None:
+    limits = '[[requirement]]\ninput_below = "4.5 A"\n'
+    actuator = '[[actuator]]\nof = "current"\nlimit = "4 A"\n'
+    (tmp_path / "case.toml").write_text(servo(INERTIA, limits=limits) + actuator)
+    experiment = Experiment.load(tmp_path / "case.toml")
+    recorded = experiment.run("physics", "grosmc")
+    asked = Campaign.load(str(tmp_path / "case.toml"), runs=2)
+    nominal = evaluate(asked, "grosmc", asked.family.nominal[None])
+    assert np.abs(recorded.trajectory.command).max() > 4.5, "the actuator must cut something"
+    (judgement,) = judge_all(experiment.limits, [recorded])
+    assert judgement.margin == nominal.margins["input_below"][0] == 0.5
+    assert judgement.kept
+    assert nominal.kept[0]
 
 
 @pytest.mark.parametrize("engine", ["native", "python"])

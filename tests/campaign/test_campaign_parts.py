@@ -203,10 +203,7 @@ def test_counts_are_those_of_the_rows(copy: Folder) -> None:
     failing_run = int(np.flatnonzero(relative < 0)[0])
     forged(copy.part(0), replaced(pq.read_table(copy.part(0)), "relative", failing_run, 1.0))
     assert copy.counts(asked, [0])["lqr"][EVERYTHING] == before + 1
-    # Runs 0 to 3 are one each of the first four replicates.
-    own = copy.replicate_counts(asked, [0], 16)["lqr"]
-    assert own["runs"].tolist() == [1] * 4 + [0] * 12
-    assert own[EVERYTHING].nonzero()[0].tolist() == [failing_run]
+    assert copy.counts(asked, [0])["lqr"]["runs"] == 4
 
 
 def test_a_part_says_nothing_of_when_and_where(finished: Folder) -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, campaign, servo
 
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.findings import radius as radius_module
 from grosmc_mj.campaign.findings.promise import Promise, surface_band
 from grosmc_mj.campaign.findings.radius import Look, Radius, radius
 from grosmc_mj.campaign.report.document import radius_document
 from grosmc_mj.campaign.report.tables import radius_table
-from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.campaign.runs.screened import screened_search
+from grosmc_mj.campaign.runs.shard import Outcomes, evaluate
 
 GROSMC = '[[controller]]\nlaw = "grosmc"\n'
 
@@ -75,6 +80,28 @@ def test_it_does_not_depend_on_requirements_that_are_looser_or_stricter(reached:
     scales = [each.left.scale for each in (strict, reached, loose) if each.left]
     assert scales == pytest.approx([reached.left.scale] * 3, rel=0.02, abs=0.02)
     assert strict.outside.scale < strict.left.scale
+
+
+def test_a_law_whose_surface_is_not_zero_at_the_start_may_keep_that(
+    reached: Radius, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The promise is that |s| does not grow: with |s(0)| of 1 A s more, all of |s| is that more."""
+    band = reached.band
+
+    def offset(*arguments: Any) -> Outcomes:
+        runs = screened_search(*arguments)
+        metrics = {name: runs.metrics[name] + 1.0 for name in ("max_sliding", "sliding_start")}
+        return replace(runs, metrics={**runs.metrics, **metrics})
+
+    monkeypatch.setattr(radius_module, "screened_search", offset)
+    again = radius(pushed(), "grosmc")
+    assert band is not None
+    assert band < 1.0, "an offset that is taken for growth would leave the bound"
+    assert [look.scale for look in again.looks] == [look.scale for look in reached.looks]
+    assert again.stayed == reached.stayed
+    for own, other in zip(again.looks, reached.looks, strict=True):
+        assert own.leaving == other.leaving
+        assert own.surface == pytest.approx(other.surface, rel=1e-9, abs=1e-12)
 
 
 def test_the_promise_is_kept_by_what_it_is_of(reached: Radius) -> None:

@@ -193,7 +193,7 @@ def test_a_worker_builds_what_it_was_given_and_not_what_the_folder_says(
     # One that is bound to itself is another campaign.
     manifest = json.loads((folder.path / "manifest.json").read_text())
     manifest["sources"] = sources_of(specification(**foreign))
-    manifest["hash"] = _hash(2, {key: manifest[key] for key in _HASHED})
+    manifest["hash"] = _hash({key: manifest[key] for key in _HASHED})
     (folder.path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(GrosmcError, match="another campaign than the one that was begun"):
         run_shard(str(folder.path), asked.specification, bound_to, 1)

@@ -16,10 +16,8 @@ from scipy.stats import qmc
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.sampling import (
     HYPERCUBE,
-    REPLICATES,
     SEQUENCE,
     all_corners,
-    replicates_of,
     unit_points,
 )
 from grosmc_mj.campaign.family.specification import Specification
@@ -39,8 +37,8 @@ def correlation(points: Array) -> float:
 @given(data=st.data())
 def test_a_point_is_the_same_whoever_asks(sampler: str, data: st.DataObject) -> None:
     most = 8 if sampler == "corners" else 400
-    # Around the seam between two scrambles of each replicate as well.
-    seam = SEQUENCE * REPLICATES - 200
+    # Around the seam between two scrambles as well.
+    seam = SEQUENCE - 200
     first = 0 if sampler == "corners" else data.draw(st.sampled_from([0, 100, seam]))
     whole = unit_points(sampler, DIMENSIONS, 7, first, most)
     cuts = sorted({0, most, *data.draw(st.lists(st.integers(0, most), max_size=4))})
@@ -57,45 +55,12 @@ def test_another_seed_gives_other_points_inside_the_cube(sampler: str) -> None:
     assert np.all((one > 0) & (one < 1))
 
 
-@pytest.mark.parametrize("replicate", [0, 3, REPLICATES - 1])
-def test_the_first_points_of_a_replicate_are_scipys_own(replicate: int) -> None:
-    known = qmc.Sobol(DIMENSIONS, rng=np.random.default_rng([5, replicate])).random_base2(6)
-    points = unit_points("sobol", DIMENSIONS, 5, 0, 64 * REPLICATES)
-    assert np.array_equal(points[replicate::REPLICATES], known)
+def test_the_first_points_of_a_sequence_are_scipys_own() -> None:
+    known = qmc.Sobol(DIMENSIONS, rng=np.random.default_rng([5, 0])).random_base2(6)
+    assert np.array_equal(unit_points("sobol", DIMENSIONS, 5, 0, 64), known)
 
 
-def test_replicates_are_scrambled_each_in_its_own_way() -> None:
-    points = unit_points("sobol", DIMENSIONS, 5, 0, 256 * REPLICATES)
-    several = [points[replicate::REPLICATES] for replicate in range(REPLICATES)]
-    for one, other in itertools.combinations(several, 2):
-        # Neither a point nor a coordinate is shared, and one is no shift of the other.
-        assert not np.intersect1d(one, other).size
-        assert len(np.unique(np.round((one - other)[:, 0] % 1, 9))) > 2
-
-
-def test_means_of_replicates_are_independent_of_each_other() -> None:
-    # Of 16 by 16 pairs of replicates; a correlation of 64 means has a standard error of 1/8.
-    means = np.array(
-        [
-            unit_points("sobol", 1, seed, 0, 4 * REPLICATES).reshape(4, REPLICATES).mean(axis=0)
-            for seed in range(64)
-        ]
-    )
-    found = np.corrcoef(means.T)[np.triu_indices(REPLICATES, 1)]
-    # The largest of 120 that are independent exceeds five of them once in 10^4 times or less.
-    assert np.abs(found).max() < 5 / 8
-    assert abs(found.mean()) < 4 / 8 / np.sqrt(len(found))
-
-
-def test_only_sobol_has_replicates() -> None:
-    assert {name: replicates_of(name) for name in (*INDEPENDENT, "corners")} == {
-        "sobol": REPLICATES, "lhs": 0, "random": 0, "corners": 0
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("sampler", "block"), [("sobol", SEQUENCE * REPLICATES), ("lhs", HYPERCUBE)]
-)
+@pytest.mark.parametrize(("sampler", "block"), [("sobol", SEQUENCE), ("lhs", HYPERCUBE)])
 def test_each_block_of_each_seed_is_randomised_anew(sampler: str, block: int) -> None:
     starts = itertools.product(range(3), range(0, 3 * block, block))
     several = [unit_points(sampler, DIMENSIONS, seed, first, 64) for seed, first in starts]
@@ -109,14 +74,11 @@ def test_random_points_of_many_dimensions_share_no_numbers() -> None:
     assert len(np.unique(points)) == points.size
 
 
-def test_each_replicate_is_a_net() -> None:
-    first = unit_points("sobol", DIMENSIONS, 5, 0, 256 * REPLICATES)
-    second = unit_points("sobol", DIMENSIONS, 5, SEQUENCE * REPLICATES, 256 * REPLICATES)
-    for points in (first, second):
-        for replicate in range(REPLICATES):
-            # A (t, m, s)-net: in each dimension, one point in each of 256 intervals.
-            cells = np.sort((points[replicate::REPLICATES] * 256).astype(int), axis=0)
-            assert np.array_equal(cells, np.tile(np.arange(256)[:, None], DIMENSIONS))
+def test_each_sequence_is_a_net() -> None:
+    for first in (0, SEQUENCE):
+        # A (t, m, s)-net: in each dimension, one point in each of 256 intervals.
+        cells = np.sort((unit_points("sobol", DIMENSIONS, 5, first, 256) * 256).astype(int), axis=0)
+        assert np.array_equal(cells, np.tile(np.arange(256)[:, None], DIMENSIONS))
 
 
 def test_each_128_points_of_lhs_are_a_latin_hypercube() -> None:

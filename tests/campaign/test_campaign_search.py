@@ -8,16 +8,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import AMPLITUDE, BOTH, INERTIA, LAWS, LQR, campaign, case, falling, servo
+from campaign_cases import AMPLITUDE, BOTH, INERTIA, LAWS, LQR, campaign, case, falling, kept, servo
 from matplotlib.figure import Figure
+from rich.console import Console
 
 from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.family.specification import specification_of
+from grosmc_mj.campaign.findings import worst as worst_module
+from grosmc_mj.campaign.findings.findings import findings
 from grosmc_mj.campaign.findings.promise import PromisedFamily, premise_grid, promise
 from grosmc_mj.campaign.findings.radius import Radius, radius
 from grosmc_mj.campaign.findings.worst import Worst, shrunk, worst
 from grosmc_mj.campaign.report import radius_figure
 from grosmc_mj.campaign.report.document import radius_document, worst_document
+from grosmc_mj.campaign.report.tables import worst_table
 from grosmc_mj.campaign.runs.replay import found_values
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import ArgumentError, SetupError
@@ -58,8 +63,55 @@ def test_the_search_finds_the_known_worst_plant(known: Worst) -> None:
     np.testing.assert_allclose(known.values, [3.0, np.sign(known.values[1])], rtol=1e-15)
     assert known.relative == pytest.approx(truth, rel=1e-12)
     assert known.relative == relative(asked, *known.values)
-    assert known.relative <= min(known.random, known.samples)
+    assert known.relative == known.search < min(known.random, known.samples)
+    assert known.winner == "search"
     assert known.evaluations == 256
+
+
+def margins_of_random_plants(asked: Campaign, runs: int) -> np.ndarray:
+    """Those that the search competes with, by MuJoCo."""
+    points = unit_points(
+        "random", len(asked.family.quantities), asked.specification.seed + 1, 0, runs
+    )
+    return evaluate(asked, "lqr", asked.family.values(points)).relative
+
+
+def test_all_sides_are_told_and_who_won(known: Worst, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = loads(1.0, BOTH)
+    assert known.random == margins_of_random_plants(asked, 256).min()
+    own = evaluate(asked, "lqr", asked.values(range(8))).relative
+    assert known.samples == own.min()
+
+    def lazy(search: Any, bounds: Any, **_: Any) -> None:
+        """A search that looks at the middle of the family alone."""
+        for _ in range(4):
+            search(np.full((len(bounds), 64), 0.5))
+
+    monkeypatch.setattr(worst_module, "differential_evolution", lazy)
+    lost = worst(asked, "lqr", list(range(8)), 256)
+    assert lost.search == relative(asked, 2.0, 0.0) > lost.random
+    winner, margin = min((("samples", own.min()), ("random", known.random)), key=lambda x: x[1])
+    assert (lost.winner, lost.relative) == (winner, margin)
+    text = Console(width=100, color_system=None)
+    with text.capture() as shown:
+        text.print(worst_table(asked, [known, lost]))
+    said = " ".join(shown.get().split())
+    assert "worst by" in said
+    assert f" search rotor mass scale {known.values[0]:.4g}" in said.replace("  ", " ")
+    assert f" {winner} " in said
+    document = worst_document(asked, [lost])["controllers"]["lqr"]
+    assert document["worst_by"] == winner
+    assert document["worst_of_the_search"] == lost.search
+    assert document["worst_of_as_many_random_plants"] == known.random
+
+
+def test_random_plants_are_as_many_as_the_search_took() -> None:
+    """Where every plant is as bad, evolution stops at once; a margin is at most 1."""
+    asked = campaign(servo(BOTH, laws=LQR, limits=""))
+    counts: list[int] = []
+    found = worst(asked, "lqr", [0, 1], 256, counts.append)
+    assert sum(counts) == 2 * found.evaluations
+    assert (found.winner, found.relative) == ("samples", 1.0)
 
 
 def test_what_just_keeps_its_limit_does_not_fail(known: Worst) -> None:
@@ -156,7 +208,9 @@ label = "load"
 """
 
 
-def test_of_plants_that_never_settle_the_one_with_the_largest_error_left_is_the_worst() -> None:
+def test_of_plants_that_never_settle_the_one_with_the_largest_error_left_is_the_worst(
+    tmp_path: Path,
+) -> None:
     asked = campaign(
         case(
             "servo", AMPLITUDE, duration=4.0, laws=LQR, disturbances=STAYS,
@@ -170,11 +224,16 @@ def test_of_plants_that_never_settle_the_one_with_the_largest_error_left_is_the_
     assert len(never) > 32, "as a time the margin of most is the same"
     # The search begins with those that have the least error left.
     rising = never[np.abs(values[never, 0]).argsort()].tolist()
-    assert np.abs(worst(asked, "lqr", rising[:16], 128).values[0]) > 0.999
-    # Of more than these it takes those with the most.
-    begun = worst(asked, "lqr", rising, 128)
-    assert begun.samples == found.relative[rising[-1]]
+    begun = worst(asked, "lqr", rising[:16], 128)
+    assert np.abs(begun.values[0]) > 0.999
+    assert begun.relative == begun.samples == -1, "as a time it is no worse than a sample"
+    assert begun.winner != "samples"
     assert begun.evaluations <= 128
+    # A campaign names those with the most first.
+    named = findings(asked, kept(asked, tmp_path), 0.95).worst["lqr"]
+    assert named == found.order.argsort(kind="stable")[:16].tolist()
+    assert named[0] == rising[-1]
+    assert np.abs(values[named, 0]).min() > np.median(np.abs(values[:, 0]))
     reached = radius(asked, "lqr")
     for look in reached.looks:
         assert abs(look.values[0]) == pytest.approx(look.scale, rel=1e-12), "its end is a corner"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, folded
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
-from grosmc_mj.experiments.metrics.running import METRICS, metered
+from grosmc_mj.experiments.metrics.running import METRICS, meters_of
 from grosmc_mj.experiments.requirements import Limit, margins_of, required, windows
 from grosmc_mj.simulation.simulate import simulate
 
@@ -27,15 +28,16 @@ def test_rows_are_those_of_single_runs(law: str) -> None:
         plant_sample = asked.plant_sample(row)
         run = simulate(
             plant_sample.plant(asked.plant),
-            metered(asked.laws[law], 0.001, NO_WINDOWS, plant_sample.case.onset),
+            asked.laws[law],
             plant_sample.case.x0,
             duration=0.05,
             control_period=0.001,
             timestep=0.001,
             disturbances=plant_sample.case.disturbances,
+            meters=meters_of(asked.laws[law], 0.001, NO_WINDOWS, plant_sample.case.onset),
             engine="native",
         )
-        meters = run.memory["meters"][-1]
+        meters: Any = run.meters
         assert found.metrics["deviation"][i] == meters["deviation"]
         assert found.metrics["max_input"][i] == np.abs(run.command).max()
         assert found.margins["deviation_below"][i] == 3e-3 - meters["deviation"]

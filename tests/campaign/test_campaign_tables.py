@@ -14,7 +14,6 @@ from grosmc_mj.campaign.findings.sensitivity import sensitivities
 from grosmc_mj.campaign.findings.statistics import (
     margin_summary,
     pass_rate,
-    replicated_pass_rate,
 )
 from grosmc_mj.campaign.report.tables import (
     margins_table,
@@ -26,8 +25,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.report.tables import WIDTH
 
 SAMPLED = Basis(512, 4096, "random", 7)
-REPLICATED = Basis(512, 4096, "sobol", 7, 16)
-DRAWS = REPLICATED.draws(np.arange(64))
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"
 LAW = "a_law_of_my_own_with_a_very_long_name"
 
@@ -97,10 +94,9 @@ def test_every_table_is_narrow_and_says_what_was_sampled(make):
     ("sampled", "says"),
     [
         (Basis(8, 8, "random", 0), "8 runs, random, seed 0. {} {} Intervals and p: of indep"),
-        (REPLICATED, "Student's t over the means of 16 independently scrambled replicates"),
-        (Basis(8, 8, "lhs", 0), "No interval: Latin hypercube points are neither independent"),
-        (Basis(8, 8, "corners", 0), "No interval: corners are extreme plants, no draw."),
-        (Basis(8, 8, "sobol", 0), "No interval: points of one Sobol sequence, of an older"),
+        (Basis(8, 8, "lhs", 0), "No interval: points of Latin hypercubes are not independent runs"),
+        (Basis(8, 8, "corners", 0), "No interval: corners of the ranges are not independent runs"),
+        (Basis(8, 8, "sobol", 0), "No interval: points of a Sobol sequence are not independent"),
     ],
 )
 def test_every_table_says_what_its_intervals_are(make, sampled, says):
@@ -111,25 +107,23 @@ def test_every_table_says_what_its_intervals_are(make, sampled, says):
         assert sampled.sampler == "random" or name not in text
 
 
-def test_where_there_is_no_interval_a_clause_says_why():
-    agreeing = replicated_pass_rate([4] * 16, [4] * 16)
-    some = replicated_pass_rate([3, 4] * 8, [4] * 16)
-    rates = {("a", "lqr"): some, ("a", "grosmc"): agreeing}
-    text = lines(pass_rates_table(rates, {}, REPLICATED))
-    # 3/4 and 1 eight times each: 7/8 ± 2.1314 (1/8) sqrt(16/15) / 4, rounded outwards.
-    assert " ".join(text[3].split()) == "a LQR 56 64 87.50 80.62 .. 94.38 0"
-    assert " ".join(text[4].split()) == "GROSMC 64 64 100 - 0"
-    said = "Where none is given: no interval: all replicates agree; --sampler random gives one."
-    assert said in words(pass_rates_table(rates, {}, REPLICATED))
-
-
-def test_pairs_of_replicates_have_students_interval_and_no_mcnemar():
-    first, second = np.full(64, -1.0), np.where(np.arange(64) < 40, 1.0, -1.0)
-    rows = {("a", "lqr", "grosmc"): paired(first, second, 0.95, DRAWS)}
-    text = lines(paired_table(rows, {"a": "s"}, REPLICATED))
-    # Eight replicates gain 3 of 4 plants, eight 2 of 4.
-    assert text[4].split()[-6:] == ["40", "+62.5", "<", "1e-4", "+2", "s"]
-    assert "(+55.6 .. +69.4)" in text[5]
+def test_runs_that_are_not_independent_have_no_interval_in_any_table():
+    sampled, wide = Basis(64, 64, "sobol", 0), np.linspace(-1, 2, 64)
+    rate = pass_rate(40, 64)._replace(low=None, high=None)
+    text = lines(pass_rates_table({("a", "lqr"): rate}, {}, sampled))
+    assert " ".join(text[3].split()) == "a LQR 40 64 62.50 - 0"
+    summary = margin_summary(wide, independent=False)
+    assert (summary.mean_low, summary.mean_high) == (None, None)
+    assert lines(margins_table({("a", "lqr"): summary}, {}, sampled))[3].split()[-1] == "0.5"
+    assert "(-" not in "".join(lines(margins_table({("a", "lqr"): summary}, {}, sampled)))
+    pair = paired(wide, wide + 1, independent=False)
+    assert (pair.low, pair.high, pair.p_value, pair.median_low) == (None, None, None, None)
+    row = next(
+        row for row in lines(paired_table({("a", "b", "c"): pair}, {}, sampled)) if "b," in row
+    )
+    assert row.split()[-4:] == ["21", "+32.8", "-", "+1"]
+    (driver,) = sensitivities({"x": wide}, wide, independent=False)
+    assert (driver.low, driver.high, driver.p_value) == (None, None, None)
 
 
 def test_pass_rates_are_shown_with_their_intervals():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -21,9 +22,18 @@ from scipy import stats
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.findings.basis import Basis
-from grosmc_mj.comparison.campaigns import LEVEL, CampaignRows, campaign_changes
+from grosmc_mj.comparison.campaigns import CampaignRows, campaign_changes
 from grosmc_mj.comparison.changes import Change, Effect
 from grosmc_mj.comparison.comparison import compare
+from grosmc_mj.comparison.significance import (
+    LEVEL,
+    POWER,
+    holm,
+    other_plants_means,
+    other_plants_rates,
+    same_plants_means,
+    same_plants_rates,
+)
 from grosmc_mj.errors import ArgumentError
 
 VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
@@ -269,12 +279,11 @@ def test_a_change_of_a_study_is_told(
 def rows(margins: Array, plants: Array, sampler: str = "random", seed: int = 0) -> CampaignRows:
     """A campaign of one law with one requirement."""
     ids = np.arange(len(margins), dtype=float)
-    replicates = 16 if sampler == "sobol" else 0
     return CampaignRows(
         "servo",
         {"grosmc": {"id": ids, "relative": margins, "margin settles_within": margins}},
         {"grosmc": plants},
-        Basis(len(margins), len(margins), sampler, seed, replicates),
+        Basis(len(margins), len(margins), sampler, seed),
     )
 
 
@@ -301,8 +310,10 @@ def other_plants(random: np.random.Generator, sampler: str) -> tuple[CampaignRow
     return rows(noisy(random, one), one, sampler), rows(noisy(random, other), other, sampler, 1)
 
 
-@pytest.mark.parametrize("sampler", ["random", "sobol"])
-@pytest.mark.parametrize("pair", [other_noise, other_plants])
+@pytest.mark.parametrize(
+    ("pair", "sampler"),
+    [(other_noise, "random"), (other_noise, "sobol"), (other_plants, "random")],
+)
 def test_equal_campaigns_raise_an_alarm_in_one_comparison_of_twenty_at_most(
     pair: Callable[..., tuple[CampaignRows, CampaignRows]], sampler: str
 ) -> None:
@@ -310,6 +321,13 @@ def test_equal_campaigns_raise_an_alarm_in_one_comparison_of_twenty_at_most(
     alarms = sum(alarmed(campaign_changes(*pair(random, sampler))[0]) for _ in range(comparisons))
     # More alarms than this would be seen of one test in ten thousand, were the level kept.
     assert alarms <= stats.binom.isf(1e-4, comparisons, LEVEL)
+
+
+def test_other_plants_that_are_no_random_draws_are_not_tested() -> None:
+    found, compared = campaign_changes(*other_plants(np.random.default_rng(3), "sobol"))
+    assert compared == 5
+    assert {each.effect for each in found} == {Effect.CHANGED}
+    assert all(each.note.startswith("no test: ") for each in found)
 
 
 @pytest.mark.parametrize("sampler", ["random", "sobol"])
@@ -340,11 +358,13 @@ def test_pass_rates_of_the_same_plants_are_compared_by_those_that_changed(
     after[:lost], before[lost:changed] = -0.1, -0.1
     found, _ = campaign_changes(rows(before, plants, sampler), rows(after, plants, sampler))
     rates = [each for each in found if each.name.endswith("pass rate")]
-    # Holm's procedure takes the least of the p-values times 4, as there are 4 tests.
-    expected = Effect.NOISE if 4 * p >= LEVEL else Effect.WORSE if lost > won else Effect.BETTER
+    # Holm's procedure takes the least of the p-values times 5, as there are 5 tests.
+    expected = Effect.NOISE if 5 * p >= LEVEL else Effect.WORSE if lost > won else Effect.BETTER
     assert {each.effect for each in rates} <= {expected}
     assert all(
-        f"p = {p:.1g} of 4 tests" in each.note for each in rates if expected is not Effect.NOISE
+        f"McNemar, p = {p:.1g} of 5 tests" in each.note
+        for each in rates
+        if expected is not Effect.NOISE
     )
     assert bool(rates) == (lost != won)
 
@@ -366,12 +386,158 @@ def test_campaigns_that_are_equal_to_the_bit_tell_nothing() -> None:
     plants = np.linspace(-1, 1, RUNS)[:, None]
     found, tests = campaign_changes(rows(plants[:, 0], plants), rows(plants[:, 0], plants))
     assert found == []
-    assert tests == 4
+    assert tests == 5
 
 
-def test_a_run_that_ends_early_counts_as_worse_than_the_worst() -> None:
+def test_runs_that_end_early_are_counted_and_get_no_margin() -> None:
     plants = np.linspace(-1, 1, RUNS)[:, None]
     margins = np.linspace(0.1, 1, RUNS)
     ended = np.where(np.arange(RUNS) < 60, -np.inf, margins)
     found, _ = campaign_changes(rows(margins, plants), rows(ended, plants))
-    assert {each.effect for each in found} == {Effect.WORSE}
+    names = {each.name.partition(": ")[2]: each for each in found}
+    assert set(names) == {"runs completed", "least margin, pass rate", "settles_within, pass rate"}
+    for each in names.values():
+        assert (each.before, each.after, each.effect) == (1.0, 0.85, Effect.WORSE)
+        assert "McNemar, p = 2e-18" in each.note  # 2 / 2^60
+    # Of the others the mean margin is what it was; where none is left, it is gone.
+    found, _ = campaign_changes(rows(margins, plants), rows(np.full(RUNS, -np.inf), plants))
+    gone = [each for each in found if each.name.endswith("mean margin")]
+    assert [(each.after, each.effect, each.note) for each in gone] == [
+        (None, Effect.WORSE, "gone")
+    ] * 2
+
+
+def test_effect_sign_and_test_are_of_the_mean() -> None:
+    """Most plants gain a little and some lose much: the median rises, the mean falls."""
+    random, plants = np.random.default_rng(5), np.linspace(-1, 1, RUNS)[:, None]
+    before = random.uniform(1, 2, RUNS)
+    after = before + np.where(np.arange(RUNS) < 80, -0.5, 0.01)
+    assert np.median(after - before) > 0
+    found, _ = campaign_changes(rows(before, plants), rows(after, plants))
+    for each in found:
+        assert each.name.endswith("mean margin")
+        assert each.effect is Effect.WORSE
+        assert (each.before, each.after) == (before.mean(), after.mean())
+
+
+def test_the_first_runs_of_a_longer_campaign_are_the_same_plants() -> None:
+    plants = np.random.default_rng(6).uniform(-1, 1, (2 * RUNS, 1))
+    margins = 0.3 - 0.5 * plants[:, 0] ** 2
+    short, long = rows(margins[:RUNS], plants[:RUNS]), rows(margins, plants)
+    assert campaign_changes(short, long) == ([], 5)
+    worse = rows(margins - 0.01, plants)
+    found, _ = campaign_changes(short, worse)
+    margin = next(each for each in found if "mean margin" in each.name)
+    assert margin.after == pytest.approx(margins[:RUNS].mean() - 0.01)
+    assert margin.effect is Effect.WORSE
+
+
+@pytest.mark.parametrize(
+    ("p_values", "alarms"),
+    [
+        # The second smallest is compared with 5 % / 2, not with 5 % / 3.
+        ([0.01, 0.02, 0.9], [True, True, False]),
+        ([0.9, 0.02, 0.01], [False, True, True]),
+        # All steps: 0.0125, 0.01667, 0.025 and 0.05.
+        ([0.012, 0.016, 0.024, 0.049], [True] * 4),
+        # After one that is too large none raises an alarm, though 0.03 < 5 %.
+        ([0.01, 0.026, 0.03], [True, False, False]),
+        ([0.02, 0.02, 0.02], [False] * 3),
+        ([], []),
+    ],
+)
+def test_holm_steps_down(p_values: list[float], alarms: list[bool]) -> None:
+    assert holm(p_values).tolist() == alarms
+
+
+def test_a_second_alarm_needs_less_than_the_first() -> None:
+    """Rates of 13 and of 7 plants lost: without the step-down the second would be noise."""
+    plants = np.linspace(-1, 1, 2000)[:, None]
+    kept = np.full(2000, 0.1)
+    few, more = (np.where(np.arange(2000) < count, -0.1, 0.1) for count in (7, 13))
+    old, new = rows(kept, plants), rows(more, plants)
+    new = replace(new, rows={"grosmc": {**new.rows["grosmc"], "margin settles_within": few}})
+    found, _ = campaign_changes(old, new)
+    effects = {each.name.partition(": ")[2]: each.effect for each in found}
+    # 2 / 2^7 = 0.0156: above 5 % / 5, and below 5 % / 3 once the rate and margin of the least
+    # margin, with 2 / 2^13 each, have raised theirs.
+    assert effects["settles_within, pass rate"] is Effect.WORSE
+    assert LEVEL / 5 < 2 / 2**7 < LEVEL / 3
+
+
+# Tests and what they detect.
+
+
+@pytest.mark.parametrize("runs", [3, 8, 13])
+def test_signs_are_flipped_in_all_ways(runs: int) -> None:
+    changes = np.random.default_rng(runs).normal(0.5, 1, runs)
+    sums = [abs(np.dot(signs, changes)) for signs in itertools.product((-1, 1), repeat=runs)]
+    # Rounding of sums in another order.
+    share = np.mean(np.array(sums) >= abs(changes.sum()) * (1 - 1e-12))
+    base, none = np.zeros(runs), np.zeros(5)
+    assert same_plants_means(base, changes).p_value == pytest.approx(share, rel=1e-9)
+    # Plants that did not change have no say.
+    more = same_plants_means(np.append(base, none), np.append(changes, none))
+    assert more.p_value == pytest.approx(share, rel=1e-9)
+    assert same_plants_means(none, none).p_value == 1.0
+
+
+def detected(
+    test: Callable[[Array, Array], Any], draw: Callable[[float], tuple[Array, Array]], level: float
+) -> float:
+    """How often a change is detected that is the least detectable one."""
+    change = np.median([test(*draw(0.0)).detectable(level) for _ in range(50)])
+    assert math.isfinite(change)
+    return float(np.mean([test(*draw(change)).p_value <= level for _ in range(2000)]))
+
+
+@pytest.mark.parametrize("level", [0.05, 0.005])
+@pytest.mark.parametrize(("paired", "runs"), [(True, 300), (True, 60), (False, 300)])
+def test_the_least_detectable_change_of_a_mean_is_detected_with_the_power(
+    paired: bool, runs: int, level: float
+) -> None:
+    random = np.random.default_rng(7)
+
+    def draw(change: float) -> tuple[Array, Array]:
+        before = random.normal(0, 1, runs)
+        if paired:
+            return before, before + change + random.normal(0, 0.3, runs)
+        return before, random.normal(change, 0.7, 200)
+
+    share = detected(same_plants_means if paired else other_plants_means, draw, level)
+    # Three standard deviations of 2,000 draws.
+    assert share == pytest.approx(POWER, abs=0.03)
+
+
+@pytest.mark.parametrize(("lost", "won"), [(0, 0), (1, 0), (12, 9), (150, 140)])
+def test_the_least_detectable_change_of_a_rate_is_that_of_mcnemar(lost: int, won: int) -> None:
+    runs, level, random = 1000, 0.01, np.random.default_rng(8)
+    before = (np.arange(runs) >= won) * 1.0
+    after = before.copy()
+    after[:won], after[runs - lost :] = 1.0, 0.0
+    change = same_plants_rates(before, after).detectable(level)
+    # At least 8 plants must differ: 2 / 2^8 <= 1 % < 2 / 2^7.
+    differing = max(lost + won, 8)
+    share = (1 + change * runs / differing) / 2
+    assert 0.5 < share <= 1
+    counts = random.binomial(differing, share, 4000)
+    tails = [stats.binomtest(int(count), differing).pvalue <= level for count in counts]
+    assert np.mean(tails) == pytest.approx(POWER, abs=0.03)
+
+
+@pytest.mark.parametrize("kept", [0, 3, 150, 290, 300])
+def test_the_least_detectable_change_of_a_rate_on_other_plants_is_that_of_fisher(kept: int) -> None:
+    runs, others, level, random = 300, 200, 0.01, np.random.default_rng(9)
+    before = (np.arange(runs) < kept) * 1.0
+    change = other_plants_rates(before, np.ones(others)).detectable(level)
+    rates = [rate for rate in (kept / runs - change, kept / runs + change) if 0 <= rate <= 1]
+    powers = [
+        np.mean(
+            [
+                other_plants_rates(before, (np.arange(others) < count) * 1.0).p_value <= level
+                for count in random.binomial(others, rate, 400)
+            ]
+        )
+        for rate in rates
+    ]
+    assert max(powers) == pytest.approx(POWER, abs=0.08)

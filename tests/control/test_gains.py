@@ -31,16 +31,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_grosmc, regulating_grosmc
-from grosmc_mj.control.gains import (
-    SwitchingGains,
-    Uncertainty,
-    authority,
-    authority_together,
-    switching_gains,
-)
 from grosmc_mj.control.memory import SurfaceMemory
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task
+from grosmc_mj.control.uncertainty import SwitchingGains, Uncertainty
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -233,9 +228,13 @@ def test_the_declared_pole_torque_is_all_of_the_pendulum_s_constant_gain():
     assert robust("cart_pendulum").parameters.gamma0 == pytest.approx(expected, rel=1e-9)
 
 
-def gains_of(error: ErrorCoordinates, uncertainty: Uncertainty, **options: Any) -> SwitchingGains:
-    p = robust(error.system.name).parameters
-    return switching_gains(error, p, p.K, uncertainty, G=p.G, **options)
+def gains_of(
+    error: ErrorCoordinates, uncertainty: Uncertainty, *, linearizing: bool
+) -> SwitchingGains:
+    law = robust(error.system.name)
+    design = replace(law.designed, error=error)
+    assert design.linearizing is linearizing
+    return uncertainty.gains(design, law.parameters)[0]
 
 
 @pytest.mark.parametrize(
@@ -276,9 +275,9 @@ def test_family_that_reverses_or_loses_the_input_is_refused(scale):
     """No gain helps where E*/E <= 0: the message says which ratio, where."""
     error = ErrorCoordinates(reversing_servo(), SERVO_ERROR.reference, -1)
     uncertainty = Uncertainty({"Kt": (1.0, scale)}, (0.0,) * 6, (1.0, 1.0), 0.2)
-    p = robust("servo").parameters
-    with pytest.raises(GainError, match=r"servo: the input gain of a declared plant is .* at z ="):
-        switching_gains(error, p, p.K, uncertainty, linearizing=False, G=p.G)
+    message = r"servo: the input gain of a declared plant, Kt x[0-9.]+, is .* at z ="
+    with pytest.raises(GainError, match=message):
+        gains_of(error, uncertainty, linearizing=False)
 
 
 def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
@@ -321,12 +320,12 @@ def test_region_of_another_size_than_the_error_state_is_refused(region: tuple[fl
         gains_of(SERVO_ERROR, replace(SERVO_UNCERTAINTY, region=region), linearizing=False)
 
 
-def test_authority_over_one_input_is_the_ratio_of_the_gains() -> None:
+def test_gain_margin_over_one_input_is_the_ratio_of_the_gains() -> None:
     R = np.array([[0.6]]) @ np.linalg.inv(np.array([[-3.0]]))
-    assert authority(R) == pytest.approx(-0.2, rel=1e-15)
+    assert gain_margin(R) == pytest.approx(-0.2, rel=1e-15)
 
 
-def test_authority_over_several_inputs_is_what_the_worst_signs_leave() -> None:
+def test_gain_margin_over_several_inputs_is_what_the_worst_signs_leave() -> None:
     """min over rows and over all sides of (R sgn s)_i sgn s_i, by trying all of them."""
     random = np.random.default_rng(4)
     for m in (2, 3):
@@ -335,17 +334,17 @@ def test_authority_over_several_inputs_is_what_the_worst_signs_leave() -> None:
             R = steered @ np.linalg.inv(believed)
             sides = [np.array(side) for side in itertools.product((-1.0, 1.0), repeat=m)]
             worst = min(float((side * (R @ side)).min()) for side in sides)
-            assert authority(R) == pytest.approx(worst, rel=1e-12, abs=1e-12)
+            assert gain_margin(R) == pytest.approx(worst, rel=1e-12, abs=1e-12)
 
 
-def test_authority_along_s_is_the_least_share_that_points_back() -> None:
+def test_gain_margin_along_s_is_the_least_share_that_points_back() -> None:
     """min over s of s' R s / |s|^2, over a fine circle of s; R need not be symmetric."""
     angle = np.linspace(0, np.pi, 10_001)
     s = np.array([np.cos(angle), np.sin(angle)])
     random = np.random.default_rng(5)
     for R in random.normal(size=(50, 2, 2)):
         worst = float(np.einsum("it,ij,jt->t", s, R, s).min())
-        assert authority_together(R) == pytest.approx(worst, abs=1e-6)
+        assert gain_margin(R, together=True) == pytest.approx(worst, abs=1e-6)
 
 
 def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> None:
@@ -366,12 +365,12 @@ def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> Non
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"scales": {"J": (0.0, 2.0)}}, "J: the range 0 to 2 must be positive"),
-        ({"scales": {"J": (2.0, 1.0)}}, "J: the range 2 to 1"),
-        ({"scales": {"J": (1.0, math.inf)}}, "J: the range 1 to inf"),
-        ({"reaching_rate": 0.0}, "reaching rate 0 must be positive"),
-        ({"reaching_rate": math.nan}, "reaching rate nan"),
-        ({"region": (1.0, 0.0)}, r"region \(1\.0, 0\.0\)"),
+        ({"scales": {"J": (0.0, 2.0)}}, r"ranges .* above 0, unlike J = \(0.0, 2.0\)"),
+        ({"scales": {"J": (2.0, 1.0)}}, r"unlike J = \(2.0, 1.0\)"),
+        ({"scales": {"J": (1.0, math.inf)}}, r"unlike J = \(1.0, inf\)"),
+        ({"reaching_rate": 0.0}, "reaching_rate = 0 must be finite and positive"),
+        ({"reaching_rate": math.nan}, "reaching_rate = nan must be"),
+        ({"region": (1.0, 0.0)}, r"region = \(1\.0, 0\.0\) must be finite and positive"),
     ],
 )
 def test_declaration_that_means_nothing_is_refused(change, message):

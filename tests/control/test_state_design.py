@@ -9,10 +9,10 @@ import pytest
 import sympy as sp
 
 import grosmc_mj as gm
-from grosmc_mj.control.design import linear_lqr, realized
-from grosmc_mj.control.state_design import StateUncertainty, state_grosmc
+from grosmc_mj.control.design import linear_lqr, realized, state_grosmc
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization, StateTask
+from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.plants import OperatingPoint, equilibrium
@@ -154,12 +154,12 @@ def test_two_inputs_take_the_least_of_the_symmetric_part() -> None:
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [
-        ({"mass": 0.5}, "must be 1 or more"),
-        ({"length": "two"}, "must be 1 or more"),
-        ({"push": -1.0}, "must not be negative"),
-        ({"reaching_rate": 0.0}, "reaching rate 0 positive"),
-        ({"scales": {"m": (2.0, 1.0)}}, "uncertainty of m: the range"),
-        ({"scales": {"m": 2.0}}, "uncertainty of m: the range"),
+        ({"mass": 0.5}, "mass = 0.5 must be finite and 1 or more"),
+        ({"length": "two"}, "length = 'two' must be finite and 1 or more"),
+        ({"push": -1.0}, "push = -1 must be finite and not negative"),
+        ({"reaching_rate": 0.0}, "reaching_rate = 0 must be finite and positive"),
+        ({"scales": {"m": (2.0, 1.0)}}, r"ranges .* above 0, unlike m = \(2.0, 1.0\)"),
+        ({"scales": {"m": 2.0}}, r"ranges .* above 0, unlike m = 2"),
     ],
 )
 def test_wrong_declarations_are_refused(numbers: dict[str, Any], said: str) -> None:
@@ -174,7 +174,7 @@ def test_what_the_plant_has_not_is_told() -> None:
         state_grosmc(task(), StateUncertainty(scales={"M": (1.0, 2.0)}))
     with pytest.raises(GainError, match="no body '' that could be pushed: valid: none"):
         state_grosmc(task(), StateUncertainty(push=1.0))
-    with pytest.raises(GainError, match=r"limit 0 of the nominal input must be positive"):
+    with pytest.raises(ArgumentError, match=r"limit = 0 must be positive"):
         state_grosmc(task(), limit=0.0)
     moving = OperatingPoint(np.array([0.8, 0.0]), np.zeros(1))
     with pytest.raises(ArgumentError, match="is no equilibrium"):

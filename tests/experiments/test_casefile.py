@@ -120,7 +120,7 @@ WRONG = [
     ('"joint angle"', '"joint agle"', "unknown state 'joint agle': did you mean 'joint angle'?"),
     ('"10 deg"', '"10 m"', 'joint angle: "10 m" cannot be converted to rad'),
     ('duration = "1 s"', "duration = 1", 'run: duration: 1 has no unit: write "1 s"'),
-    ('duration = "1 s"', 'duration = "-1 s"', "duration -1 s must be finite and positive"),
+    ('duration = "1 s"', 'duration = "-1 s"', "duration = -1 must be from 1e-09"),
     ('duration = "1 s"', "", "run: duration is missing"),
     ('"1 s"', '"1 s"\ncontrol_period = "1.5 ms"', "no multiple of the timestep 0.001 s"),
     ('"1 s"', '"1 s"\nengine = "fortran"', "run: unknown engine 'fortran': valid: native, python"),

@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics.definitions import Recording
-from grosmc_mj.experiments.metrics.running import metered, said_by
+from grosmc_mj.experiments.metrics.running import meters_of, said_by
 from grosmc_mj.experiments.requirements import Limit, judge, windows
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.simulate import simulate
@@ -98,15 +98,16 @@ def test_a_law_that_runs_measures_what_is_measured_on_its_record(tmp_path: Path)
     case = experiment(tmp_path, ALL.format(band=0.05))
     recorded = judged(case.run("corrected", "pd"))
     law, asked = case.law("corrected", "pd"), windows(case.limits)
-    running = metered(law, 1e-3, asked, math.inf)
+    meters = meters_of(law, 1e-3, asked, math.inf)
     plant = case.plant("corrected")
     x0 = np.array([case.case.x0])
     ended = simulate(
-        [plant], [running], x0, duration=6, control_period=1e-3, timestep=1e-3, record=False
-    )
+        [plant], [law], x0, duration=6, control_period=1e-3, timestep=1e-3, meters=meters,
+        record=False,
+    )  # fmt: skip
     found = said_by(
-        running,
-        ended.memory[:, -1]["meters"],
+        law,
+        ended.meters,
         Recording.sampled(1e-3, 6.0, np.array([math.inf]), asked),
         x0,
         ended.state[:, -1],

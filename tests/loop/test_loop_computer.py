@@ -28,7 +28,7 @@ def computed(
 
 def instants(run: Trajectory) -> Any:
     """The timesteps in which samples were taken."""
-    return np.flatnonzero(np.diff(run.memory["loop"]["sample"], prepend=0.0))
+    return np.flatnonzero(np.diff(run.memory["samples"], prepend=0.0))
 
 
 @EXAMPLES

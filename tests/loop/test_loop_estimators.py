@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from looped import ANGLE, CURRENT, SPEED, H, played, seen, servo
+from looped import ANGLE, CURRENT, SPEED, H, played, scripted, seen, servo
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
-from grosmc_mj.loop.estimating import levant
+from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from grosmc_mj.loop.estimators import levant
+from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.simulation.python_engine import ClosedLoop
 
 EPS = np.finfo(float).eps
 L = 10.0
@@ -139,8 +142,11 @@ def test_the_extended_observer_is_exact_under_a_constant_load() -> None:
     error = seen(run)[:, 1] - run.state[:-1, 1]
     assert error[0] == -RATE
     assert np.abs(error[-100:]).max() < ROUNDING
-    found = run.memory["loop"]["rates"][-1, 0, 3]
-    assert found == pytest.approx(-load / p.J, rel=p.B * H / p.J)
+    law = in_loop(scripted(np.full(1500, u), modelled=True), loop, SERVO)
+    options: dict[str, Any] = {"duration": 1.5, "timestep": H, "disturbances": [push]}
+    closed = ClosedLoop(prepare(servo(), law, (0.0, RATE), **options)[0])
+    closed.advance(1500)
+    assert closed.run.loop.estimators[0].load == pytest.approx(-load / p.J, rel=p.B * H / p.J)
 
 
 @pytest.mark.parametrize("stride", [1, 2])

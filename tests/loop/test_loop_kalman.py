@@ -13,7 +13,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GainError
 from grosmc_mj.loop import Estimator, Loop, Sensor, in_loop
 from grosmc_mj.loop.counter import normal
-from grosmc_mj.loop.design_model import kalman_gain
+from grosmc_mj.loop.in_loop import loop_of
+from grosmc_mj.loop.kalman import kalman_gain
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
 
@@ -37,6 +38,10 @@ def filtered(noise: float = NOISE, load: float = LOAD) -> Loop:
     )
 
 
+def gain_of(loop: Loop) -> Array:
+    return loop_of(in_loop(scripted([0.0], modelled=True), loop, SERVO)).start.gain
+
+
 @pytest.mark.parametrize("noise", [1e-3, 1e-5, 1e-7])
 @pytest.mark.parametrize("load", [1e-2, 1.0])
 def test_the_gain_is_python_control_s(noise: float, load: float) -> None:
@@ -52,7 +57,7 @@ def test_the_gain_is_python_control_s(noise: float, load: float) -> None:
 
 def test_the_loop_s_gain_is_that_of_the_servo() -> None:
     """Differences over 1e-6 of a linear model are off by rounding: 1e-16 / 1e-6, over h."""
-    gain = in_loop(scripted([0.0], modelled=True), filtered(), SERVO).parameters.loop.gain
+    gain = gain_of(filtered())
     wanted = kalman_gain(*held_servo(), [0], np.array([NOISE**2]), LOAD)[0]
     np.testing.assert_allclose(gain[:, :1], wanted, rtol=1e-6)
     np.testing.assert_array_equal(gain[:, 1], 0.0)
@@ -61,8 +66,7 @@ def test_the_loop_s_gain_is_that_of_the_servo() -> None:
 def test_a_resolution_counts_as_noise_of_a_twelfth_of_its_square() -> None:
     q = NOISE * 12**0.5
     loops = [filtered(), Loop(sensors=(Sensor(ANGLE, q),), estimators=filtered().estimators)]
-    gains = [in_loop(scripted([0.0], modelled=True), each, SERVO).parameters.loop.gain
-             for each in loops]  # fmt: skip
+    gains = [gain_of(each) for each in loops]
     np.testing.assert_allclose(*gains, rtol=1e-9)
 
 

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.signal
-from looped import CURRENT, H, behind, played
+from looped import CURRENT, H, behind, scripted
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.loop import Actuator, Loop
+from grosmc_mj.loop import Actuator, Loop, in_loop
+from grosmc_mj.loop.actuators import actuate
+from grosmc_mj.loop.delay import send
+from grosmc_mj.loop.in_loop import loop_of
+from grosmc_mj.plants import SERVO
 
 EPS = np.finfo(float).eps
 U = np.random.default_rng(2).uniform(-3, 3, 200)
@@ -22,8 +26,15 @@ LAGS = pytest.mark.parametrize("lag", [2e-4, 1e-3, 2.3e-3, 2e-2])
 
 def at_the_ends(lag: float, order: int) -> Array:
     """The lag's output at the end of each timestep."""
-    run = played(U, Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),)))
-    return run.memory["loop"]["lags"][:, 0, order]
+    actuators = (Actuator(CURRENT, lag=lag, order=order),)
+    law = in_loop(scripted(U), Loop(actuators=actuators), SERVO)
+    loop = loop_of(law).begin_uncompiled(law, law.memory(), np.zeros(2), np.zeros(2))
+    ends = []
+    for i, u in enumerate(U):
+        send([u], loop)
+        actuate(i, loop, np.zeros(1))
+        ends.append((loop.actuators[0].first, loop.actuators[0].second)[order - 1])
+    return np.array(ends)
 
 
 def rounding(lag: float, order: int) -> float:

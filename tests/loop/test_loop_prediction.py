@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from looped import CURRENT, H, closed, nominal, played, seen, servo
 
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
+from grosmc_mj.loop.in_loop import loop_of
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
 
@@ -26,6 +28,11 @@ def late(steps: int, predict: bool, switching: str = "implicit") -> RunResult:
     loop = Loop(Computing(delay=steps * H))
     law = in_loop(experiment.law("corrected", "grosmc"), loop, SERVO, predict=predict)
     return run_on(experiment, "corrected", law, experiment.plant("corrected"))
+
+
+def dead_time(law: Controller) -> float:
+    """As the law knows it, in timesteps."""
+    return float(loop_of(law).start.computer["dead"][0])
 
 
 def value(run: RunResult, name: str) -> float:
@@ -96,7 +103,7 @@ def test_the_age_of_a_measurement_is_predicted_too() -> None:
     )
     u = np.random.default_rng(5).normal(size=120)
     run = played(u, loop, modelled=True, predict=True)
-    believed = run.memory["loop"]["believed"]
+    believed = run.memory["x"]
     assert np.abs(run.command).max() > 0.7
     A = nominal().plant("corrected").linearization()[0]
     rates = np.diff(run.state, axis=0) / H
@@ -112,10 +119,11 @@ def test_a_predicted_surface_starts_at_zero(switching: str) -> None:
     """Its first sample is not at t = 0 but when its output arrives."""
     for steps in (0, 1, 5):
         run = late(steps, True, switching)
-        assert run.controller.memory().first == pytest.approx(steps * H, rel=1e-12)
+        first = run.controller.begin()[0].first
+        assert first == pytest.approx(steps * H, rel=1e-12)
         s: Any = run.trajectory.sliding
         assert s[0] == 0.0
-        assert run.trajectory.memory["first"][-1] == run.controller.memory().first
+        assert run.trajectory.memory["first"][-1] == first
 
 
 @pytest.mark.slow
@@ -124,11 +132,11 @@ def test_a_lag_counts_as_a_delay_of_its_time_constants() -> None:
     for order, lag, steps in ((1, 3e-3, 3), (2, 3e-3, 6), (2, 0.7e-3, 1), (1, 0.4e-3, 0)):
         loop = Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),))
         made = in_loop(law, loop, SERVO, predict=True)
-        assert made.parameters.loop.dead == steps
-        assert made.parameters.loop.ahead == pytest.approx(steps * H)
+        assert dead_time(made) == steps
+        assert loop_of(made).ahead == pytest.approx(steps * H)
     loop = Loop(sensors=tuple(Sensor(each.name, delay=2 * H) for each in SERVO.states))
-    numbers = in_loop(law, loop, SERVO, predict=True).parameters.loop
-    assert (numbers.dead, numbers.ahead) == (2.0, 0.0)
+    made = in_loop(law, loop, SERVO, predict=True)
+    assert (dead_time(made), loop_of(made).ahead) == (2.0, 0.0)
 
 
 @pytest.mark.slow
@@ -137,7 +145,7 @@ def test_a_law_may_know_another_loop_than_it_meets() -> None:
     law = nominal().law("corrected", "lqr")
     loop = Loop(Computing(delay=4 * H))
     believing = in_loop(law, loop, SERVO, predict=True, known=Loop())
-    assert believing.parameters.loop.dead == 0.0
+    assert dead_time(believing) == 0.0
     run = closed(law, loop, (0.0, 0.0), 0.5)
 
     found = simulate(servo(), believing, (0.0, 0.0), duration=0.5)

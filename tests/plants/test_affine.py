@@ -13,7 +13,7 @@ import sympy as sp
 import grosmc_mj as gm
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linear_lqr
-from grosmc_mj.control.gains import surface_rate
+from grosmc_mj.control.reaching import nominal
 from grosmc_mj.errors import ArgumentError, GainError, ModelError, PremiseError
 from grosmc_mj.plants import AnalyticPlant
 
@@ -141,7 +141,9 @@ def test_a_setpoint_of_one_output_is_refused_for_two() -> None:
 def test_one_number_weighs_every_input_alike() -> None:
     masses = two_masses()
     error = gm.control.ErrorCoordinates(masses.system, gm.control.setpoints(2, 2))
-    both = gm.Task(masses, error, gm.control.Setpoints(0.0, 0.0), np.eye(4), 2.0).chain_optimum()
+    both = gm.Task(masses, error, gm.control.Setpoints(0.0, 0.0), np.eye(4), 2.0).optimum(
+        linearizing=True
+    )
     assert both.R.tolist() == [[2.0, 0.0], [0.0, 2.0]]
 
 
@@ -174,10 +176,14 @@ def test_gains_cover_what_reaches_s_through_the_row_without_an_input() -> None:
         true = plant.with_parameters(a=random.uniform(1, 3))
         alpha, E = law.coordinates.dynamics(0.0, x, p)
         u_0 = np.linalg.solve(E, -(p.K @ z) - alpha)
-        push, steered = surface_rate(law.coordinates.moved(0.0, x, p, true), z, p.G, S, u_0)
+        drift, gain = law.coordinates.moved(0.0, x, p, true)
+        found = nominal(law.designed, p, [0.0], x[None], z[None]).reaching(
+            (drift[None], gain[None])
+        )
+        assert found.push[0] == pytest.approx(p.G @ (drift + gain @ u_0) - S @ z, abs=1e-12)
+        assert found.R[0] == pytest.approx(p.G @ gain / (p.GB @ E), rel=1e-12)
         rho = p.eta + (p.gamma0 + p.gamma1 * np.linalg.norm(z)) * np.linalg.norm(p.GB @ E)
-        back = rho * steered[0, 0] / (p.GB @ E)[0, 0]
-        assert abs(push[0]) - back <= -0.1 + 1e-9
+        assert abs(found.push[0, 0]) - rho * found.R[0, 0, 0] <= -0.1 + 1e-9
 
 
 def test_gains_hold_for_one_switch_for_both_inputs() -> None:
@@ -200,7 +206,7 @@ def test_gains_hold_for_one_switch_for_both_inputs() -> None:
 
 @pytest.mark.parametrize("epsilon", [0.0, -1.0, np.inf, np.nan])
 def test_gains_must_be_finite_and_positive(epsilon: float) -> None:
-    with pytest.raises(GainError, match="must be finite and positive"):
+    with pytest.raises(ArgumentError, match=r"epsilon = .* must be finite and positive"):
         gm.tracking_grosmc(task(chain()), k=1.0, epsilon=epsilon)
 
 

@@ -24,7 +24,6 @@ from grosmc_mj.control.design import (
     regulating_grosmc,
     tracking_grosmc,
 )
-from grosmc_mj.control.gains import Uncertainty
 from grosmc_mj.control.references import (
     FourierSeries,
     Setpoint,
@@ -34,10 +33,10 @@ from grosmc_mj.control.references import (
 )
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
+from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
-from grosmc_mj.loop import Computing, Loop, in_loop
-from grosmc_mj.loop.design_model import advance_of
+from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.files import load_spec, model_path
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -248,19 +247,16 @@ def test_the_design_model_moves_by_mujocos_accelerations() -> None:
     """Of a law that steers against a moving reference, and whose error is reversed."""
     task = replace(tree_task(), error=replace(tree_task().error, sign=-1))
     law, h = computed_torque_pd(task, 9.0, 6.0), 1e-3
-    loop = Loop(Computing(delay=h))
-    looped = in_loop(law, loop, tree().plant.system, control_period=h, timestep=h, predict=True)
-    started, _kept = looped.begin()
-    memory: Any = started
+    (memory, _kept), moves = law.begin(), design_model(law, "this test")
     model = tree().plant.model
     data, u = mujoco.MjData(model), np.array([0.4, -0.3, 0.2])
     for x in states(N):
         data.qpos[:], data.qvel[:], data.ctrl[:] = x[:N], x[N:], u
         mujoco.mj_forward(model, data)
-        memory.loop.model[:] = x
-        advance_of(law.coordinates)(0.3, u, memory, looped.parameters, h)
+        moved = x.copy()
+        moves.advance(0.3, moved, u, h, memory, law.parameters, moves.own)
         q = x[:N] + h * x[N:] + 0.5 * h**2 * data.qacc
-        np.testing.assert_allclose(memory.loop.model, [*q, *(x[N:] + h * data.qacc)], rtol=1e-9)
+        np.testing.assert_allclose(moved, [*q, *(x[N:] + h * data.qacc)], rtol=1e-9)
 
 
 def test_the_balance_of_the_reaching_condition_takes_a_robot() -> None:

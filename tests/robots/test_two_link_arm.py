@@ -29,12 +29,12 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
-from grosmc_mj.control.gains import authority, switching_gains
 from grosmc_mj.control.memory import SurfaceMemory
+from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.control.references import Setpoint, setpoints
 from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Task
-from grosmc_mj.errors import GainError, ModelError, PremiseError, UndefinedLawError
+from grosmc_mj.errors import ArgumentError, GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
 from grosmc_mj.physics.edits import BodyEdit
@@ -514,7 +514,7 @@ def worst_rate(ctl: Controller, count: int) -> float:
 
 
 def test_each_s_falls_at_the_declared_rate_for_the_whole_declared_family() -> None:
-    """s_i' sgn(s_i) <= -eta for both, whatever the sides: what authority and the gains are for."""
+    """s_i' sgn(s_i) <= -eta for both, whatever the sides: what the margin and the gains are for."""
     assert worst_rate(law("grosmc", REGULATION), 60) <= -TWO_LINK_UNCERTAINTY.reaching_rate
 
 
@@ -538,7 +538,7 @@ def test_without_uncertainty_each_s_falls_at_exactly_the_asked_rate() -> None:
             np.testing.assert_allclose(found, -0.2, rtol=1e-9)
 
 
-def test_authority_is_the_worst_share_over_all_sides() -> None:
+def test_gain_margin_is_the_worst_share_over_all_sides() -> None:
     """min_i (R sgn(s))_i sgn(s_i) over the four sides, by trying them."""
     rng = np.random.default_rng(9)
     for _ in range(50):
@@ -547,12 +547,12 @@ def test_authority_is_the_worst_share_over_all_sides() -> None:
         shares = [
             (R @ side) * side for side in map(np.array, itertools.product((-1.0, 1.0), repeat=2))
         ]
-        assert authority(steered @ np.linalg.inv(believed)) == pytest.approx(
+        assert gain_margin(steered @ np.linalg.inv(believed)) == pytest.approx(
             np.min(shares), rel=1e-9
         )
 
 
-def least_authority(weight: float, payload: float) -> float:
+def least_margin(weight: float, payload: float) -> float:
     """Over the poses of the declared region, with G = [0 1 0 0; 0 0 0 weight], by hand."""
     p, G_r = own(nominal()), np.diag([1.0, weight])
     heavy, found = replace(p, mp=payload), []
@@ -566,31 +566,30 @@ def least_authority(weight: float, payload: float) -> float:
 
 def test_weighing_the_elbow_less_keeps_the_dominance_that_1_kg_would_take() -> None:
     """G = B+ is barely enough at 0.6 kg and loses both inputs' dominance at 1 kg."""
-    assert 0 < least_authority(1.0, 0.6) < 0.05
-    assert least_authority(1 / 3, 0.6) > 0.35
-    assert least_authority(1.0, 1.0) < -0.2
-    assert least_authority(1 / 3, 1.0) > 0.15
+    assert 0 < least_margin(1.0, 0.6) < 0.05
+    assert least_margin(1 / 3, 0.6) > 0.35
+    assert least_margin(1.0, 1.0) < -0.2
+    assert least_margin(1 / 3, 1.0) > 0.15
 
 
 def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
     ctl = law("grosmc", REGULATION)
     ratio = TWO_LINK_UNCERTAINTY.reaching_rate / ctl.parameters.eta
     # The grid of states is coarser than the one by hand, but both have the region's edges.
-    assert ratio == pytest.approx(least_authority(1 / 3, 0.6), rel=1e-9)
+    assert ratio == pytest.approx(least_margin(1 / 3, 0.6), rel=1e-9)
 
 
 def test_family_without_dominance_is_refused() -> None:
     """Up to 1 kg under G = B+: no gain helps, and none is given."""
     heavier, ctl = replace(TWO_LINK_UNCERTAINTY, scales={"mp": (1.0, 5.0)}), law("lqr", REGULATION)
-    G, p = np.linalg.pinv(ctl.designed.lqr.B), ctl.parameters
     with pytest.raises(GainError, match="no switching gain can make up"):
-        switching_gains(TWO_LINK_JOINTS, p, p.K, heavier, linearizing=True, G=G)
+        heavier.gains(ctl.designed, ctl.parameters)
 
 
 def test_gains_for_a_moving_reference_are_refused() -> None:
-    p = law("grosmc").parameters
+    ctl = law("grosmc")
     with pytest.raises(GainError, match="the reference moves"):
-        switching_gains(TWO_LINK_TIP, p, p.K, TWO_LINK_UNCERTAINTY, linearizing=True, G=TWO_LINK_G)
+        TWO_LINK_UNCERTAINTY.gains(ctl.designed, ctl.parameters)
 
 
 # Computed torque
@@ -601,7 +600,7 @@ def test_gains_for_a_moving_reference_are_refused() -> None:
 )
 def test_pd_with_numbers_that_are_not_positive_is_refused(frequency: float, damping: float) -> None:
     task = task_of(SYSTEM, nominal())
-    with pytest.raises(GainError, match=r"both must be positive, and .* \(2, 2\) all 2"):
+    with pytest.raises(ArgumentError, match=r"(frequency|damping) = .* must be above 0"):
         computed_torque_pd(task, frequency, damping)
 
 
@@ -610,7 +609,7 @@ def test_pd_of_outputs_of_another_degree_is_refused() -> None:
     plant = MujocoPlant.load("servo").analytic()
     rate = ErrorCoordinates(SERVO, setpoints(1), outputs=(SERVO.equations.x[1],))
     task = Task(plant, rate, Setpoint(1.0), np.eye(1), 1.0)
-    with pytest.raises(GainError, match=r"relative degrees \(1,\) all 2"):
+    with pytest.raises(GainError, match=r"relative degrees \(1,\) must all be 2"):
         computed_torque_pd(task, 5.0, 1.0)
 
 

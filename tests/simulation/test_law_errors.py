@@ -16,8 +16,6 @@ import pytest
 import grosmc_mj as gm
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
-from grosmc_mj.experiments.metrics.running import metered
 from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.studies.region.loop import guarded
@@ -200,7 +198,6 @@ def test_a_law_for_python_only_stays_so_whatever_is_put_around_it() -> None:
     mine = gm.custom_controller("mine", uncompiled, like)
     around = [mine, in_loop(mine, Loop(), like.designed.error.system)]
     around += [guarded(law, like.designed.error.system) for law in around]
-    around += [metered(law, 1e-3, NO_WINDOWS, 0.0) for law in around]
     for law in around:
         found = gm.simulate(nominal(), law, [0.0, 0.0], duration=0.01, engine="python")
         assert found.command[-1] == 2.0

@@ -239,7 +239,7 @@ def test_load_deflects_the_servo_under_lqr_to_where_its_stiffness_holds_it():
 def reaching_amplitude(run: Run, ctl: Controller) -> float:
     """Largest |s'| that the switching term asks for on the nominal plant."""
     p = ctl.parameters
-    if hasattr(p, "epsilon"):
+    if p.epsilon:
         return float(p.epsilon + p.k * np.abs(run.sliding).max())
     error = ctl.coordinates
     gain = abs(p.GB.item())

@@ -91,22 +91,22 @@ def start_servo(**changes: Any) -> Trajectory:
         ({"x0": [[[0.0, 0.0]]]}, "must be 2 finite numbers"),
         ({"control_period": 1.5e-3}, r"0\.0015 s is no multiple of .* 0\.001 s: take 0\.002 s"),
         ({"control_period": 4e-4}, r"take 0\.001 s"),
-        ({"control_period": 0.0}, r"take 0\.001 s"),
-        ({"control_period": -1e-3}, r"control period -0\.001 s .* take 0\.001 s"),
-        ({"control_period": math.nan}, "control period nan s"),
-        ({"control_period": math.inf}, "control period inf s"),
-        ({"duration": -1.0}, "duration -1 s must be finite and positive"),
-        ({"duration": 0.0}, "duration 0 s"),
-        ({"duration": math.inf}, "duration inf s"),
-        ({"duration": math.nan}, "duration nan s"),
+        ({"control_period": 0.0}, "control_period = 0 must be above 0 to 1e\\+09 s"),
+        ({"control_period": -1e-3}, r"control_period = -0\.001 must be above 0"),
+        ({"control_period": math.nan}, "control_period = nan must be above 0"),
+        ({"control_period": math.inf}, "control_period = inf must be above 0"),
+        ({"duration": -1.0}, "duration = -1 must be from 1e-09 to 1e\\+09 s"),
+        ({"duration": 0.0}, "duration = 0 must be from"),
+        ({"duration": math.inf}, "duration = inf must be from"),
+        ({"duration": math.nan}, "duration = nan must be from"),
         ({"timestep": 2e-3}, r"timestep 0\.002 s is not the model's 0\.001 s: load the plant"),
-        ({"threads": -1}, "threads = -1 must be 0"),
-        ({"threads": 1.5}, r"threads = 1\.5 must be 0 .*, a whole number"),
-        ({"threads": True}, "threads = True must be 0"),
-        ({"duration": 1e-300}, "duration 1e-300 s must be .* from 1e-09 to 1e\\+09 s"),
-        ({"duration": "1"}, "duration '1' s must be finite and positive"),
-        ({"control_period": 1e300}, "control period 1e\\+300 s must be .* at most 1e\\+09 s"),
-        ({"timestep": "1"}, "timestep '1' s is not the model's"),
+        ({"threads": -1}, "threads = -1 must be a whole number from 0 to 1024"),
+        ({"threads": 1.5}, r"threads = 1\.5 must be a whole number"),
+        ({"threads": True}, "threads = True must be a whole number"),
+        ({"duration": 1e-300}, "duration = 1e-300 must be from 1e-09 to 1e\\+09 s"),
+        ({"duration": "1"}, "duration = '1' must be from"),
+        ({"control_period": 1e300}, "control_period = 1e\\+300 must be above 0 to 1e\\+09 s"),
+        ({"timestep": "1"}, "timestep = '1' must be from 1e-09"),
         ({"engine": None}, "unknown engine None: valid: native, python"),
         ({"plant": "servo"}, "plant = 'servo' must be a plant or a list of them"),
         ({"plant": {1, 2}}, r"plant = \{1, 2\} must be a plant"),
@@ -122,13 +122,13 @@ def test_bad_argument_is_refused_with_its_value(changes, message):
 
 @pytest.mark.parametrize("timestep", [0.0, -1e-3, math.nan])
 def test_timestep_of_an_analytic_plant_must_be_positive(timestep):
-    with pytest.raises(ArgumentError, match="must be finite and positive"):
+    with pytest.raises(ArgumentError, match=r"timestep = .* must be from 1e-09 to 1e"):
         start_servo(plant=physics("servo").analytic(), timestep=timestep)
 
 
 @pytest.mark.parametrize("timestep", [1e-300, 1e300, "1e-3"])
 def test_timestep_beyond_every_bound_is_refused(timestep):
-    with pytest.raises(ArgumentError, match="must be finite and positive, from 1e-09 to 1e"):
+    with pytest.raises(ArgumentError, match=r"timestep = .* must be from 1e-09 to 1e"):
         start_servo(plant=physics("servo").analytic(), timestep=timestep)
 
 
@@ -230,7 +230,7 @@ LOAD = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -1.0, 0.0))
 
 @pytest.mark.parametrize("bad", [[3], ["load"], [LOAD, None], [[LOAD], [3]], "load"])
 def test_disturbance_that_is_none_is_refused(bad):
-    with pytest.raises(ArgumentError, match="is no Disturbance"):
+    with pytest.raises(ArgumentError, match="must be a list of Disturbances"):
         start_servo(disturbances=bad)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,6 +13,7 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj import cli
+from grosmc_mj.arrays import Array
 from grosmc_mj.columns import read_columns, write_columns
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
@@ -161,6 +163,39 @@ def test_other_files_are_told(tmp_path: Path) -> None:
     batch = gm.simulate([gm.MujocoPlant.load("servo")], run.controller, [0.0, 0.0], duration=0.01)
     with pytest.raises(ArgumentError, match=r"take one of them, trajectory\[i\]"):
         batch.to_arrow()
+
+
+def late(time: Array) -> Array:
+    return np.append(time[:-1], time[-2])
+
+
+@pytest.mark.parametrize("ending", [".npz", ".parquet"])
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("time", late, "time must be finite and increasing"),
+        ("time", lambda t: np.where(t == t[3], np.nan, t), "time must be finite and increasing"),
+        ("time", lambda t: t[::-1].copy(), "time must be finite and increasing"),
+        ("time", lambda t: t.astype(str), "time has values of type .*, must be real numbers"),
+        ("rotor angle", lambda x: x[:-1], r"rotor angle has shape \(10,\), must have a row for"),
+        ("current", lambda x: np.append(x, 0.0), r"current has shape \(12,\), must have a row"),
+        ("rotor angle", lambda x: x * 1j, "rotor angle has values of type complex128"),
+        ("current", lambda x: x[:, None], r"current has shape \(11, 1\)"),
+    ],
+)
+def test_rows_that_are_not_of_their_instants_are_refused(
+    name: str, change: Any, said: str, ending: str, tmp_path: Path
+) -> None:
+    """Of a Parquet file, whose columns are as long as each other, what its types can hold."""
+    columns, about = read_columns(result("servo/case1", duration=0.01).save(tmp_path / "run.npz"))
+    values = next(column for column in columns if column.name == name).values
+    bad = change(values)
+    if ending == ".parquet" and not (bad.shape == values.shape and bad.dtype == float):
+        return
+    changed = [c._replace(values=change(c.values)) if c.name == name else c for c in columns]
+    write_columns(tmp_path / f"bad{ending}", changed, about)
+    with pytest.raises(ArgumentError, match=rf"bad{ending}: holds no trajectory: {said}"):
+        gm.load_trajectory(tmp_path / f"bad{ending}")
 
 
 def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

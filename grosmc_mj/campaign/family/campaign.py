@@ -23,9 +23,16 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
-from grosmc_mj.experiments.metrics.running import metered
+from grosmc_mj.experiments.metrics.running import meters_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, judgeable, required, transient, windows
+from grosmc_mj.experiments.requirements import (
+    Limit,
+    judgeable,
+    require_initial_error,
+    required,
+    transient,
+    windows,
+)
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
@@ -98,7 +105,11 @@ class Campaign:
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         requirements = required(limits, laws)
         found = cls(specification, experiment, family, laws, requirements, tuple(notes))
-        found.plant_sample(found.family.nominal).plant(found.plant)
+        nominal = found.plant_sample(family.nominal)
+        nominal.plant(found.plant)
+        for limit in requirements:
+            if limit.of_initial_error:
+                require_initial_error(limit.kind, laws[limit.of[0]], nominal.case.x0)
         refuse_impossible_machines(family, lambda row: found.plant_sample(row).plant(found.plant))
         refuse_impossible_loops(family, laws, lambda row: found.plant_sample(row).case.loop)
         for law in laws.values():
@@ -106,8 +117,8 @@ class Campaign:
         return found
 
     def _refuse_unmeasurable(self, law: Controller) -> None:
-        """Refuse a run that cannot begin, or errors that are asked for after its last sample."""
-        metered(law, self.control_period, NO_WINDOWS, 0.0)
+        """Refuse a run that cannot begin, or errors that are asked for after its last timestep."""
+        meters_of(law, self.experiment.settings.timestep, NO_WINDOWS, 0.0)
         problem, _ = prepare(
             self.plant,
             law,
@@ -118,11 +129,11 @@ class Campaign:
             disturbances=self.experiment.case.disturbances,
             record=False,
         )
-        last = (problem.steps - 1) // problem.stride * problem.control_period
+        last = (problem.steps - 1) * problem.timestep
         for after in windows(self.requirements).after:
             if after * (1 - 1e-12) > last:
                 raise ArgumentError(
-                    f"an error after {after:g} s: the last sample of a run is at {last:g} s"
+                    f"an error after {after:g} s: the last timestep of a run begins at {last:g} s"
                 )
 
     @property

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.bisection import narrowed
 from grosmc_mj.campaign.family.family import Family, Quantity
 from grosmc_mj.campaign.family.sampling import inside
 from grosmc_mj.control.controller import Controller
@@ -92,11 +93,7 @@ def largest_machine(family: Family, plant_at: Callable[[Array], Plant], most: fl
 
     if can_be(most):
         return most
-    low, high = min(1.0, most), most
-    while high - low > _FINE * low:
-        middle = (low + high) / 2
-        low, high = (middle, high) if can_be(middle) else (low, middle)
-    return low
+    return narrowed(lambda scale: not can_be(scale), min(1.0, most), most, _FINE)[0]
 
 
 def _machine(plant: Plant) -> bool:

@@ -30,9 +30,9 @@ from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.metrics.running import METRICS
 from grosmc_mj.fields import Range, range_of
-from grosmc_mj.loop.loop import TIMES, time_as_run
+from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.machine.part import MOST
-from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.edits import BodyEdit, JointEdit
 from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant
 from grosmc_mj.report.tables import shown_unit
@@ -44,18 +44,15 @@ LARGEST_SCALE = 8.0
 # How the columns of margins begin.
 MARGIN = "margin "
 # Columns of rows that may have been screened by equations.
-SCREENING = ("judged_by", "screened", "overturned", "band")
+SCREENING = ("judged_by", "screened", "overturned", "drawn", "band")
 # Columns of the results, beside the uncertain numbers.
-RESERVED = ("id", "controller", *METRICS, "relative", "status", "ended", *SCREENING)
-# What a physical plant has above zero, and what it has not below zero.
-_POSITIVE = frozenset({
-    "mass_scale", "length_scale", "scale", "time_constant", "slope", "bandwidth", "load", "limit",
-    "rate_limit",
-})  # fmt: skip
-_NOT_NEGATIVE = frozenset({
-    "added_mass", "damping", "friction", "armature", "delay", "jitter", "resolution", "noise",
-    "period", "lag", "dead_zone",
-})  # fmt: skip
+RESERVED = ("id", "controller", *METRICS, "relative", "order", "status", "ended", *SCREENING)
+# Of loops and disturbances: numbers above zero, numbers not below zero.
+_POSITIVE = {"scale", "time_constant", "slope", "bandwidth", "load", "limit", "rate_limit"}
+_NOT_NEGATIVE = {
+    "added_mass", "delay", "jitter", "resolution", "noise", "period", "lag", "dead_zone",
+}  # fmt: skip
+_EDITS = {"body": BodyEdit, "joint": JointEdit, **MACHINE_PARTS}
 # Rates of turning that nobody gives in degrees.
 _FREQUENCIES = ("frequency", "bandwidth")
 # Where a model keeps what a joint edit changes.
@@ -113,8 +110,9 @@ class Quantity:
     @property
     def bounds(self) -> Range:
         """The values that a plant can have."""
-        if self.owner in MACHINE_PARTS:
-            return range_of(MACHINE_PARTS[self.owner], self.quantity) or Range()
+        own = range_of(_EDITS[self.owner], self.quantity) if self.owner in _EDITS else None
+        if own is not None:
+            return own
         if self.quantity == "missed":
             return Range(0, 1, below=True)
         if self.quantity in _POSITIVE:

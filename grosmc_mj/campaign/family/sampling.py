@@ -11,54 +11,34 @@ from scipy.stats import qmc
 
 from grosmc_mj.arrays import Array
 
-# Independently scrambled Sobol sequences that a campaign is drawn from, in turn: run i is point
-# i // REPLICATES of replicate i % REPLICATES. Their means are independent and have one expectation.
-REPLICATES = 16
-# Points of one scramble of a replicate and of one Latin hypercube. Number i lies in the
-# (i // this)-th, each randomised anew, so that it depends on nothing but the seed and i and is
-# quickly found.
+# Points of one Sobol sequence and of one Latin hypercube. Number i lies in the (i // this)-th,
+# each randomised anew, so that it depends on nothing but the seed and i and is quickly computed.
 SEQUENCE, HYPERCUBE = 2**16, 128
 # Points stay off the faces of the cube, where quantiles may be infinite.
 _EDGE = 2.0**-53
 
 
 def sobol(dimensions: int, seed: int, first: int, count: int) -> Array:
-    """Scrambled Sobol points (Owen) of independent replicates in turn."""
-    points = np.empty((count, dimensions))
-    for place in range(min(REPLICATES, count)):
-        start, replicate = divmod(first + place, REPLICATES)
-        own = points[place::REPLICATES]
-        own[:] = _replicate(dimensions, seed, replicate, start, len(own))
-    return points
-
-
-def _replicate(dimensions: int, seed: int, replicate: int, first: int, count: int) -> Array:
-    """Points of one replicate; even in runs of a power of two."""
+    """Sobol sequences of 65,536 points, one after another, scrambled (Owen)."""
 
     def part(sequence: int, start: int, points: int) -> Array:
-        scramble = sequence * REPLICATES + replicate
-        made = qmc.Sobol(dimensions, rng=np.random.default_rng([seed, scramble]))
+        engine = qmc.Sobol(dimensions, rng=np.random.default_rng([seed, sequence]))
         if start:
-            made.fast_forward(start)
+            engine.fast_forward(start)
         with warnings.catch_warnings():
             # A shard is part of a sequence, whose balance is not the shard's.
             warnings.filterwarnings("ignore", "The balance properties", UserWarning)
-            return made.random(points)
+            return engine.random(points)
 
     return _in_blocks(SEQUENCE, first, count, part)
-
-
-def replicates_of(sampler: str) -> int:
-    """Independent replicates that a sampler's runs belong to in turn; 0 if it has none."""
-    return REPLICATES if sampler == "sobol" else 0
 
 
 def latin_hypercube(dimensions: int, seed: int, first: int, count: int) -> Array:
     """Latin hypercubes of 128 points, one after another."""
 
     def part(cube: int, start: int, points: int) -> Array:
-        made = qmc.LatinHypercube(dimensions, rng=np.random.default_rng([seed, cube]))
-        return made.random(HYPERCUBE)[start : start + points]
+        engine = qmc.LatinHypercube(dimensions, rng=np.random.default_rng([seed, cube]))
+        return engine.random(HYPERCUBE)[start : start + points]
 
     return _in_blocks(HYPERCUBE, first, count, part)
 
@@ -91,9 +71,9 @@ def corners(dimensions: int, seed: int, first: int, count: int) -> Array:
 
 Sampler = Callable[[int, int, int, int], Array]
 SAMPLERS: Mapping[str, Sampler] = {
+    "random": independent,
     "sobol": sobol,
     "lhs": latin_hypercube,
-    "random": independent,
     "corners": corners,
 }
 

@@ -57,7 +57,7 @@ class Specification:
         folder: Where it lies, and what it names.
         runs: Plants; each meets every controller.
         seed: Of the sampler.
-        sampler: ``sobol``, ``lhs``, ``random`` or ``corners``.
+        sampler: ``random``, which alone gives intervals, ``sobol``, ``lhs`` or ``corners``.
         controllers: Names of those to run; empty for all of the file.
         control_period: Instead of the file's [s].
         duration: Instead of the file's [s].
@@ -72,7 +72,7 @@ class Specification:
     folder: str
     runs: int = 1024
     seed: int = 0
-    sampler: str = "sobol"
+    sampler: str = "random"
     controllers: tuple[str, ...] = ()
     control_period: float | None = None
     duration: float | None = None
@@ -185,8 +185,7 @@ class Specification:
             raise SetupError(
                 "the specification of this campaign cannot be read: controllers must be texts"
             )
-        # Older versions had all runs in MuJoCo.
-        return cls(**{"screen": "none", **content, "controllers": tuple(controllers)})
+        return cls(**{**content, "controllers": tuple(controllers)})
 
 
 def specification_of(target: str, **asked: Any) -> Specification:

@@ -1,74 +1,60 @@
-"""What was sampled, and what that does not prove, in the words of every table and figure."""
+"""The sample that a statement rests on, and what the sample does not prove."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-from numpy.typing import NDArray
-
-from grosmc_mj.campaign.findings.replicates import Draws
+from typing import NamedTuple
 
 NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
-# What a share is of: ranges that somebody declared, with distributions that are a choice.
+# The ranges are somebody's declaration, their distributions a choice.
 DESIGN = "Shares are of the declared design, not probabilities."
-_NOT_INDEPENDENT = "neither independent nor in replicates; --sampler sobol or random gives one"
-_WHY_NOT = {
-    "sobol": "no interval: points of one Sobol sequence, of an older version, are no replicates",
-    "lhs": f"no interval: Latin hypercube points are {_NOT_INDEPENDENT}",
-    "corners": "no interval: corners are extreme plants, no draw",
+_POINTS = {
+    "sobol": "points of a Sobol sequence",
+    "lhs": "points of Latin hypercubes",
+    "corners": "corners of the ranges",
 }
 
 
 class Basis(NamedTuple):
-    """What a statement about a campaign is based on.
+    """The runs that a statement about a campaign rests on.
 
     Attributes:
       runs: Runs that are done, of each law.
       planned: Runs that the campaign shall have.
-      sampler: sobol, lhs, random or corners.
+      sampler: random, sobol, lhs or corners.
       seed: The campaign's seed.
-      replicates: Independent ones that the runs belong to in turn; 0 if to none.
     """
 
     runs: int
     planned: int
     sampler: str
     seed: int
-    replicates: int = 0
 
     @property
     def words(self) -> str:
-        """For a title: ``512 of 4096 runs, sobol, seed 0``."""
+        """For a title: ``512 of 4096 runs, random, seed 0``."""
         of = "" if self.runs == self.planned else f" of {self.planned}"
         return f"{self.runs}{of} runs, {self.sampler}, seed {self.seed}"
 
     @property
-    def why_not(self) -> str:
-        """Why its statements have no intervals; empty if they have."""
-        return "" if self.replicates else _WHY_NOT.get(self.sampler, "")
+    def independent(self) -> bool:
+        """Whether the runs are independent random draws, which alone give intervals."""
+        return self.sampler == "random"
 
     @property
-    def independent(self) -> bool:
-        """Whether statistics of independent runs hold."""
-        return not self.replicates and not self.why_not
+    def no_interval(self) -> str:
+        """Why statements have no interval, as a clause; empty if they have one."""
+        if self.independent:
+            return ""
+        points = _POINTS.get(self.sampler, f"points of {self.sampler}")
+        return f"no interval: {points} are not independent runs; --sampler random draws those"
 
     @property
     def intervals(self) -> str:
-        """What its intervals are, or why there are none, as a sentence."""
-        if self.replicates:
-            return (
-                f"Intervals and p: Student's t over the means of {self.replicates} independently "
-                "scrambled replicates, approximate near 0 and 100 %."
-            )
-        if self.why_not:
-            return f"{self.why_not[0].upper()}{self.why_not[1:]}."
-        return "Intervals and p: of independent runs."
+        """How intervals are computed, or why there are none, as a sentence."""
+        reason = self.no_interval or "intervals and p: of independent runs"
+        return f"{reason[0].upper()}{reason[1:]}."
 
     @property
     def footnote(self) -> str:
-        """What the sample does not prove, what its shares are of, and what intervals it gives."""
+        """What the sample does not prove, what shares are of, and what intervals it gives."""
         return f"{NO_PROOF} {DESIGN} {self.intervals}"
-
-    def draws(self, ids: NDArray[Any]) -> Draws:
-        """How runs of these numbers were drawn."""
-        return Draws(ids % self.replicates if self.replicates else None, self.why_not)

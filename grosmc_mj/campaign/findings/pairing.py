@@ -9,9 +9,9 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.findings.checks import checked_margins, checked_share, same_length
-from grosmc_mj.campaign.findings.replicates import INDEPENDENT, Draws, interval_of_mean
-from grosmc_mj.campaign.findings.statistics import pass_rate
+from grosmc_mj.campaign.findings.statistics import Margins, Share, sorted_margins
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import checked_call
 
 
 class PairedDifference(NamedTuple):
@@ -24,17 +24,15 @@ class PairedDifference(NamedTuple):
       only_second: On which the second alone does.
       neither: On which none does.
       difference: Pass rate of the second less that of the first.
-      low: Lower end of its interval; None if there is none.
-      high: Upper end.
-      p_value: Of independent runs McNemar's, exact: of a split of the plants that tell the laws
-        apart at least as uneven, if neither law were better. Of replicates Student's, of means of
-        the difference at least as far from zero. None if there is none.
       median: Median of margin of the second less margin of the first, in the margin's unit.
-      median_low: Lower end of its interval, -inf if the runs give none; None if they are not
-        independent.
-      median_high: Upper end, inf if they give none.
       confidence: Of each interval.
-      note: Why the difference of the rates has no interval.
+      low: Lower end of the interval of the difference; this and what follows is None where runs
+        are not independent.
+      high: Upper end.
+      p_value: McNemar's, exact: of a split of the plants that tell the laws apart at least as
+        uneven, if neither law were better.
+      median_low: Lower end of the interval of the median, -inf if the runs give none.
+      median_high: Upper end, inf if they give none.
     """
 
     runs: int
@@ -43,115 +41,82 @@ class PairedDifference(NamedTuple):
     only_second: int
     neither: int
     difference: float
-    low: float | None
-    high: float | None
-    p_value: float | None
     median: float
-    median_low: float | None
-    median_high: float | None
     confidence: float
-    note: str = ""
+    low: float | None = None
+    high: float | None = None
+    p_value: float | None = None
+    median_low: float | None = None
+    median_high: float | None = None
 
 
+def mcnemar(only_first: int, only_second: int) -> float:
+    """McNemar's exact p-value: of runs that differ, each side has as many but for chance."""
+    differing = only_first + only_second
+    return float(stats.binomtest(only_first, differing).pvalue) if differing else 1.0
+
+
+@checked_call
 def paired(
-    first: Any, second: Any, confidence: float = 0.95, draws: Draws = INDEPENDENT
+    first: Margins, second: Margins, confidence: Share = 0.95, *, independent: bool = True
 ) -> PairedDifference:
     """Compare the margins of two laws on the same plants.
 
     With b and c the plants that only the first and only the second keeps, the difference of the
-    pass rates is (c - b) / n. Of independent runs its interval is conservative: the difference of
-    the ends of two Clopper-Pearson intervals, of b / n and of c / n, each at 1 - alpha / 2 for
-    alpha = 1 - confidence, so that both hold together with at least the confidence (Bonferroni);
-    the interval of the median lies between two order statistics and assumes no distribution.
-    Of replicates it is Student's over the replicates' own differences, inside -1 to 1.
+    pass rates is (c - b) / n. Its interval is conservative: the difference of the ends of two
+    Clopper-Pearson intervals, of b / n and of c / n, each at 1 - alpha / 2 for alpha =
+    1 - confidence, so that both hold together with at least the confidence (Bonferroni). The
+    interval of the median lies between two order statistics and assumes no distribution.
 
     Args:
       first: Margins of the first law, (n,), -inf for a run that did not complete.
       second: Margins of the second, run by run on the same plants, (n,). If both runs of a plant
         did not complete, their difference counts as 0; if one, as -inf or inf.
       confidence: Of each interval, between 0 and 1.
-      draws: How the plants were drawn.
+      independent: Whether the plants were drawn independently; others give no interval and no p.
 
     Raises:
       ArgumentError: If there are no margins, the lengths differ, one is NaN or +inf, or the
         confidence is no share.
     """
-    checked_share("confidence", confidence)
-    before = checked_margins("margins of the first law", first)
-    after = checked_margins("margins of the second law", second)
-    same_length("the first law", len(before), "the second", len(after))
-    runs = len(before)
-    b = int(np.count_nonzero((before >= 0) & (after < 0)))
-    c = int(np.count_nonzero((before < 0) & (after >= 0)))
-    both = int(np.count_nonzero((before >= 0) & (after >= 0)))
-    changes = _changes(before, after)
-    alone = (after >= 0).astype(float) - (before >= 0)
-    return PairedDifference(
-        runs=runs,
-        both=both,
-        only_first=b,
-        only_second=c,
-        neither=runs - both - b - c,
-        difference=(c - b) / runs,
-        **(
-            _of_independent(b, c, changes, confidence)
-            if draws.independent
-            else _of_replicates(alone, draws, confidence)
-        ),
-        median=_median(changes),
-        confidence=confidence,
+    for name, margins in (("first", first), ("second", second)):
+        sorted_margins(name, margins)
+    runs = len(first)
+    if runs != len(second):
+        raise ArgumentError(f"first has {runs} margins and second {len(second)}: give one a run")
+    both, only_first, only_second = (
+        int(np.count_nonzero(plants))
+        for plants in (
+            (first >= 0) & (second >= 0),
+            (first >= 0) & (second < 0),
+            (first < 0) & (second >= 0),
+        )
     )
-
-
-def _of_independent(b: int, c: int, changes: Array, confidence: float) -> dict[str, Any]:
-    """Intervals and p-value of independent runs."""
-    runs, each = len(changes), 1 - (1 - confidence) / 2
-    worse, better = pass_rate(b, runs, each), pass_rate(c, runs, each)
-    assert worse.low is not None
-    assert worse.high is not None
-    assert better.low is not None
-    assert better.high is not None
-    return {
-        "low": better.low - worse.high,
-        "high": better.high - worse.low,
-        "p_value": float(stats.binomtest(b, b + c).pvalue) if b + c else 1.0,
-        **_interval(changes, confidence),
-    }
-
-
-def _of_replicates(alone: Array, draws: Draws, confidence: float) -> dict[str, Any]:
-    """The same of replicates; of what is neither there is none."""
-    found = interval_of_mean(alone, draws, confidence)
-    return {
-        "low": None if found.low is None else max(found.low, -1.0),
-        "high": None if found.high is None else min(found.high, 1.0),
-        "p_value": found.p_value,
-        "median_low": None,
-        "median_high": None,
-        "note": found.note,
-    }
-
-
-def _changes(before: Array, after: Array) -> Array:
-    """The margins' differences; two runs that did not complete differ by nothing."""
-    changes = np.zeros(len(before))
-    np.subtract(after, before, out=changes, where=(before > -np.inf) | (after > -np.inf))
-    return changes
+    changes = np.zeros(runs)
+    np.subtract(second, first, out=changes, where=(first > -np.inf) | (second > -np.inf))
+    difference = PairedDifference(
+        runs, both, only_first, only_second, runs - both - only_first - only_second,
+        (only_second - only_first) / runs, _median(changes), confidence,
+    )  # fmt: skip
+    if not independent:
+        return difference
+    (worse_low, worse_high), (better_low, better_high) = (
+        stats.binomtest(count, runs).proportion_ci(1 - (1 - confidence) / 2)
+        for count in (only_first, only_second)
+    )
+    ends: Any = stats.quantile_test(changes, q=0, p=0.5).confidence_interval(confidence)
+    return difference._replace(
+        low=float(better_low - worse_high),
+        high=float(better_high - worse_low),
+        p_value=mcnemar(only_first, only_second),
+        # Too few runs leave an end open, which SciPy calls NaN.
+        median_low=-math.inf if np.isnan(ends.low) else float(ends.low),
+        median_high=math.inf if np.isnan(ends.high) else float(ends.high),
+    )
 
 
 def _median(changes: Array) -> float:
     """The middle one, or the mean of the two; of -inf and inf, 0: one way as often as the other."""
     rising = np.sort(changes)
-    low, high = rising[(len(rising) - 1) // 2], rising[len(rising) // 2]
-    if math.isinf(low) and low == -high:
-        return 0.0
-    return float(low if low == high else (low + high) / 2)
-
-
-def _interval(changes: Array, confidence: float) -> dict[str, float]:
-    """The median's interval; too few runs leave an end open, which SciPy calls NaN."""
-    found = stats.quantile_test(changes, q=0, p=0.5).confidence_interval(confidence)
-    return {
-        "median_low": -math.inf if np.isnan(found.low) else float(found.low),
-        "median_high": math.inf if np.isnan(found.high) else float(found.high),
-    }
+    low, high = float(rising[(len(rising) - 1) // 2]), float(rising[len(rising) // 2])
+    return low if low == high else 0.0 if low == -high else (low + high) / 2

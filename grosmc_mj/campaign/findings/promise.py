@@ -14,6 +14,7 @@ gain is larger than the nominal one the same would be more.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,10 +24,11 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import largest_rate, least_margin
+from grosmc_mj.campaign.family.bisection import narrowed
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import GrosmcError
+from grosmc_mj.errors import GrosmcError, PremiseError
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 
 # Scales are known to this part of themselves, up to the largest.
@@ -66,19 +68,27 @@ class PromisedFamily:
     bound: tuple[float, ...]
 
     @classmethod
-    def of(cls, campaign: Campaign, controller: str) -> PromisedFamily | str:
-        """The premises of a controller, or in words why there are none."""
-        law, region = campaign.laws[controller], campaign.experiment.region
+    def of(cls, campaign: Campaign, controller: str) -> PromisedFamily:
+        """The premises of a controller.
+
+        Raises:
+            PremiseError: If there are none, and why.
+        """
+        law, region, plant = campaign.laws[controller], campaign.experiment.region, campaign.plant
+        lacking = [
+            each for each in campaign.family.quantities if each.quantity in _NOT_IN_EQUATIONS
+        ]
         if not law.designed.switching:
-            return f"{controller} does not switch: it promises nothing about uncertainty"
-        plant = campaign.plant
+            raise PremiseError(
+                f"{controller} does not switch: it promises nothing about uncertainty"
+            )
         if plant.kind != "physics" or plant.system.read_parameters is None:
-            return "premises are computed for the package's own systems in MuJoCo only"
+            raise PremiseError("premises are computed for the package's own systems in MuJoCo only")
         if region is None:
-            return "no operating region is declared for this design"
-        for each in campaign.family.quantities:
-            if each.quantity in _NOT_IN_EQUATIONS:
-                return f"the equations have no {each.quantity}, so {each.name} has no premise"
+            raise PremiseError("no operating region is declared for this design")
+        if lacking:
+            name, quantity = lacking[0].name, lacking[0].quantity
+            raise PremiseError(f"the equations have no {quantity}, so {name} has no premise")
         return cls(campaign, law, region)
 
     def margin(self, values: Array, amplitude: Array) -> float:
@@ -129,12 +139,16 @@ class PromisedFamily:
         width = max(_SAMPLE, getattr(switching, "width", 0.0))
         return width * campaign.control_period * rate
 
-    def corners(self, scale: float) -> list[Array]:
-        """The extreme plants of the family, scaled: the corners of its numbers' ranges."""
-        campaign = self.campaign
+    def corners(self, scale: float, *, of_starts: bool = False) -> list[Array]:
+        """Extreme values of the family, scaled, (d,) each: of its plants, or of its starts.
+
+        The other numbers are nominal.
+        """
         ends = [
-            each.ends(scale) if each.of_plant else (each.nominal,)
-            for each in campaign.family.quantities
+            number.ends(scale)
+            if (number.owner == "start" if of_starts else number.of_plant)
+            else (number.nominal,)
+            for number in self.campaign.family.quantities
         ]
         return [np.array(corner) for corner in itertools.product(*ends)]
 
@@ -147,18 +161,12 @@ class PromisedFamily:
 
     def starts_inside(self, scale: float) -> bool:
         """Whether every start has its error state in the operating region."""
-        campaign, law = self.campaign, self.law
-        ends = [
-            each.ends(scale) if each.owner == "start" else (each.nominal,)
-            for each in campaign.family.quantities
+        law, bound = self.law, np.array(self.bound) * (1 + _ROUNDING)
+        x0 = [
+            self.campaign.plant_sample(each).case.x0 for each in self.corners(scale, of_starts=True)
         ]
-        bound = np.array(self.bound) * (1 + _ROUNDING)
-        for corner in itertools.product(*ends):
-            x0 = np.array(campaign.plant_sample(np.array(corner)).case.x0)
-            z = law.coordinates.along([0.0], x0[None], law.parameters)[0]
-            if np.any(np.abs(z) > bound):
-                return False
-        return True
+        z = law.coordinates.along(np.zeros(len(x0)), np.array(x0), law.parameters)
+        return bool(np.all(np.abs(z) <= bound))
 
     def promise(self) -> Promise:
         """The largest scale of the uncertainty at which the premises hold, by bisection."""
@@ -167,10 +175,9 @@ class PromisedFamily:
         most = self.campaign.largest_scale
         if self.holds(most):
             return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
-        low, high = 0.0, most
-        while high - low > _TOLERANCE * max(low, _TOLERANCE):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.holds(middle) else (low, middle)
+        low, high = narrowed(
+            lambda scale: not self.holds(scale), 0.0, most, _TOLERANCE, _TOLERANCE**2
+        )
         region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
         left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
         return Promise(low, f"over {region}{left}")
@@ -183,26 +190,20 @@ def speaks_of(quantity: Quantity) -> bool:
 
 def promise(campaign: Campaign, controller: str) -> Promise:
     """How far the premises of a controller reach, or why nobody knows."""
-    found = PromisedFamily.of(campaign, controller)
-    if isinstance(found, str):
-        return Promise(None, found)
-    if not campaign.family.bounded:
-        return Promise(None, "the uncertainty has no end, so no premise covers all of it")
     try:
-        return found.promise()
+        premises = PromisedFamily.of(campaign, controller)
+        if not campaign.family.bounded:
+            raise PremiseError("the uncertainty has no end, so no premise covers all of it")
+        return premises.promise()
     except GrosmcError as error:
         return Promise(None, str(error))
 
 
 def surface_band(campaign: Campaign, controller: str) -> float | None:
     """By how much |s| may exceed |s(0)| while a promise holds; None where nothing is promised."""
-    found = PromisedFamily.of(campaign, controller)
-    if isinstance(found, str):
-        return None
-    try:
-        return found.surface_band()
-    except GrosmcError:
-        return None
+    with contextlib.suppress(GrosmcError):
+        return PromisedFamily.of(campaign, controller).surface_band()
+    return None
 
 
 def premise_grid(
@@ -220,21 +221,24 @@ def premise_grid(
         Values on the first axis, on the second, and the margins (second, first); None where there
         is no premise to compute.
     """
-    found = PromisedFamily.of(campaign, controller)
-    if isinstance(found, str) or not campaign.family.bounded or not found.starts_inside(1.0):
+    try:
+        premises = PromisedFamily.of(campaign, controller)
+    except PremiseError:
+        return None
+    if not campaign.family.bounded or not premises.starts_inside(1.0):
         return None
     quantities = campaign.family.quantities
     across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
     places = [quantities.index(axis) for axis in axes]
     rest = [k for k in range(len(quantities)) if k not in places]
-    corners = {tuple(corner[rest]) for corner in found.corners(1.0)}
+    corners = {tuple(corner[rest]) for corner in premises.corners(1.0)}
     grid = np.full((points, points), np.inf)
     for (row, y), (column, x) in itertools.product(enumerate(up), enumerate(across)):
         pairs = zip(axes, (x, y), strict=True)
         known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
-        amplitude = found.amplitude(1.0, known)
+        amplitude = premises.amplitude(1.0, known)
         for corner in corners:
             values = campaign.family.nominal
             values[places], values[rest] = (x, y), corner
-            grid[row, column] = min(grid[row, column], found.margin(values, amplitude))
+            grid[row, column] = min(grid[row, column], premises.margin(values, amplitude))
     return across, up, grid

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.bisection import narrowed
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.sampling import unit_points
 from grosmc_mj.campaign.findings.promise import Promise, promise, surface_band
@@ -22,7 +23,7 @@ PLANTS, _CORNERS = 128, 64
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What was found at one scale.
+    """The plants at one scale.
 
     Attributes:
         scale: Of the uncertainty; 1 is as declared.
@@ -106,82 +107,64 @@ def radius(
         controller: Name of the controller.
         advance: Called with the number of runs done.
     """
-    family = campaign.family
-    points = _points(campaign)
-    values = family.values(points)
-    largest = campaign.largest_scale
+    family, largest = campaign.family, campaign.largest_scale
+    values = family.values(_points(campaign))
     band = surface_band(campaign, controller)
     looks: dict[float, Look] = {}
 
-    def room_left(found: Outcomes) -> list[Array]:
-        return [] if band is None else [1 - _away(found, band)]
+    def room_left(runs: Outcomes) -> list[Array]:
+        return [] if band is None else [1 - _away(runs, band)]
 
     def look(scale: float) -> Look:
         if scale not in looks:
-            tried = family.scaled(values, scale)
-            found = screened_search(campaign, controller, tried, room_left)
-            looks[scale] = _look(scale, found, band)
-            advance(len(tried))
+            plants = family.scaled(values, scale)
+            runs = screened_search(campaign, controller, plants, room_left)
+            looks[scale] = _look(scale, runs, band)
+            advance(len(plants))
         return looks[scale]
 
     _bisect(lambda scale: look(scale).failures > 0, largest)
     if band is not None:
         _bisect(lambda scale: look(scale).leaving > 0, largest)
-    return Radius(
-        controller=controller,
-        plants=len(points),
-        looks=tuple(sorted(looks.values(), key=lambda look: look.scale)),
-        promised=promise(campaign, controller),
-        largest=largest,
-        band=band,
-    )
+    in_order = tuple(sorted(looks.values(), key=lambda look: look.scale))
+    promised = promise(campaign, controller)
+    return Radius(controller, len(values), in_order, promised, largest, band)
 
 
-def _bisect(wrong: Callable[[float], bool], largest: float) -> None:
-    """Look where something is wrong for the first time, up to the largest scale."""
+def _bisect(fails: Callable[[float], bool], largest: float) -> None:
+    """Look where something fails for the first time, up to the largest scale."""
     low, high = 0.0, min(1.0, largest)
-    if wrong(0.0):
+    if fails(low):
         return
-    while not wrong(high):
+    while not fails(high):
         if high >= largest:
             return
         low, high = high, min(2 * high, largest)
-    while high - low > max(_TOLERANCE * low, _LEAST):
-        middle = (low + high) / 2
-        low, high = (low, middle) if wrong(middle) else (middle, high)
+    narrowed(fails, low, high, _TOLERANCE, _LEAST)
 
 
-def _look(scale: float, found: Outcomes, band: float | None) -> Look:
-    """What plants at one scale did."""
-    least = int(found.order.argmin())
-    look = Look(
-        scale, float(found.relative[least]), int((found.relative < 0).sum()), found.values[least]
-    )
+def _look(scale: float, runs: Outcomes, band: float | None) -> Look:
+    """The plants at one scale."""
+    least = int(runs.order.argmin())
+    failing = (float(runs.relative[least]), int((runs.relative < 0).sum()), runs.values[least])
     if band is None:
-        return look
-    away = _away(found, band)
+        return Look(scale, *failing)
+    away = _away(runs, band)
     most = int(away.argmax())
-    return replace(
-        look,
-        surface=float(away[most]),
-        leaving=int((away > 1).sum()),
-        leaver=found.values[most],
-    )
+    return Look(scale, *failing, float(away[most]), int((away > 1).sum()), runs.values[most])
 
 
-def _away(found: Outcomes, band: float) -> Array:
+def _away(runs: Outcomes, band: float) -> Array:
     """How far |s| left |s(0)|, over what it may, (n,); infinite of a run that ended early."""
-    away = (found.metrics["max_sliding"] - found.metrics["sliding_start"]) / band
+    away = (runs.metrics["max_sliding"] - runs.metrics["sliding_start"]) / band
     return np.where(np.isnan(away), np.inf, away)
 
 
 def _points(campaign: Campaign) -> Array:
     """Points of the unit cube: corners, if the ranges have some, and the first samples."""
-    specification, family = campaign.specification, campaign.family
-    d, corners = len(family.quantities), family.corners(_CORNERS)
+    specification, corners = campaign.specification, campaign.family.corners(_CORNERS)
     if specification.sampler == "corners" and len(corners):
         return corners
-    samples = min(specification.runs, PLANTS - len(corners))
-    return np.concatenate(
-        [corners, unit_points(specification.sampler, d, specification.seed, 0, samples)]
-    )
+    samples, d = min(specification.runs, PLANTS - len(corners)), len(campaign.family.quantities)
+    own = unit_points(specification.sampler, d, specification.seed, 0, samples)
+    return np.concatenate([corners, own])

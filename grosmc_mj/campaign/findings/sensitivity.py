@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.findings.checks import checked_margins, checked_share, checked_values
-from grosmc_mj.campaign.findings.replicates import INDEPENDENT, Draws
+from grosmc_mj.campaign.findings.statistics import Margins, Share, sorted_margins
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Reals, checked_call
 
 # Fisher's transformation of a correlation needs more than three runs.
 _FEWEST = 4
 _MOST_BINS = 32
+# A smaller share rounds to 0 %: it drives nothing.
+LEAST_SHARE = 0.005
 
 
 class Sensitivity(NamedTuple):
@@ -34,16 +36,26 @@ class Sensitivity(NamedTuple):
     """
 
     parameter: str
-    correlation: float | None
-    low: float | None
-    high: float | None
-    share: float | None
-    p_value: float | None
+    correlation: float | None = None
+    low: float | None = None
+    high: float | None = None
+    share: float | None = None
+    p_value: float | None = None
     note: str = ""
 
+    @property
+    def drives(self) -> bool:
+        """Whether it may be named as what drives the margin: its share is not 0 %."""
+        return self.share is not None and self.share >= LEAST_SHARE
 
+
+@checked_call
 def sensitivities(
-    values: Mapping[str, Any], margins: Any, confidence: float = 0.95, draws: Draws = INDEPENDENT
+    values: Mapping[str, Annotated[Array, Reals((None,))]],
+    margins: Margins,
+    confidence: Share = 0.95,
+    *,
+    independent: bool = True,
 ) -> list[Sensitivity]:
     """The parameters in order of the share that each explains, the strongest first.
 
@@ -56,56 +68,58 @@ def sensitivities(
 
     The interval of the correlation r is tanh(artanh r ± q sqrt((1 + r²/2) / (n - 3))) with the
     normal quantile q (Bonett and Wright, 2000), |r| being at most 1 - 6 / (n³ - n), half an
-    exchange of neighbours short of 1; it is approximate. It and the p-value are of independent
-    runs only.
+    exchange of neighbours short of 1; it is approximate.
 
     Args:
       values: Each parameter's values, run by run, (n,).
       margins: Signed margins, (n,). Runs that did not complete, -inf, are tied at the lowest rank.
       confidence: Of each interval, between 0 and 1.
-      draws: How the runs were drawn.
+      independent: Whether the runs are; others give no intervals and no p.
 
     Raises:
       ArgumentError: If there are no parameters or margins, the lengths differ, a value is not
         finite, a margin is NaN or +inf, or the confidence is no share.
     """
-    checked_share("confidence", confidence)
-    found = checked_margins("margins", margins)
+    sorted_margins("margins", margins)
     if not values:
-        raise ArgumentError("no parameter is given: name at least one")
-    ranks = stats.rankdata(found)
-    rows = [
-        _driver(name, checked_values(name, column, len(found)), ranks, confidence)
-        for name, column in values.items()
-    ]
-    if not draws.independent:
-        rows = [each._replace(low=None, high=None, p_value=None) for each in rows]
-    return sorted(rows, key=_importance, reverse=True)
+        raise ArgumentError("values is empty: name at least one parameter")
+    for name, column in values.items():
+        if len(column) != len(margins):
+            raise ArgumentError(
+                f"{name} has {len(column)} values and margins {len(margins)}: give one a run"
+            )
+    ranks = stats.rankdata(margins)
+    drivers = [_driver(name, column, ranks, confidence) for name, column in values.items()]
+    if not independent:
+        drivers = [driver._replace(low=None, high=None, p_value=None) for driver in drivers]
+    return sorted(drivers, key=_importance, reverse=True)
 
 
 def _importance(driver: Sensitivity) -> tuple[float, float]:
     """The share, then the correlation; nothing to tell comes last."""
-    if driver.share is None or driver.correlation is None:
-        return (-1.0, 0.0)
-    return (driver.share, abs(driver.correlation))
+    return (-1.0 if driver.share is None else driver.share, abs(driver.correlation or 0.0))
 
 
 def _driver(name: str, values: Array, ranks: Array, confidence: float) -> Sensitivity:
     """One parameter against the margins' ranks."""
-    note = ""
-    if len(ranks) < _FEWEST:
-        note = f"fewer than {_FEWEST} runs"
-    elif np.ptp(ranks) == 0:
-        note = "the margins are all the same"
-    elif np.ptp(values) == 0:
-        note = "the parameter does not vary"
-    if note:
-        return Sensitivity(name, None, None, None, None, None, note)
+    runs = len(ranks)
+    if runs < _FEWEST:
+        return Sensitivity(name, note=f"fewer than {_FEWEST} runs")
+    if np.ptp(ranks) == 0:
+        return Sensitivity(name, note="the margins are all the same")
+    if np.ptp(values) == 0:
+        return Sensitivity(name, note="the parameter does not vary")
     own = stats.rankdata(values)
     correlation = float(np.clip(np.corrcoef(own, ranks)[0, 1], -1, 1))
-    low, high = _correlation_interval(correlation, len(ranks), confidence)
-    share, p_value = _share(own, ranks)
-    return Sensitivity(name, correlation, low, high, share, p_value)
+    # Equal values have equal ranks, so that they share a bin; some bins may stay empty.
+    bins = ((own - 0.5) * min(math.isqrt(runs), _MOST_BINS) / runs).astype(int)
+    groups = [ranks[bins == index] for index in np.unique(bins)]
+    # Its statistic is (n - 1) times the part of the variance that lies between the bins.
+    test: Any = stats.kruskal(*groups)
+    between, chance = test.statistic / (runs - 1), (len(groups) - 1) / (runs - 1)
+    share = max(0.0, float((between - chance) / (1 - chance)))
+    ends = _correlation_interval(correlation, runs, confidence)
+    return Sensitivity(name, correlation, *ends, share, float(test.pvalue))
 
 
 def _correlation_interval(r: float, runs: int, confidence: float) -> tuple[float, float]:
@@ -116,20 +130,3 @@ def _correlation_interval(r: float, runs: int, confidence: float) -> tuple[float
     half = stats.norm.isf((1 - confidence) / 2) * math.sqrt((1 + inner * inner / 2) / (runs - 3))
     low, high = math.tanh(math.atanh(inner) - half), math.tanh(math.atanh(inner) + half)
     return (-1.0 if r <= -most else low, 1.0 if r >= most else high)
-
-
-def _share(own: Array, ranks: Array) -> tuple[float, float]:
-    """The share of the ranks' variance between the bins, and the p-value of its excess."""
-    runs = len(ranks)
-    bins = min(math.isqrt(runs), _MOST_BINS)
-    # Equal values have equal ranks, so that they share a bin; some bins may stay empty.
-    places = ((own - 0.5) * bins / runs).astype(int)
-    counts = np.bincount(places)
-    sums = np.bincount(places, weights=ranks)[counts > 0]
-    counts = counts[counts > 0]
-    means = sums / counts
-    middle = (runs + 1) / 2
-    between = float(counts @ (means - middle) ** 2 / ((ranks - middle) ** 2).sum())
-    chance = (len(counts) - 1) / (runs - 1)
-    share = max(0.0, (between - chance) / (1 - chance))
-    return share, float(stats.chi2.sf((runs - 1) * between, len(counts) - 1))

@@ -8,16 +8,14 @@ from typing import Any
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.basis import NO_PROOF
-from grosmc_mj.campaign.findings.findings import WORST, Findings
+from grosmc_mj.campaign.findings.findings import Findings
 from grosmc_mj.campaign.findings.radius import Radius
 from grosmc_mj.campaign.findings.worst import Worst
 from grosmc_mj.campaign.runs.replay import ReplayedRun
 from grosmc_mj.report.document import origin
 
-# Of these documents; manifest and parts have their own. In schema 1 infinities were texts, and
-# versions, revision and seed stood in the manifest alone. In schema 2 every statement had an
-# interval, as if its runs were independent.
-_SCHEMA_VERSION = 3
+# Of these documents; manifest and parts have their own.
+_SCHEMA_VERSION = 4
 RESULTS = "results.json"
 
 
@@ -34,7 +32,10 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
             for (requirement, law), rate in found.rates.items()
         ],
         "ended_early": dict(found.cut_short),
-        "judged": {law: each._asdict() for law, each in found.judges.items()},
+        "judged": {
+            law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
+            for law, judge in found.judges.items()
+        },
         "margins": [
             {
                 "requirement": requirement,
@@ -52,7 +53,7 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
             law: [each._asdict() for each in several]
             for law, several in found.sensitivities.items()
         },
-        "worst_runs": {law: each[:WORST] for law, each in found.worst.items()},
+        "worst_runs": dict(found.worst),
         "units": {each.name: each.unit for each in campaign.family.quantities},
     }
 
@@ -64,7 +65,9 @@ def worst_document(campaign: Campaign, found: Sequence[Worst]) -> dict[str, Any]
             "fails": each.fails,
             "relative": each.relative,
             "worst": _named(campaign, each.values),
-            "worst_of_the_samples_it_began_with": each.samples,
+            "worst_by": each.winner,
+            "worst_of_the_samples": each.samples,
+            "worst_of_the_search": each.search,
             "worst_of_as_many_random_plants": each.random,
             "evaluations": each.evaluations,
             "shrunk": None if each.shrunk is None else _named(campaign, each.shrunk),

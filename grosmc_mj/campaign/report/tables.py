@@ -6,7 +6,7 @@ Each says below itself what was sampled and what that does not prove.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich.table import Table
@@ -61,7 +61,7 @@ def pass_rates_table(
         legend=f"{_clopper(sampled)}A run that did not complete keeps nothing. To state "
         f'"at least {_percent(_AIM)} of the declared design passes" with '
         f"{_percent(confidence)} confidence takes {needed} independent runs (--sampler random) "
-        f"without a failure.{_notes(rates.values())}" + _basis(sampled),
+        "without a failure." + _basis(sampled),
     )  # fmt: skip
 
 
@@ -99,8 +99,8 @@ def margins_table(
         grouped=True,
         legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
         "the margins (CVaR); then quantiles, and the mean with its "
-        f"{_percent(confidence)} interval (Student's t). -inf: a run that did not complete is "
-        f"among them.{_notes(summaries.values())}" + _basis(sampled),
+        f"{_percent(confidence)} interval (Student's t) where there is one. -inf: a run that did "
+        "not complete is among them, so that their mean has no interval." + _basis(sampled),
     )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def paired_table(
         grouped=True,
         legend=f"Only: plants on which one law alone keeps the requirement. In brackets: "
         f"{_percent(confidence)} intervals{_of_pairs(sampled)}. All requirements: of each law its "
-        f"own.{_notes(differences.values())}" + _basis(sampled),
+        "own." + _basis(sampled),
     )  # fmt: skip
 
 
@@ -180,30 +180,37 @@ def sensitivity_table(
         legend="Share of the variance of the margins' ranks that the parameter explains alone, "
         "less what chance gives; p: of a share at least as large if it explained nothing. "
         "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
-        f"correlated parameters overlap.{_independent_only(sampled)}" + _basis(sampled),
+        "correlated parameters overlap." + _basis(sampled),
     )
 
 
 def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
-    """The worst plant under each controller, beside samples and as many random plants."""
+    """The worst plant under each controller, and who came how far."""
     rows = []
-    for each in found:
+    for plant in found:
         nearest = "none was found"
-        if each.shrunk is not None and each.shrunk_relative is not None:
-            nearest = f"{plant_words(campaign, each.shrunk)}: margin {number(each.shrunk_relative)}"
-        values = (each.samples, each.random, each.relative)
-        rows.append((label_of(each.controller), *map(number, values), nearest))
+        if plant.shrunk is not None and plant.shrunk_relative is not None:
+            margin = number(plant.shrunk_relative)
+            nearest = f"{plant_words(campaign, plant.shrunk)}: margin {margin}"
+        margins = (plant.samples, plant.search, plant.random)
+        values = f"{plant_words(campaign, plant.values)}: margin {number(plant.relative)}"
+        law = label_of(plant.controller)
+        rows.append((law, *map(number, margins), plant.winner, values, nearest))
     runs = found[0].evaluations
     return table(
-        "The worst plant found: least margin in parts of its limit",
+        "The worst plant: least margin in parts of its limit",
         [
-            *names("law"), *numbers("samples", "random", "search"),
-            *text("the plant nearest to the nominal one that fails"),
+            *names("law"), *numbers("samples", "search", "random"),
+            *words("worst by"), *text("the worst plant"),
+            *text("nearest to the nominal plant that fails"),
         ],
         rows,
-        legend="Samples: the worst run of the campaign. Search: differential evolution from the "
-        f"worst samples, {runs} runs; random: {runs} random plants. Below zero something is not "
-        f"kept; numbers not named are nominal. {NO_PROOF}",
+        legend="Samples: the worst run of the campaign. Search: differential evolution that begins "
+        f"with the worst samples and the corners of the ranges, {runs} runs; random: {runs} random "
+        "plants. All three were judged in MuJoCo; of equally bad ones the first is named. Of "
+        "plants that never settle the one with the largest error left is the worst, of runs that "
+        "end early the earliest. Below zero something is not kept; numbers not named are nominal. "
+        f"{NO_PROOF}",
     )  # fmt: skip
 
 
@@ -287,12 +294,6 @@ def rate_interval(rate: PassRate, between: str) -> str:
     return f"{low:.2f} {between} {high:.2f}"
 
 
-def _notes(rows: Iterable[PassRate | MarginSummary | PairedDifference]) -> str:
-    """Why some rows have no interval."""
-    notes = dict.fromkeys(each.note for each in rows if each.note)
-    return f" Where none is given: {'; '.join(notes)}." if notes else ""
-
-
 def _clopper(sampled: Basis) -> str:
     """What the intervals of pass rates are, of independent runs."""
     return "Intervals of Clopper and Pearson. " if sampled.independent else ""
@@ -306,11 +307,6 @@ def _of_pairs(sampled: Basis) -> str:
         ", of the rates conservative (two Clopper-Pearson intervals together), of the median by "
         "order statistics; p: McNemar's, exact"
     )
-
-
-def _independent_only(sampled: Basis) -> str:
-    """Why drivers have no p and no intervals."""
-    return "" if sampled.independent else " p and intervals of them: with --sampler random only."
 
 
 def _signed(value: float) -> str:

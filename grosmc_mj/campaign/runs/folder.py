@@ -15,14 +15,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.campaign.runs.manifest import (
     MANIFEST,
-    SCHEMA_VERSION,
     differences,
     manifest_of,
     outdated,
@@ -30,10 +28,8 @@ from grosmc_mj.campaign.runs.manifest import (
 )
 from grosmc_mj.campaign.runs.part import (
     Counts,
-    ReplicateCounts,
     counts_of,
     read_part,
-    replicate_counts_of,
     rows_of,
 )
 from grosmc_mj.errors import ArgumentError, SetupError
@@ -45,15 +41,6 @@ _PARTS, _LOCK = "parts", ".lock"
 _LEFT = re.compile(r"\.part-\d{7,}\.[0-9a-f]{16}\.part\.parquet")
 # A file system that has no locks.
 _NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
-# Of a campaign that older versions have made.
-UNCHECKED = (
-    "is of schema 1: its parts carry no checksum, so that only their ids, columns and order can "
-    "be verified"
-)
-ONE_SEQUENCE = (
-    "was drawn from one Sobol sequence by an older version: its runs are no replicates, so that "
-    "they give no interval"
-)
 
 
 @dataclass(frozen=True)
@@ -114,12 +101,11 @@ class Folder:
         """Write the manifest, or find the same one there and verify all parts that are there.
 
         Returns:
-            What to know of a complete campaign of other versions or of an older schema, a line
-            each.
+            What to know of a complete campaign of other versions, a line each.
 
         Raises:
             ArgumentError: If the folder has another campaign, has this one and ``resume`` is not
-                wanted, or parts are missing that other versions or another schema would have.
+                wanted, or parts are missing that other versions would have.
             SetupError: If it cannot be written, or parts there are not those of the campaign.
         """
         manifest = manifest_of(campaign)
@@ -140,13 +126,11 @@ class Folder:
             raise ArgumentError(
                 f"{self.path} has this campaign already: --resume runs what is missing of it"
             )
-        others, old = outdated(there, manifest), there["schema_version"] < SCHEMA_VERSION
-        if (others or old) and not self._complete(campaign.specification):
+        others = outdated(there, manifest)
+        if others and not self._complete(campaign.specification):
             raise ArgumentError(
                 f"{self.path} is not complete and was begun with other versions: "
                 f"{'; '.join(others)}; install those to go on"
-                if others
-                else f"{self.path} is not complete and {UNCHECKED}: take another --out"
             )
         self._verify(campaign, there)
         self._make(self.parts)
@@ -154,8 +138,7 @@ class Folder:
             if _LEFT.fullmatch(left.name):
                 with contextlib.suppress(OSError):
                     left.unlink()
-        said = [f"{line}: the campaign was run with that" for line in others]
-        return [*said, f"{self.path} {UNCHECKED}."] if old else said
+        return [f"{line}: the campaign was run with that" for line in others]
 
     def _complete(self, specification: Specification) -> bool:
         """Whether all parts are there."""
@@ -212,18 +195,6 @@ class Folder:
         total: dict[str, dict[str, int]] = {}
         for table in self.tables(campaign, indices):
             add(total, counts_of(campaign, table))
-        return total
-
-    def replicate_counts(
-        self, campaign: Campaign, indices: Sequence[int], replicates: int
-    ) -> ReplicateCounts:
-        """The same of each replicate that the runs belong to in turn."""
-        total: dict[str, dict[str, NDArray[np.int64]]] = {}
-        for table in self.tables(campaign, indices):
-            for law, counts in replicate_counts_of(campaign, table, replicates).items():
-                own = total.setdefault(law, {})
-                for key, count in counts.items():
-                    own[key] = own[key] + count if key in own else count
         return total
 
     def columns(

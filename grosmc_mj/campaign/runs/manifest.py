@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.sampling import replicates_of
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.file.user_code import named_in, sources
@@ -17,8 +16,8 @@ from grosmc_mj.report.document import git_revision
 from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"
-# Of manifests and parts. Parts of schema 1 have neither a checksum nor the manifest's hash.
-SCHEMA_VERSION = 2
+# Of manifests and parts.
+SCHEMA_VERSION = 3
 # What a folder cannot be opened without, and of which type.
 _FIELDS: dict[str, type] = {
     "hash": str,
@@ -35,8 +34,6 @@ _HASHED = ("configuration", "model", "sources", "versions")
 _DEEPEST, _LONGEST = 32, 10**8
 # What must be the same for the same campaign.
 _DECIDING = ("configuration", "model", "sources")
-# Versions before it drew Sobol points from one sequence, whose runs are no replicates.
-_REPLICATES = "replicates"
 
 
 def manifest_of(campaign: Campaign) -> dict[str, Any]:
@@ -50,7 +47,7 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
     }
     return {
         "schema_version": SCHEMA_VERSION,
-        "hash": _hash(SCHEMA_VERSION, content),
+        "hash": _hash(content),
         **content,
         "question": specification.document(),
         "git_revision": git_revision(),
@@ -71,9 +68,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     version = content.get("schema_version")
     if type(version) is not int or not 0 < version < 10**6:
         raise SetupError(f"{path}: cannot be read: it has no schema_version that is a number")
-    if version > SCHEMA_VERSION:
+    if version != SCHEMA_VERSION:
         raise SetupError(
-            f"{path} is of schema {version}; this grosmc_mj reads up to {SCHEMA_VERSION}: update it"
+            f"{path} is of schema {version}; this grosmc_mj reads schema {SCHEMA_VERSION} alone: "
+            "run the campaign again with this version"
         )
     if lacking := [key for key in _FIELDS if key not in content]:
         raise SetupError(f"{path}: cannot be read: it has no {' and no '.join(lacking)}")
@@ -83,7 +81,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     for key in ("sources", "versions"):
         if not all(isinstance(value, str) for value in content[key].values()):
             raise SetupError(f"{path}: cannot be read: {key} has what is no text")
-    if content["hash"] != _hash(version, {key: content[key] for key in _HASHED}):
+    if content["hash"] != _hash({key: content[key] for key in _HASHED}):
         raise SetupError(f"{path}: its hash is not that of its content: it was changed")
     try:
         Specification.of_document(content["question"])
@@ -141,9 +139,7 @@ def _items(value: Any) -> Iterable[Any]:
     return value if isinstance(value, list) else ()
 
 
-def differences(
-    there: Mapping[str, Any], asked: Mapping[str, Any], *, points: bool = True
-) -> list[str]:
+def differences(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
     """What of a campaign decides its results and is not the same, a line each.
 
     Versions are left out, see ``outdated``; with others, the bytes of a model say nothing.
@@ -151,27 +147,10 @@ def differences(
     Args:
         there: Manifest of a folder.
         asked: That of what is asked for.
-        points: Whether to tell of runs that an older version drew in another way.
     """
-    keys = ("configuration", "sources") if outdated(there, asked) else _DECIDING
-    changed = _changed(there, asked, keys)
-    if not points and _REPLICATES not in there["configuration"]:
-        changed = [line for line in changed if not line.startswith(f"{_REPLICATES}: ")]
-    if "laws" in there["configuration"]["file"]:
-        return changed
-    # The laws' numbers were not in the case file then.
-    return [line for line in changed if not line.startswith(("file.task", "file.laws"))]
-
-
-def replicates_in(manifest: Mapping[str, Any]) -> int:
-    """Independent replicates that the runs of a folder belong to in turn; 0 if to none."""
-    number = manifest["configuration"].get(_REPLICATES, 0)
-    return number if type(number) is int else 0
-
-
-def points_differ(there: Mapping[str, Any], asked: Mapping[str, Any]) -> bool:
-    """Whether run i had other numbers where a folder was made, by an older version."""
-    return replicates_in(there) != replicates_in(asked)
+    return _changed(
+        there, asked, ("configuration", "sources") if outdated(there, asked) else _DECIDING
+    )
 
 
 def refuse_other_code(folder: Path, there: Mapping[str, Any], specification: Specification) -> None:
@@ -196,7 +175,7 @@ def outdated(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
 
 def _changed(there: Mapping[str, Any], asked: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
     """The leaves under some keys that are not the same, a line each."""
-    old, new = (dict(_flat({key: each.get(key) for key in keys})) for each in (there, asked))
+    old, new = (dict(flat({key: each.get(key) for key in keys})) for each in (there, asked))
     return [
         f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "
         f"{new.get(key, 'nothing')} now"
@@ -213,12 +192,10 @@ def model_hash(campaign: Campaign) -> str:
 def _configuration(campaign: Campaign) -> dict[str, Any]:
     """All that decides the results, but for code and model."""
     specification = campaign.specification
-    number = replicates_of(specification.sampler)
     return {
         "runs": specification.runs,
         "seed": specification.seed,
         "sampler": specification.sampler,
-        **({_REPLICATES: number} if number else {}),
         "shard": specification.shard,
         **({"screen": specification.screen} if specification.screen != "none" else {}),
         "controllers": list(campaign.laws),
@@ -237,20 +214,20 @@ def sources_of(specification: Specification) -> dict[str, str]:
     return sources(named_in(specification.file), Path(specification.folder))
 
 
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """The leaves of nested plain values, with the way to them."""
     if isinstance(value, Mapping):
         for name, item in value.items():
-            yield from _flat(item, f"{key}.{name}" if key else str(name))
+            yield from flat(item, f"{key}.{name}" if key else str(name))
     elif isinstance(value, (list, tuple)):
         for index, item in enumerate(value):
-            yield from _flat(item, f"{key} {index + 1}")
+            yield from flat(item, f"{key} {index + 1}")
     else:
         yield key, value
 
 
-def _hash(version: int, content: Mapping[str, Any]) -> str:
+def _hash(content: Mapping[str, Any]) -> str:
     """SHA-256 of plain values, whatever their order."""
-    hashed = content if version == 1 else {"schema_version": version, **content}
-    text = json.dumps(hashed, sort_keys=True, ensure_ascii=False)
+    versioned = {"schema_version": SCHEMA_VERSION, **content}
+    text = json.dumps(versioned, sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()

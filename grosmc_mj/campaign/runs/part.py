@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import MARGIN, SCREENING
@@ -28,12 +27,12 @@ _TEXTS, _TEXT = 2**14, 2**7
 COMPLETES = "completes"
 # The count of runs that keep everything.
 EVERYTHING = "everything"
-# The counts of runs that equations judged, and of those that MuJoCo judged otherwise than they.
+# The counts of runs that equations judged, of those of which MuJoCo overturned a verdict of theirs,
+# of those that were confirmed by chance alone, and of these that were overturned.
 SCREENED, OVERTURNED = "screened", "overturned"
+DRAWN, DRAWN_OVERTURNED = "drawn", "drawn and overturned"
 # Counts by controller and requirement.
 Counts = Mapping[str, Mapping[str, int]]
-# The same of each replicate, (replicates,).
-ReplicateCounts = Mapping[str, Mapping[str, NDArray[np.int64]]]
 
 
 def margin_column(key: str) -> str:
@@ -65,12 +64,13 @@ def part_table(
             *(each.metrics[name] for name in METRICS),
             *(each.margins[requirement.key] for requirement in campaign.requirements),
             each.relative,
+            each.order,
             list(each.status),
             each.ended,
         ]
         if campaign.specification.screen != "none":
             band = [each.band] * len(ids)
-            arrays += [list(each.judged_by), each.screened, each.overturned, band]
+            arrays += [list(each.judged_by), each.screened, each.overturned, each.drawn, band]
         typed = [pa.array(values, kind) for values, kind in zip(arrays, schema.types, strict=True)]
         tables.append(pa.Table.from_arrays(typed, schema=schema))
     table = pa.concat_tables(tables)
@@ -85,7 +85,7 @@ def read_part(file: Path, campaign: Campaign, manifest: Mapping[str, Any], index
     Args:
         file: The part's file.
         campaign: The campaign.
-        manifest: Its manifest; parts of schema 1 have no checksum and no hash of it.
+        manifest: Its manifest.
         index: Number of the part.
 
     Raises:
@@ -126,51 +126,25 @@ def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
 
 def counts_of(campaign: Campaign, table: pa.Table) -> dict[str, dict[str, int]]:
     """Runs, and of them those that keep each requirement, by controller, from a part's rows."""
-    return {
-        law: {key: int(each.sum()) for key, each in own.items()}
-        for law, own in _kept(campaign, table).items()
-    }
-
-
-def replicate_counts_of(
-    campaign: Campaign, table: pa.Table, replicates: int
-) -> dict[str, dict[str, NDArray[np.int64]]]:
-    """The same of each replicate: run i belongs to number i modulo them, (replicates,)."""
-    runs = table.num_rows // len(campaign.laws)
-    replicate = table["id"].to_numpy()[:runs] % replicates
-    return {
-        law: {key: np.bincount(replicate[each], minlength=replicates) for key, each in own.items()}
-        for law, own in _kept(campaign, table).items()
-    }
-
-
-def _kept(campaign: Campaign, table: pa.Table) -> dict[str, dict[str, NDArray[np.bool_]]]:
-    """Which runs count, by controller: all, and those that keep each requirement; NaN does not."""
-    return {
-        law: {
-            "runs": np.ones(rows.num_rows, bool),
+    counts: dict[str, dict[str, int]] = {}
+    for law in campaign.laws:
+        rows = rows_of(campaign, table, law)
+        masks = {
             EVERYTHING: rows["relative"].to_numpy() >= 0,
             COMPLETES: np.array(rows["status"].to_pylist()) == "completed",
             **{
-                each.key: rows[margin_column(each.key)].to_numpy() >= 0
-                for each in campaign.requirements
-                if law in each.of
+                limit.key: rows[margin_column(limit.key)].to_numpy() >= 0
+                for limit in campaign.requirements
+                if law in limit.of
             },
-            **_screened(rows),
         }
-        for law in campaign.laws
-        for rows in [rows_of(campaign, table, law)]
-    }
-
-
-def _screened(rows: pa.Table) -> dict[str, NDArray[np.bool_]]:
-    """Which runs the equations judged, and of which MuJoCo overturned a verdict of theirs."""
-    if "judged_by" not in rows.column_names:
-        return {}
-    return {
-        SCREENED: np.array(rows["judged_by"].to_pylist()) == EQUATIONS,
-        OVERTURNED: rows["overturned"].to_numpy() > 0,
-    }
+        if "judged_by" in rows.column_names:
+            drawn, overturned = (rows[name].to_numpy() > 0 for name in (DRAWN, OVERTURNED))
+            masks[SCREENED] = np.array(rows["judged_by"].to_pylist()) == EQUATIONS
+            masks |= {DRAWN: drawn, OVERTURNED: overturned, DRAWN_OVERTURNED: drawn & overturned}
+        counts[law] = {key: int(mask.sum()) for key, mask in masks.items()}
+        counts[law]["runs"] = rows.num_rows
+    return counts
 
 
 def rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
@@ -207,10 +181,12 @@ def _schema(campaign: Campaign) -> pa.Schema:
     columns += [(each.name, real, each.unit) for each in campaign.family.quantities]
     columns += [(name, real, units.get(unit, unit)) for name, unit in METRICS.items()]
     columns += [(margin_column(each.key), real, each.unit) for each in campaign.requirements]
-    columns += [("relative", real, "1"), ("status", text, ""), ("ended", real, "s")]
+    columns += [("relative", real, "1"), ("order", real, "1")]
+    columns += [("status", text, ""), ("ended", real, "s")]
     if campaign.specification.screen != "none":
-        kinds = ((text, ""), (real, "1"), (pa.int64(), "1"), (real, "1"))
-        columns += [(name, *kind) for name, kind in zip(SCREENING, kinds, strict=True)]
+        count, kinds = pa.int64(), {"judged_by": (text, ""), "screened": (real, "1")}
+        kinds |= {"overturned": (count, "1"), "drawn": (count, "1"), "band": (real, "1")}
+        columns += [(name, *kinds[name]) for name in SCREENING]
     return pa.schema(
         [pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns]
     )
@@ -239,28 +215,25 @@ def _verified(file: Path, campaign: Campaign, manifest: Mapping[str, Any], index
         raise _RefusedError("has rows of other controllers, or in another order")
     if table["id"].to_pylist() != [*ids] * len(laws):
         raise _RefusedError("has rows of other runs, or in another order")
-    if noted and said.get(_CHECKSUM) != checksum(table, noted):
+    if said.get(_CHECKSUM) != checksum(table, noted):
         raise _RefusedError("has rows that its checksum is not of")
     return table
 
 
-def _bound(said: Any, manifest: Mapping[str, Any], index: int, ids: range) -> dict[str, Any] | None:
-    """What a part must say of itself, if it says so; None for one of schema 1, which cannot."""
+def _bound(said: Any, manifest: Mapping[str, Any], index: int, ids: range) -> dict[str, Any]:
+    """What a part must say of itself, if it says so."""
     if not isinstance(said, dict):
         raise _RefusedError("does not say what it is of")
-    version = manifest["schema_version"]
-    if said.get("schema_version") != version:
-        raise _RefusedError(f"is of another schema than the campaign, which is of {version}")
-    if version > 1 and said.get("campaign") != manifest["hash"]:
-        raise _RefusedError("is of another campaign")
-    if said.get("part") != index:
-        raise _RefusedError(f"is another part than {index}, whose place it has")
-    if version == 1:
-        return None
     noted = _noted(manifest["hash"], index, ids)
+    reasons = {
+        "schema_version": f"is of another schema than the campaign, which is of {SCHEMA_VERSION}",
+        "campaign": "is of another campaign",
+        "part": f"is another part than {index}, whose place it has",
+    }
     for key, value in noted.items():
         if said.get(key) != value:
-            raise _RefusedError(f"has other runs than {ids.start} to {ids.stop - 1}")
+            other = f"has other runs than {ids.start} to {ids.stop - 1}"
+            raise _RefusedError(reasons.get(key, other))
     return noted
 
 

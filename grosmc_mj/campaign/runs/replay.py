@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.family import LARGEST_SCALE
 from grosmc_mj.campaign.family.plant_sample import PlantSample
-from grosmc_mj.campaign.runs.folder import ONE_SEQUENCE, Folder
-from grosmc_mj.campaign.runs.manifest import (
-    manifest_of,
-    points_differ,
-    read_json,
-    read_manifest,
-)
+from grosmc_mj.campaign.runs.folder import Folder
+from grosmc_mj.campaign.runs.manifest import read_json
 from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes, laws_with_meters, outcomes, plants_of
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
@@ -80,7 +75,7 @@ def replay(
     if number is None:
         values = found_values(campaign, folder.path, which, name)
     else:
-        values = _sampled(campaign, folder, number, name)
+        values = campaign.values(range(number, number + 1))[0]
     plant_sample = campaign.plant_sample(values, number or 0)
     (plant,) = plants_of(campaign, [plant_sample])
     result, outcome = _run(campaign, name, values, plant_sample, plant, which, engine)
@@ -164,17 +159,18 @@ def _run(
 ) -> tuple[RunResult, Outcomes]:
     """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
     law = campaign.laws[controller]
-    (measured,) = laws_with_meters(campaign, law, [plant_sample], [plant])
+    (looped,), meters = laws_with_meters(campaign, law, [plant_sample], [plant])
     settings, ended = campaign.experiment.settings, ""
     try:
         run = simulate(
             plant,
-            measured,
+            looped,
             plant_sample.case.x0,
             duration=campaign.duration,
             control_period=campaign.control_period,
             timestep=settings.timestep,
             disturbances=plant_sample.case.disturbances,
+            meters=meters[0],
             engine=engine,
         )
     except DivergenceError as error:
@@ -183,7 +179,8 @@ def _run(
     metrics = measure(run, law, comparison, plant_sample.case.onset)
     case = replace(plant_sample.case, name=which, title=f"{plant_sample.case.title}: run {which}")
     experiment = replace(campaign.experiment, case=case)
-    ends = (run.memory[-1:], run.state[-1:], [run.status], [run.valid_until])
+    noted = np.atleast_1d(run.meters)
+    ends = (noted, run.state[-1:], [run.status], [run.valid_until])
     rows = outcomes(campaign, controller, values[None], [plant_sample], *ends, plant.kind)
     if not ended:
         stored = {name: float(rows.metrics[name][0]) for name in METRICS if name in metrics}
@@ -199,31 +196,14 @@ def _metric(recorded: Metric, stored: float) -> Metric:
     return settling(stored) if math.isinf(stored) else Metric(stored, recorded.unit)
 
 
-def _sampled(campaign: Campaign, folder: Folder, number: int, controller: str) -> Array:
-    """The uncertain numbers of a run, (d,): those of its row where an older version drew them."""
-    if not points_differ(read_manifest(folder.path), manifest_of(campaign)):
-        return campaign.values(range(number, number + 1))[0]
-    row = _row(campaign, folder, campaign.family.names, number, controller)
-    if row is None:
-        raise SetupError(f"{folder.path} {ONE_SEQUENCE}, and run {number} is not there")
-    return np.array([float(value) for value in row.values()])
-
-
 def _stored(
     campaign: Campaign, folder: Folder, number: int, controller: str
 ) -> Mapping[str, Any] | None:
     """The row of a run; None if its part is not there."""
     names = [*METRICS, *(margin_column(each.key) for each in campaign.requirements)]
-    names += ["relative", "ended", "status"]
+    names += ["relative", "order", "ended", "status"]
     if campaign.specification.screen != "none":
         names.append("judged_by")
-    return _row(campaign, folder, names, number, controller)
-
-
-def _row(
-    campaign: Campaign, folder: Folder, names: Sequence[str], number: int, controller: str
-) -> Mapping[str, Any] | None:
-    """Some columns of the row of a run; None if its part is not there."""
     index = number // campaign.specification.shard
     columns = folder.columns(campaign, names, [index])[controller]
     place = number - campaign.specification.ids(index).start
@@ -237,6 +217,7 @@ def _differences(campaign: Campaign, stored: Mapping[str, Any], found: Outcomes)
         **found.metrics,
         **{margin_column(key): each for key, each in found.margins.items()},
         "relative": found.relative,
+        "order": found.order,
         "ended": found.ended,
         "status": found.status,
         "judged_by": found.judged_by,

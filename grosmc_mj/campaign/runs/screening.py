@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -33,10 +33,13 @@ class Screening:
         bands: By controller: how near to its limit a margin is confirmed in MuJoCo, in parts of
             the limit. Empty if nothing is screened.
         why_not: Why nothing is that could be, for people.
+        worst: By controller: ``Outcomes.order`` of the worst run of the sample; what is worse is
+            confirmed.
     """
 
     bands: Mapping[str, float]
     why_not: str = ""
+    worst: Mapping[str, float] = field(default_factory=dict)
 
 
 UNSCREENED = Screening({})
@@ -65,12 +68,14 @@ def screening_of(campaign: Campaign) -> Screening:
     except ModelError as error:
         return Screening({}, str(error))
     bands: dict[str, float] = {}
+    worst: dict[str, float] = {}
     for controller in campaign.laws:
         ours, theirs = (
             run_on(plants, campaign, controller, values, samples) for plants in (equations, physics)
         )
         overturned = int((verdicts_overturned(ours, theirs) > 0).sum())
         bands[controller] = band_for(campaign, ours, theirs)
+        worst[controller] = float(theirs.order.min())
         if wanted == "auto" and (overturned or bands[controller] > LARGEST_BAND):
             difference = bands[controller] / FACTOR
             return Screening(
@@ -78,7 +83,7 @@ def screening_of(campaign: Campaign) -> Screening:
                 f"under {controller} margins differ from MuJoCo's by up to {difference:.2g} of a "
                 f"limit on {SAMPLE} plants, verdicts on {overturned}",
             )
-    return Screening(bands)
+    return Screening(bands, worst=worst)
 
 
 def equations_of(plants: Sequence[Plant]) -> list[AnalyticPlant]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,21 +15,24 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.metrics.definitions import DWELL, Recording, transient_of
-from grosmc_mj.experiments.metrics.running import METRICS, metered, said_by
+from grosmc_mj.experiments.metrics.running import METRICS, meters_of, said_by
 from grosmc_mj.experiments.requirements import (
     costs_wanted,
     initial_error,
     margins_of,
     windows,
 )
-from grosmc_mj.loop import relooped, room_of
+from grosmc_mj.loop import relooped
 from grosmc_mj.plants import Plant
 from grosmc_mj.plants.plant import Kind
+from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 
 # What a run is judged by.
 EQUATIONS, PHYSICS = "equations", "physics"
+# Order of a run that ended at once; none that was completed comes near it.
+_CUT = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +48,13 @@ class Outcomes:
         ended: Up to when it is valid [s], (n,).
         relative: The least margin in parts of its limit, (n,): at most 1, which is all of a limit;
             -inf for runs that ended early.
-        order: By which a search tells a worse run from a better one, (n,): ``relative``, which
-            has no lower bound where a run never settles; see ``_order``.
+        order: By which a worse run is told from a better one, (n,), finite: ``relative``, which
+            has no lower bound where a run never settles, see ``_order``; of runs that ended early
+            the earlier is the worse.
         judged_by: What each run was made on, ``EQUATIONS`` or ``PHYSICS``, (n,).
         screened: ``relative`` by the equations of those that were screened, (n,); NaN of others.
         overturned: How many verdicts MuJoCo overturned of a run that was screened, (n,).
+        drawn: 1 for a run that was confirmed in MuJoCo by chance alone, else 0, (n,).
         band: How near to its limit a screened margin is confirmed, in parts of the limit; 0 where
             nothing was screened.
     """
@@ -65,6 +70,7 @@ class Outcomes:
     judged_by: Sequence[str]
     screened: Array
     overturned: NDArray[np.int64]
+    drawn: NDArray[np.int64]
     band: float = 0.0
 
     @property
@@ -99,7 +105,7 @@ class Outcomes:
             return change(np.array(own, object), np.array(other, object)).tolist()
 
         names = ("values", "metrics", "margins", "status", "ended", "relative", "order")
-        names = (*names, "judged_by", "screened", "overturned")
+        names = (*names, "judged_by", "screened", "overturned", "drawn")
         return replace(
             self, **{name: changed(getattr(self, name), getattr(others, name)) for name in names}
         )
@@ -156,19 +162,21 @@ def run_on(
         threads: 0 for all cores.
     """
     law = campaign.laws[controller]
+    laws, meters = laws_with_meters(campaign, law, plant_samples, plants)
     run = simulate(
         plants,
-        laws_with_meters(campaign, law, plant_samples, plants),
+        laws,
         np.array([plant_sample.case.x0 for plant_sample in plant_samples]),
         duration=campaign.duration,
         control_period=campaign.control_period,
         timestep=campaign.experiment.settings.timestep,
         disturbances=[list(plant_sample.case.disturbances) for plant_sample in plant_samples],
+        meters=meters,
         engine=campaign.experiment.settings.engine_for(law),
         record=False,
         threads=threads,
     )
-    ends = (run.memory[:, -1], run.state[:, -1], run.status, run.valid_until)
+    ends = (run.meters, run.state[:, -1], run.status, run.valid_until)
     return outcomes(campaign, controller, values, plant_samples, *ends, plants[0].kind)
 
 
@@ -177,7 +185,7 @@ def outcomes(
     controller: str,
     values: Array,
     plant_samples: Sequence[PlantSample],
-    memory: Any,
+    meters: Any,
     last: Array,
     status: Iterable[Any],
     valid_until: Any,
@@ -190,15 +198,15 @@ def outcomes(
         controller: Name of the controller.
         values: (n, d).
         plant_samples: n of them.
-        memory: The law's memory at the last sample of each, (n,).
+        meters: Of each, (n,).
         last: Their last states, (n, states).
         status: How each ended, ``Status`` values, (n,).
         valid_until: Up to when each is valid [s], (n,).
         kind: Of the plants.
     """
-    meters, duration = memory["meters"], campaign.duration
+    duration = campaign.duration
     recording = Recording.sampled(
-        campaign.laws[controller].asked_every(campaign.control_period),
+        campaign.experiment.settings.timestep,
         duration,
         np.array([plant_sample.case.onset for plant_sample in plant_samples]),
         windows(campaign.requirements),
@@ -228,10 +236,13 @@ def outcomes(
         status=words,
         ended=ended,
         relative=np.where(completed, np.min(shares, axis=0), -np.inf),
-        order=np.where(completed, _order(campaign, controller, shares, found, recording), -np.inf),
+        order=np.where(
+            completed, _order(campaign, controller, shares, found, recording), -_CUT / (1 + ended)
+        ),
         judged_by=[PHYSICS if kind == "physics" else EQUATIONS] * len(values),
         screened=nothing,
         overturned=np.zeros(len(values), np.int64),
+        drawn=np.zeros(len(values), np.int64),
     )
 
 
@@ -274,36 +285,30 @@ def laws_with_meters(
     law: Controller,
     plant_samples: Sequence[PlantSample],
     plants: Sequence[Plant],
-) -> list[Controller]:
-    """A law in the loop of each run, with the meters that the requirements need around it.
+) -> tuple[list[Controller], list[Meters]]:
+    """A law in the loop of each run, and the meters that the requirements need.
 
-    Runs without a loop whose disturbances begin together have the same one, if their plants limit
-    the input alike.
+    Runs whose disturbances begin together have the same meters, if their plants limit the input
+    alike.
     """
-    loops = [plant_sample.case.loop for plant_sample in plant_samples]
-    varied = [loop for loop in loops if loop is not None]
-    room = room_of(law, varied) if varied else None
-
     shape = (2, len(campaign.plant.system.inputs))
 
-    def made(looped: Controller, onset: float, limits: bytes) -> Controller:
-        late = (1 - DWELL) * float(transient_of(onset, campaign.duration))
-        return metered(
-            looped,
-            campaign.control_period,
+    @cache
+    def meters(onset: float, limits: bytes) -> Meters:
+        return meters_of(
+            law,
+            campaign.experiment.settings.timestep,
             windows(campaign.requirements),
             onset,
             costs=costs_wanted(campaign.requirements),
             limits=np.frombuffer(limits).reshape(shape),
-            late=late,
+            late=(1 - DWELL) * float(transient_of(onset, campaign.duration)),
         )
 
-    alike, limits_of = cache(partial(made, law)), cache(lambda plant: plant.input_limits.tobytes())
-    return [
-        alike(plant_sample.case.onset, limits_of(plant))
-        if loop is None
-        else made(
-            relooped(law, loop, plant_sample.run, room), plant_sample.case.onset, limits_of(plant)
-        )
-        for loop, plant_sample, plant in zip(loops, plant_samples, plants, strict=True)
+    limits_of = cache(lambda plant: plant.input_limits.tobytes())
+    loops = [(sample.case.loop, sample.run) for sample in plant_samples]
+    laws = [law if loop is None else relooped(law, loop, run) for loop, run in loops]
+    return laws, [
+        meters(sample.case.onset, limits_of(plant))
+        for sample, plant in zip(plant_samples, plants, strict=True)
     ]

@@ -13,13 +13,11 @@ from typing import Any
 
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.folder import ONE_SEQUENCE, UNCHECKED, Folder
+from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.manifest import (
-    SCHEMA_VERSION,
     differences,
     manifest_of,
     outdated,
-    points_differ,
     read_manifest,
     refuse_other_code,
 )
@@ -118,11 +116,8 @@ def open_campaign(folder: str, specification: Specification, bound_to: str) -> C
             there.
     """
     # A worker may outlive a folder and meet another campaign under its name.
-    manifest = read_manifest(Path(folder))
-    if manifest["hash"] != bound_to:
+    if read_manifest(Path(folder))["hash"] != bound_to:
         raise ArgumentError(f"{folder} has another campaign than the one that was begun in it")
-    if manifest["schema_version"] < SCHEMA_VERSION:
-        raise ArgumentError(f"{folder} {UNCHECKED}: take another --out")
     return _opened(folder, specification, bound_to)
 
 
@@ -146,7 +141,7 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
         case_file: Where its case file is now, with what it names.
 
     Returns:
-        The campaign, and what to know of one of other versions or of an older schema, a line each.
+        The campaign, and what to know of one of other versions, a line each.
 
     Raises:
         GrosmcError: If there is none, or its configuration cannot be had here.
@@ -165,30 +160,19 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
             "imported: give a case file of your own with the same text, beside which that lies, "
             "by --case-file"
         )
-    campaign, others = _built(folder, manifest, specification, reading=True)
-    said = [f"{line}: bits may differ" for line in others]
-    if points_differ(manifest, manifest_of(campaign)):
-        said.append(f"{folder} {ONE_SEQUENCE}.")
-    old = manifest["schema_version"] < SCHEMA_VERSION
-    return campaign, [*said, f"{folder} {UNCHECKED}."] if old else said
+    campaign, others = _built(folder, manifest, specification)
+    return campaign, [f"{line}: bits may differ" for line in others]
 
 
 def _built(
-    folder: Path,
-    manifest: Mapping[str, Any],
-    specification: Specification,
-    *,
-    reading: bool = False,
+    folder: Path, manifest: Mapping[str, Any], specification: Specification
 ) -> tuple[Campaign, list[str]]:
-    """The campaign of a specification, if it is the manifest's, and what has other versions now.
-
-    To be read, its runs may have been drawn as older versions did it.
-    """
+    """The campaign of a specification, if it is the manifest's, and what has other versions now."""
     refuse_other_code(folder, manifest, specification)
     _forget_others(manifest["sources"], specification.folder)
     campaign = Campaign.of(specification)
     now = manifest_of(campaign)
-    if changed := differences(manifest, now, points=not reading):
+    if changed := differences(manifest, now):
         raise ArgumentError(f"{folder} was begun with something else: {'; '.join(changed)}")
     return campaign, outdated(manifest, now)
 

@@ -18,13 +18,13 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.design import linear_lqr
+from grosmc_mj.control.design import linear_lqr, state_grosmc
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.control.references import setpoint
-from grosmc_mj.control.state_design import StateUncertainty, state_grosmc
 from grosmc_mj.control.surface import accumulated
 from grosmc_mj.control.switching import Reach
 from grosmc_mj.control.task import AS_PRINTED, FeedbackParameters, StateTask
+from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, OperatingPoint

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.control.laws import Law
 from grosmc_mj.control.memory import memory_of
-from grosmc_mj.control.task import Task, require_task
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, shown
 from grosmc_mj.vectors import algebra, each, row_times
 
@@ -82,7 +82,7 @@ def adaptive(
         GainError: If a number is not positive.
         PremiseError: If the system has no parametrization, or other outputs than its joints.
     """
-    require_task(task)
+    require("task", task, Task, "a Task(plant, error, reference, Q, R)")
     for name, value in (("frequency", frequency), ("adaptation", adaptation)):
         if not 0 < real(value) < math.inf:
             raise GainError(f"adaptive: {name} = {shown(value)} must be finite and positive")

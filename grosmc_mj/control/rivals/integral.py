@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
-from grosmc_mj.control.task import Task, require_task
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.control.task import Limit, Task
+from grosmc_mj.errors import GainError
+from grosmc_mj.fields import Positive, Range, checked_call
 
 # Beyond this the powers of a frequency overflow.
 _MOST = 1e50
 
 
+@checked_call
 def lqi(
-    task: Task, integral_weight: float, limit: float = math.inf, *, linearizing: bool = True
+    task: Task,
+    integral_weight: Positive,
+    limit: Limit = math.inf,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """LQR with integral action, through feedback linearization.
 
@@ -37,28 +43,26 @@ def lqi(
             about zero error.
 
     Raises:
-        GainError: If a number is not positive, there is no optimum or, on the linearization, zero
-            error is no equilibrium without input.
+        ArgumentError: If a number is not positive.
+        GainError: If there is no optimum or, on the linearization, zero error is no equilibrium
+            without input.
     """
-    require_task(task)
     optimum = task.optimum(linearizing=linearizing)
-    if not 0 < real(integral_weight) < math.inf:
-        raise GainError(
-            f"LQI: integral_weight = {shown(integral_weight)} must be finite and positive"
-        )
-    n, m = optimum.B.shape
-    A, Q = np.zeros((n + m, n + m)), np.zeros((n + m, n + m))
-    A[:n, :n], A[n:, :n] = optimum.A, _outputs(task)
-    Q[:n, :n], Q[n:, n:] = optimum.Q, integral_weight * np.eye(m)
+    (n, m), C = optimum.B.shape, _outputs(task)
+    A = np.block([[optimum.A, np.zeros((n, m))], [C, np.zeros((m, m))]])
+    Q = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
     K = lqr(A, np.vstack([optimum.B, np.zeros((m, m))]), Q, optimum.R).K
-    source = "Young and Willems 1972"
-    return _integrating(
-        "lqi", task, optimum, (K[:, :n], K[:, n:]), limit, source, linearizing=linearizing
-    )
+    gains, source = (K[:, :n], K[:, n:]), "Young and Willems 1972"
+    return _integrating("lqi", task, optimum, gains, limit, source, linearizing=linearizing)
 
 
+@checked_call
 def pid(
-    task: Task, frequency: float, limit: float = math.inf, *, linearizing: bool = True
+    task: Task,
+    frequency: Annotated[float, Range(0, _MOST, "rad/s", above=True)],
+    limit: Limit = math.inf,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """PID through feedback linearization, with three poles at one place for every output.
 
@@ -75,24 +79,20 @@ def pid(
             about zero error.
 
     Raises:
-        GainError: If a number is not positive, an output has another relative degree or, on the
-            linearization, zero error is no equilibrium without input.
+        ArgumentError: If a number is not positive.
+        GainError: If an output has another relative degree or, on the linearization, zero error is
+            no equilibrium without input.
     """
-    require_task(task)
     optimum = task.optimum(linearizing=linearizing)
-    degrees, m = task.error.linearization.relative_degree, task.error.inputs
-    if set(degrees) != {2} or not 0 < real(frequency) < _MOST:
-        raise GainError(
-            f"PID with frequency {shown(frequency)} rad/s: it must be positive, and the relative "
-            f"degrees {degrees} all 2"
-        )
-    rows = list(task.error.linearization.last_rows)
+    chains, m = task.error.linearization, task.error.inputs
+    if set(chains.relative_degree) != {2}:
+        raise GainError(f"PID: the relative degrees {chains.relative_degree} must all be 2")
     # z_i'' = a_i z + (E u)_i: nothing and the identity after feedback linearization.
-    a, E = optimum.A[rows], optimum.B[rows]
+    a, E = (matrix[list(chains.last_rows)] for matrix in (optimum.A, optimum.B))
     of_error = np.kron(np.eye(m), [[3 * frequency**2, 3 * frequency]])
-    K, H = np.linalg.solve(E, of_error + a), np.linalg.solve(E, frequency**3 * np.eye(m))
+    gains = np.linalg.solve(E, of_error + a), np.linalg.solve(E, frequency**3 * np.eye(m))
     source = "computed-torque PID, Craig"
-    return _integrating("pid", task, optimum, (K, H), limit, source, linearizing=linearizing)
+    return _integrating("pid", task, optimum, gains, limit, source, linearizing=linearizing)
 
 
 def _integrating(
@@ -106,12 +106,11 @@ def _integrating(
     linearizing: bool,
 ) -> Controller:
     """v = -(K z + H xi), with the gains (K, H)."""
-    at = partial(integrals, optimum, _outputs(task), *gains)
     return dynamic_controller(
         name,
         task,
         optimum,
-        at,
+        partial(integrals, optimum, _outputs(task), *gains),
         linearizing=linearizing,
         holds=True,
         gains=named_gains(K=gains[0], Ki=gains[1]),
@@ -134,8 +133,7 @@ def integrals(optimum: LqrDesign, C: Array, K: Array, H: Array, period: float) -
         period: Control period [s].
     """
     n, m = optimum.B.shape
-    free = np.zeros((m + n, m + n))
-    free[:m, m:], free[m:, m:] = C, optimum.A
+    free = np.block([[np.zeros((m, m)), C], [np.zeros((n, m)), optimum.A]])
     F, G = np.split(scipy.linalg.expm(free * period)[:m], [m], axis=1)
     return Dynamics(K, H, F, G, np.zeros((m, m)), np.zeros((m, n)))
 

@@ -3,43 +3,24 @@
 from __future__ import annotations
 
 import math
-from functools import partial
-from typing import NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.arguments import real
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
-from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
-from grosmc_mj.control.task import Task, require_task
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.control.task import Limit, Task
+from grosmc_mj.fields import Range, checked_call
 
 
-class Observer(NamedTuple):
-    """A discrete extended state observer of m chains; its state is z and each chain's d.
-
-    Attributes:
-        F: What its state becomes of itself, (N, N).
-        G: What it becomes of z, of which it sees the outputs' errors alone, (N, n).
-        L: What it becomes of v, (N, m).
-        of_state: d-hat by its state, (m, N).
-        of_error: d-hat by z, (m, n).
-        start: Its state as a run begins, by z: without a disturbance, (N, n).
-    """
-
-    F: Array
-    G: Array
-    L: Array
-    of_state: Array
-    of_error: Array
-    start: Array
-
-
+@checked_call
 def adrc(
-    task: Task, bandwidth: float, limit: float = math.inf, *, linearizing: bool = True
+    task: Task,
+    bandwidth: Annotated[float, Range(0, unit="rad/s", above=True)],
+    limit: Limit = math.inf,
+    *,
+    linearizing: bool = True,
 ) -> Controller:
     """Linear active disturbance rejection, through feedback linearization.
 
@@ -59,62 +40,51 @@ def adrc(
             about zero error.
 
     Raises:
-        GainError: If a number is not positive or, on the linearization, zero error is no
-            equilibrium without input.
+        ArgumentError: If a number is not positive.
+        GainError: If, on the linearization, zero error is no equilibrium without input.
     """
-    require_task(task)
-    optimum = task.optimum(linearizing=linearizing)
-    if not 0 < real(bandwidth) < math.inf:
-        raise GainError(f"ADRC: bandwidth = {shown(bandwidth)} rad/s must be finite and positive")
-    chains = task.error.linearization
-    at = partial(
-        _dynamics, optimum, chains.relative_degree, list(chains.last_rows), float(bandwidth)
-    )
+    optimum, chains = task.optimum(linearizing=linearizing), task.error.linearization
+    # z_i^(r_i) = a_i z + (E u + d)_i: nothing and the identity after feedback linearization.
+    a, E = (matrix[list(chains.last_rows)] for matrix in (optimum.A, optimum.B))
+
+    def sampled(period: float) -> Dynamics:
+        d = observer(chains.relative_degree, bandwidth, period)
+        K, H = optimum.K + np.linalg.solve(E, d.K), np.linalg.solve(E, d.H)
+        return d._replace(K=K, H=H, G=d.G + d.L @ a, L=d.L @ E)
+
     return dynamic_controller(
         "adrc",
         task,
         optimum,
-        at,
+        sampled,
         linearizing=linearizing,
         holds=False,
-        gains=named_gains(K=optimum.K) | {"bandwidth": float(bandwidth)},
+        gains=named_gains(K=optimum.K) | {"bandwidth": bandwidth},
         limit=limit,
         source="Gao 2003",
     )
 
 
-def _dynamics(
-    optimum: LqrDesign, degrees: tuple[int, ...], rows: list[int], bandwidth: float, period: float
-) -> Dynamics:
-    """The law's matrices: u = -K z - E^-1 d, and z_i^(r_i) = a_i z + (E u + d)_i.
+def observer(degrees: tuple[int, ...], bandwidth: float, period: float) -> Dynamics:
+    """Discrete extended state observer of chains z_i^(r_i) = v_i + d_i.
 
-    After feedback linearization a is nothing and E the identity.
-    """
-    seen, (a, E) = observer(degrees, bandwidth, period), (optimum.A[rows], optimum.B[rows])
-    return Dynamics(
-        K=optimum.K + np.linalg.solve(E, seen.of_error),
-        H=np.linalg.solve(E, seen.of_state),
-        F=seen.F,
-        G=seen.G + seen.L @ a,
-        L=seen.L @ E,
-        start=seen.start,
-    )
-
-
-def observer(degrees: tuple[int, ...], bandwidth: float, period: float) -> Observer:
-    """The observer of chains with these relative degrees.
+    Its state q is z and the d of each chain; it sees the outputs' errors alone, and begins without
+    a disturbance.
 
     Args:
-        degrees: r_i of z_i^(r_i) = v_i + d_i.
+        degrees: r_i.
         bandwidth: w_o [rad/s].
         period: T [s].
+
+    Returns:
+        Its matrices, where K z + H q is the estimate of d.
     """
-    block = scipy.linalg.block_diag
-    each = [_chain(degree, bandwidth, period) for degree in degrees]
-    return Observer(*(np.asarray(block(*parts), float) for parts in zip(*each, strict=True)))
+    chains = [_chain(degree, bandwidth, period) for degree in degrees]
+    block: Any = scipy.linalg.block_diag
+    return Dynamics(*(block(*matrices) for matrices in zip(*chains, strict=True)))
 
 
-def _chain(degree: int, bandwidth: float, period: float) -> Observer:
+def _chain(degree: int, bandwidth: float, period: float) -> Dynamics:
     """The observer of one chain, [e, e' ..., d].
 
     q-hat = q + l (e - q_1) is the estimate of this sample, and q+ = Phi q-hat + Gamma v.
@@ -123,22 +93,21 @@ def _chain(degree: int, bandwidth: float, period: float) -> Observer:
     scale = period ** np.arange(size)  # of the states, to those of a period of one
     Phi = scipy.linalg.expm(np.eye(size, k=1))
     # Ackermann: Phi - (Phi l) C has all its poles at exp(-w_o T).
-    seen = np.array([np.linalg.matrix_power(Phi, power)[0] for power in range(size)])
+    outputs = np.array([np.linalg.matrix_power(Phi, power)[0] for power in range(size)])
     shifted = Phi - math.exp(-bandwidth * period) * np.eye(size)
-    gain = np.linalg.matrix_power(shifted, size) @ np.linalg.solve(seen, np.eye(size)[:, -1])
-    present = np.linalg.solve(Phi, gain)
-    Phi, present = Phi * scale[None, :] / scale[:, None], present / scale
-    correction = np.eye(size)
+    gain = np.linalg.matrix_power(shifted, size) @ np.linalg.solve(outputs, np.eye(size)[:, -1])
+    present = np.linalg.solve(Phi, gain) / scale
+    Phi = Phi * scale[None, :] / scale[:, None]
+    correction, of_output = np.eye(size), np.zeros((size, degree))
     correction[:, 0] -= present
-    of_output = np.zeros((size, degree))
     of_output[:, 0] = present
     # Without the disturbance's own column: v drives what d drives.
     Gamma = Phi[:, -1:] - np.eye(size)[:, -1:]
-    return Observer(
+    return Dynamics(
+        K=of_output[-1:],
+        H=correction[-1:],
         F=Phi @ correction,
         G=Phi @ of_output,
         L=Gamma,
-        of_state=correction[-1:],
-        of_error=of_output[-1:],
         start=np.eye(size)[:, :degree],
     )

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from grosmc_mj.arguments import require_known
+from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.gains import Uncertainty
-from grosmc_mj.control.state_design import StateUncertainty
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
+from grosmc_mj.errors import ArgumentError, GrosmcError, shown
 from grosmc_mj.experiments.file.units import number_in
+
+Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
 
 
 def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
@@ -28,7 +29,7 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
         ArgumentError: If it is none.
     """
     if name == "uncertainty":
-        return (state_uncertainty if of_states else uncertainty)(value)
+        return uncertainty(value, StateUncertainty) if of_states else uncertainty(value)
     if name == "body":
         if not isinstance(value, str):
             raise ArgumentError(f"body = {shown(value)} must be a name")
@@ -46,63 +47,25 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     return float(value) if np.ndim(value) == 0 else np.array(value, float)
 
 
-def uncertainty(value: Any) -> Uncertainty:
+def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
     """A declared uncertainty.
+
+    Args:
+        value: As the file has it.
+        kind: Its class: that of laws on outputs or, of laws on the linearization, on states.
 
     Raises:
         ArgumentError: If a key is missing, unknown or has a wrong value.
     """
-    keys = _known_keys(value, Uncertainty)
-    if missing := [key for key in keys if key not in value]:
-        raise ArgumentError(f"uncertainty: {', '.join(missing)} is missing")
-    kinds = {"scales": dict, "wrench": list, "region": list, "reaching_rate": (int, float)}
-    for key, kind in kinds.items():
-        if not isinstance(value[key], kind):
-            what = {dict: "a table", list: "a list of numbers"}.get(kind, "a number")
-            raise ArgumentError(f"uncertainty: {key} = {shown(value[key])} must be {what}")
-    try:
-        return Uncertainty(
-            _ranges(value["scales"]),
-            tuple(map(float, value["wrench"])),
-            tuple(map(float, value["region"])),
-            float(value["reaching_rate"]),
-        )
-    except (TypeError, ValueError, AttributeError) as error:
-        raise ArgumentError(f"uncertainty: {error}") from None
-
-
-def state_uncertainty(value: Any) -> StateUncertainty:
-    """A declared uncertainty of a law on the linearization, of which any key may be left out.
-
-    Raises:
-        ArgumentError: If a key is unknown or has a wrong value.
-    """
-    _known_keys(value, StateUncertainty)
-    for key, given in value.items():
-        kind, what = {"body": (str, "a name"), "scales": (dict, "a table")}.get(
-            key, ((int, float), "a number")
-        )
-        if isinstance(given, bool) or not isinstance(given, kind):
-            raise ArgumentError(f"uncertainty: {key} = {shown(given)} must be {what}")
-    return StateUncertainty(**{**value, "scales": _ranges(value.get("scales", {}))})
-
-
-def _known_keys(value: Any, kind: type[Any]) -> list[str]:
-    """The keys that an uncertainty may have, after a look at those that it has."""
     keys = [each.name for each in fields(kind)]
     if not isinstance(value, dict):
         raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
     for key in value:
         require_known("key", key, keys, where="uncertainty: ")
-    return keys
-
-
-def _ranges(scales: dict[str, Any]) -> dict[str, tuple[float, float]]:
-    """Ranges of parameters."""
-    for name, pair in scales.items():
-        if not (isinstance(pair, list) and len(pair) == 2):
-            raise ArgumentError(f"uncertainty: {name} = {shown(pair)} must be [least, largest]")
-    return {name: (float(low), float(high)) for name, (low, high) in scales.items()}
+    try:
+        return kind(**value)
+    except GrosmcError as error:
+        raise ArgumentError(f"uncertainty: {error}") from None
 
 
 def weight(name: str, value: Any, size: int) -> Array:
@@ -111,13 +74,10 @@ def weight(name: str, value: Any, size: int) -> Array:
     Raises:
         ArgumentError: If it does not fit.
     """
-    try:
-        found = np.asarray(value, float)
-    except (ValueError, TypeError):
-        found = np.zeros((0, 0))
+    entries = reals(value)
+    found = np.diag(entries) if entries.ndim == 1 else entries
     found = found * np.eye(size) if found.ndim == 0 else found
-    found = np.diag(found) if found.ndim == 1 else found
-    if found.shape != (size, size):
+    if found.shape != (size, size) or not np.all(np.isfinite(found)):
         raise ArgumentError(
             f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
         )

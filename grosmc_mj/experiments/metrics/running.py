@@ -1,15 +1,14 @@
-"""Metrics measured while a run goes on: a law that also keeps the meters of its run.
+"""Metrics that the kernel accumulates at each timestep of a run, which so need not be recorded.
 
-Nothing is recorded: the meters lie in the law's own memory, in Python and in compiled code alike,
-and say at the end what ``experiments.metrics`` would measure on the recorded samples.
+At the end they are what ``experiments.metrics`` measures on the recorded rows.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,12 +17,9 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.laws import Law
-from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.metrics.definitions import (
     Costs,
     MeterNumbers,
-    Meters,
     Recording,
     Windows,
     folded,
@@ -32,10 +28,12 @@ from grosmc_mj.experiments.metrics.definitions import (
     note_costs,
     transient_end,
 )
+from grosmc_mj.experiments.metrics.definitions import (
+    Meters as RunMeters,
+)
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.jitable import jitable
-from grosmc_mj.own_law import around
-from grosmc_mj.records import extended
+from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.vectors import each, quadratic, row_times
 
 # The metrics that are kept of every run, with their units: "output", "input" and "sliding" stand
@@ -51,7 +49,7 @@ METRICS: Mapping[str, str] = {
 
 
 @dataclass
-class LawMeters(Meters):
+class LawMeters(RunMeters):
     """Meters of a run that goes on.
 
     Attributes:
@@ -80,23 +78,23 @@ class LawMeterNumbers(MeterNumbers):
     limits: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
 
-def metered(
+def meters_of(
     controller: Controller,
-    control_period: float,
+    timestep: float,
     windows: Windows,
     onset: float,
     *,
     costs: bool = False,
     limits: Array | None = None,
     late: float = math.inf,
-) -> Controller:
-    """The same controller with meters: its memory has ``meters`` besides.
+) -> Meters:
+    """Meters of runs of a controller, for ``simulate``: they note every timestep.
 
     Args:
-        controller: A law with error coordinates and an optimum; if it is in a loop, the meters
-            stand outside and note the true state and the given input.
-        control_period: Of the run [s].
-        windows: What is measured besides the usual metrics.
+        controller: A law with error coordinates and an optimum; around one in a loop they note the
+            true state and the input that the actuators give.
+        timestep: Of the runs [s].
+        windows: Measured besides the usual metrics.
         onset: When the first disturbance begins; settling is measured up to it, unless it acts
             from the start [s].
         costs: Whether the index is wanted.
@@ -110,36 +108,26 @@ def metered(
     design = controller.designed
     error, optimum = design.error, design.lqr
     after, widths = windows.numbers()
+    unlimited = np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
     numbers = LawMeterNumbers(
         after=after,
         widths=widths,
         onset=transient_end(onset),
         late=late,
-        transition=_transition(
-            optimum.closed_loop.tobytes(), error.size, controller.asked_every(control_period)
-        ),
+        transition=_transition(optimum.closed_loop.tobytes(), error.size, timestep),
         Q=optimum.Q,
         R=optimum.R,
-        limits=np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
-        if limits is None
-        else limits,
+        limits=unlimited if limits is None else limits,
     )
-    law = _metered_law(
-        controller.law,
+    note = _noting(
         error.state,
         error.size,
         tuple(error.output_rows),
-        _one if error.inputs == 1 else _all,
         bool(design.sliding_unit),
         has_cart(error.system),
         (_one if np.ndim(controller.memory().v) == 0 else _all) if costs else None,
     )
-    return replace(
-        controller,
-        law=law,
-        parameters=extended(controller.parameters, meters=numbers),
-        memory=partial(_memory, controller, numbers),
-    )
+    return Meters(note, LawMeters.of(numbers, optimal=np.zeros(error.size)), numbers)
 
 
 @cache
@@ -148,31 +136,23 @@ def _transition(closed_loop: bytes, size: int, control_period: float) -> Array:
     return scipy.linalg.expm(np.frombuffer(closed_loop).reshape(size, size) * control_period)
 
 
-def _memory(controller: Controller, numbers: LawMeterNumbers) -> Memory:
-    """The law's own memory with meters."""
-    meters = LawMeters.of(numbers, optimal=np.zeros(controller.designed.error.size))
-    return extended(controller.memory(), meters=meters)
-
-
 @cache
-def _metered_law(
-    law: Law,
+def _noting(
     error_state: Any,
     size: int,
     outputs: tuple[int, ...],
-    entries: Callable[[Any], Any],
     surface: bool,
     cart: bool,
     weighed: Callable[[Any], Any] | None,
-) -> Law:
-    """The law, which notes at each sample what it finds, costs if told how v is a vector."""
+) -> Any:
+    """``Meters.note``; it notes costs if it knows how v is a vector."""
     costs, vector = weighed is not None, weighed or _all
-    inner, difference, follow = jitable(law), _difference(outputs), _follower(size)
-    nothing = (0.0,) * size
+    difference, follow, nothing = _difference(outputs), _follower(size), (0.0,) * size
 
-    def metered_law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        u = inner(t, x, memory, p)
-        meters, known = memory.meters, p.meters
+    @jitable
+    def note_timestep(
+        t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any
+    ) -> None:  # fmt: skip
         z = error_state(t, x, p)
         follow(t, z, meters.optimal, known.transition)
         s, position = 0.0, 0.0
@@ -181,14 +161,13 @@ def _metered_law(
         if cart:
             position = x[0]
         error, deviation = difference(z, nothing), difference(z, meters.optimal)
-        given = _largest_given(entries(u), known.limits)
+        given = _largest_given(u, known.limits)
         note(t, error, deviation, given, s, position, meters, known)
         if costs:
             v = vector(memory.v)
             note_costs(t, quadratic(z, known.Q), quadratic(v, known.R), meters.costs)
-        return u
 
-    return around(metered_law, law)
+    return note_timestep
 
 
 @jitable

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, unit_of
 from grosmc_mj.loop import Loop
-from grosmc_mj.loop.loop import TIMES, time_as_run
+from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
 from grosmc_mj.studies.tolerance.search import MOST
 

@@ -12,11 +12,11 @@ import numpy as np
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.metrics.definitions import Recording
-from grosmc_mj.experiments.metrics.running import metered, said_by
+from grosmc_mj.experiments.metrics.running import meters_of, said_by
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, costs_wanted, margins_of, windows
 from grosmc_mj.loop import Loop, in_loop
-from grosmc_mj.loop.layout import Room
+from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.studied import judgeable_in
@@ -89,15 +89,6 @@ class Trials:
         """What the law must keep under each condition."""
         return {each: self.setting.limits(self.law, each) for each in self.setting.conditions}
 
-    @cached_property
-    def room(self) -> Room:
-        """Of the longest dead times that are tried: all runs have one layout."""
-        settings, found = self.setting.experiment.settings, Room(1, 1)
-        stride = round(settings.control_period / settings.timestep)
-        for each in self.setting.imperfections:
-            found = found.with_other(Room.needed(each.at(each.most), settings.timestep, stride))
-        return found
-
     def first(self, trials: Sequence[Trial]) -> list[TrialResult]:
         """What comes of the first run of each trial."""
         return self.numbered([(trial, 0) for trial in trials])
@@ -130,35 +121,39 @@ class Trials:
                 continue
             try:
                 made = self._controller(trial, number)
+                meters = self.meters[trial.condition]
             except GrosmcError as error:
                 self.known[trial, number] = TrialResult(False, -np.inf, "", number, str(error))
                 continue
-            rows = sum(len(each.of) for each in trial.loop.estimators)
-            case = trial.condition.experiment.case
-            groups.setdefault((made.law, rows, case.duration), []).append(
-                _PlannedRun(trial, number, made)
-            )
+            key = made.law, meters.kind, trial.condition.experiment.case.duration
+            groups.setdefault(key, []).append(_PlannedRun(trial, number, made))
         for runs in groups.values():
             self._run(runs)
 
     def _controller(self, trial: Trial, number: int) -> Controller:
-        """The law in its loop, with the meters of its requirements."""
+        """The law in its loop."""
         experiment = trial.condition.experiment
         settings = experiment.settings
-        looped = in_loop(
+        return in_loop(
             self.law.controller, trial.loop, experiment.nominal.system,
             control_period=settings.control_period, timestep=settings.timestep,
-            predict=self.law.predict, run=number, room=self.room,
+            predict=self.law.predict, run=number,
         )  # fmt: skip
-        asked = self.asked[trial.condition]
-        return metered(
-            looped,
-            settings.control_period,
-            windows(asked),
-            experiment.case.onset,
-            costs=costs_wanted(asked),
-            limits=experiment.plant(self.plant).input_limits,
-        )
+
+    @cached_property
+    def meters(self) -> dict[Condition, Meters]:
+        """The meters of its requirements under each condition."""
+        return {
+            condition: meters_of(
+                self.law.controller,
+                condition.experiment.settings.timestep,
+                windows(asked),
+                condition.experiment.case.onset,
+                costs=costs_wanted(asked),
+                limits=condition.experiment.plant(self.plant).input_limits,
+            )
+            for condition, asked in self.asked.items()
+        }
 
     def _run(self, runs: Sequence[_PlannedRun]) -> None:
         """Make runs of one layout and duration, and note what came of them."""
@@ -173,6 +168,7 @@ class Trials:
             control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=[list(each.case.disturbances) for each in experiments],
+            meters=[self.meters[run.trial.condition] for run in runs],
             engine=settings.engine_for(runs[0].controller),
             record=False,
             threads=self.threads,
@@ -182,10 +178,10 @@ class Trials:
         for condition in dict.fromkeys(run.trial.condition for run in runs):
             own = np.array([run.trial.condition is condition for run in runs])
             asked = self.asked[condition]
-            meters, ends = ended.memory[own, -1]["meters"], ended.state[own, -1]
+            meters, ends = np.atleast_1d(ended.meters)[own], ended.state[own, -1]
             law = next(run.controller for run in runs if run.trial.condition is condition)
             recording = Recording.sampled(
-                law.asked_every(settings.control_period),
+                settings.timestep,
                 first.duration,
                 np.full(len(ends), condition.experiment.case.onset),
                 windows(asked),

@@ -20,7 +20,7 @@ from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, wit
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.control.state_design import mismatch, sliding_dynamics
+from grosmc_mj.control.reaching import mismatch, sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment

@@ -154,11 +154,7 @@ def reaching_time(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
     _, scales, wrench = _declared(lab, system)
     body, found = find_system(system).uncertain_body, []
     p = lab.controller(find_experiment(system, "nominal"), plant, "grosmc").parameters
-    eta = (
-        p.eta
-        if hasattr(p, "eta")
-        else -(slowest_approach(lab, plant, system=system, rate=0.0).value or 0.0)
-    )
+    eta = p.eta or -(slowest_approach(lab, plant, system=system, rate=0.0).value or 0.0)
     if eta <= 0:
         return Measured(None, "the switching term does not drive s back")
     plants = list(itertools.product(*map(dict.fromkeys, scales)))

@@ -20,9 +20,10 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     surface_memory,
     within,
 )
+from grosmc_mj.control import reaching
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.gains import Uncertainty, authority
+from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
@@ -155,7 +156,7 @@ def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured
             _, E = error.dynamics(0.0, x, p)
             E_true = _true_gain(law, derivative, x, nothing)
             for name, G_r in projections.items():
-                r = authority(G_r @ E_true @ np.linalg.inv(G_r @ E))
+                r = reaching.gain_margin(G_r @ E_true @ np.linalg.inv(G_r @ E))
                 if r < least[name][0]:
                     least[name] = (r, f"{0.2 * mass:.2g} kg, q2 = {x[1]:.3g} rad")
     (r, where), (own, _) = least["B+"], least["own"]

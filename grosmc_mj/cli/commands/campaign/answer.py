@@ -52,7 +52,7 @@ def say_verdict(
         else:
             words = (
                 f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
-                f"design: {_rate(rate)}."
+                f"design: {_rate(rate) or found.sampled.no_interval}."
             )
             screen.say_verdict(console, words, good=rate.kept == rate.runs)
     for law in asked.laws:
@@ -62,11 +62,11 @@ def say_verdict(
 
 
 def _rate(rate: PassRate) -> str:
-    """The interval of a pass rate, or why there is none."""
+    """The interval of a pass rate; empty if there is none."""
     from grosmc_mj.campaign.report.tables import rate_interval
 
     interval = rate_interval(rate, "to")
-    return f"{interval} % ({100 * rate.confidence:g} % interval)" if interval else rate.note
+    return interval and f"{interval} % ({100 * rate.confidence:g} % interval)"
 
 
 def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
@@ -87,10 +87,11 @@ def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
     columns = ("requirement", "law", "kept", "interval %", "least margin")
     console.print(screen.brief_table("", columns, rows, words=2, most=8))
     drivers = [
-        f"{law}: {causes[0].parameter} drives its margin most "
-        f"({100 * causes[0].share:.0f} % of the variance of the ranks)"
-        for law, causes in found.sensitivities.items()
-        if causes and causes[0].share
+        f"{law}: {driver.parameter} drives its margin most "
+        f"({100 * (driver.share or 0):.0f} % of the variance of the ranks)"
+        for law, drivers in found.sensitivities.items()
+        for driver in drivers[:1]
+        if driver.drives
     ]
     pairs = [
         f"same plants: {first} alone keeps everything on {each.only_first}, {second} alone on "
@@ -130,7 +131,10 @@ def say_worst(console: Console, asked: Campaign, found: Sequence[Worst], *, full
 
     lines = []
     for each in sorted(found, key=lambda each: each.relative):
-        line = f"{each.controller}: worst plant found: margin {number(each.relative)} of its limit"
+        line = (
+            f"{each.controller}: worst plant, by {each.winner}: margin {number(each.relative)} of "
+            f"its limit, {plant_words(asked, each.values)}"
+        )
         if each.shrunk is not None:
             line += f"; nearest that fails: {plant_words(asked, each.shrunk)}"
         lines.append(line)

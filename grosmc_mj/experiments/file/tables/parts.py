@@ -16,8 +16,8 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
 from grosmc_mj.fields import range_of
-from grosmc_mj.loop.loop import Loop
-from grosmc_mj.loop.parts import Actuator, Computing, Estimator, Sensor
+from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.machine import PARTS, MachinePart
 from grosmc_mj.plants import System
 
@@ -33,24 +33,12 @@ LOOP_PARTS: Mapping[str, Any] = {
 MACHINE_PARTS: Mapping[str, type[MachinePart]] = {table_of(part): part for part in PARTS}
 # The numbers of each kind of part with their units; {} stands for that of what it is of.
 LOOP_UNITS: dict[str, dict[str, str]] = {
-    "computing": {"delay": "s", "jitter": "s", "missed": ""},
-    "sensor": {
-        "resolution": "{}",
-        "noise": "{}",
-        "bias": "{}",
-        "drift": "{}/s",
-        "delay": "s",
-        "period": "s",
-    },
-    "estimator": {"time_constant": "s", "slope": "{}/s", "bandwidth": "rad/s", "load": "input"},
-    "actuator": {
-        "delay": "s",
-        "resolution": "{}",
-        "limit": "{}",
-        "rate_limit": "{}/s",
-        "lag": "s",
-        "dead_zone": "{}",
-    },
+    kind: {
+        name: bounds.unit
+        for name in names_of_numbers(part)
+        if (bounds := range_of(part, name)) and not bounds.whole
+    }
+    for kind, part in LOOP_PARTS.items()
 }
 # The same of a machine: of a joint's numbers that of a hinge, " or " that of a slide.
 MACHINE_UNITS: dict[str, dict[str, str]] = {

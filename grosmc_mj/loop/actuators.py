@@ -1,0 +1,83 @@
+"""Actuators: delay, resolution, limit, rate limit, lag and dead zone."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from grosmc_mj.fields import Name, Range, checked
+from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.rows import row_dtype
+from grosmc_mj.loop.sensors import quantized, ring_row
+
+
+@checked()
+class Actuator:
+    """From a command to an input of the plant, in this order.
+
+    Attributes:
+        of: Name of the input.
+        delay: [s]; a multiple of the timestep.
+        resolution: Of the command; 0 for none.
+        limit: Largest |u|.
+        rate_limit: Largest change per second.
+        lag: Time constant [s], discretized exactly: the plant gets the mean over each timestep.
+        order: 1, or 2 for two equal lags in a row.
+        dead_zone: |u| up to which nothing comes out; beyond it, u less the dead zone.
+    """
+
+    of: Name
+    delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms late"] = 0.0
+    resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
+    limit: Annotated[
+        float, Range(0, unit="{}", above=True, infinite=True), "within {value:.4g} {unit}"
+    ] = math.inf
+    rate_limit: Annotated[
+        float, Range(0, unit="{}/s", above=True, infinite=True), "at most {value:.4g} {unit}/s"
+    ] = math.inf
+    lag: Annotated[float, Range(0, unit="s"), "{lags} of {ms:.4g} ms"] = 0.0
+    order: Annotated[int, Range(1, 2, whole=True)] = 1
+    dead_zone: Annotated[float, Range(0, unit="{}"), "dead up to {value:.4g} {unit}"] = 0.0
+
+
+# Of each input: its actuator, the delay in timesteps; the input at rest; the limit that the law
+# knows; the computer's output; the output of the rate limit, of the first lag and of the second.
+ACTUATOR = row_dtype(Actuator, "rest", "known_limit", "output", "rated", "first", "second")
+
+
+@jitable
+def lagged(u: float, tau: float, kept: float, actuator: Any) -> float:
+    """The mean over a timestep of u behind one or two lags of tau timesteps, exp(-1/tau) kept.
+
+    The lags' outputs are brought to the end of the timestep: with the input held they are exact,
+    and so is the integral of the output.
+    """
+    first, second = actuator.first, actuator.second
+    actuator.first = u + (first - u) * kept
+    mean = u - tau * (actuator.first - first)
+    if actuator.order == 1:
+        return mean
+    actuator.second = u + (second - u) * kept + (first - u) * kept / tau
+    return mean - tau * (actuator.second - second)
+
+
+@jitable
+def actuate(i: int, loop: Any, given: Any) -> None:
+    """Send the computer's output on its way in timestep i and write the actuators' into given."""
+    q = loop.computer[0]
+    row = ring_row(i, loop.queue)
+    for j in range(len(loop.actuators)):
+        actuator = loop.actuators[j]
+        loop.queue[row, j] = actuator.output
+        a = i - int(q.delay) - int(actuator.delay)
+        u = actuator.rest if a < 0 else loop.queue[ring_row(a, loop.queue), j]
+        u = min(actuator.limit, max(-actuator.limit, quantized(u, actuator.resolution)))
+        before, change = actuator.rated, actuator.rate_limit * q.timestep
+        u = min(before + change, max(before - change, u))
+        actuator.rated = u
+        if actuator.lag > 0.0:
+            kept = math.exp(-q.timestep / actuator.lag)
+            u = lagged(u, actuator.lag / q.timestep, kept, actuator)
+        if actuator.dead_zone > 0.0:
+            u = max(u - actuator.dead_zone, 0.0) + min(u + actuator.dead_zone, 0.0)
+        given[j] = u

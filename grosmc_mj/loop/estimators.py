@@ -1,0 +1,196 @@
+"""Estimators of rates, at each sample of the law.
+
+- ``levant``: A. Levant, "Robust exact differentiation via sliding mode technique", Automatica 34,
+  1998, with the gains 1.5 sqrt(L) and 1.1 L, by implicit Euler (V. Acary and B. Brogliato,
+  "Implicit Euler numerical scheme and chattering-free implementation of sliding mode systems",
+  Systems & Control Letters 59, 2010), solved in closed form: no chatter of its own.
+- ``high-gain`` and ``eso``: H. K. Khalil, "High-gain observers in nonlinear feedback control",
+  2017, and Z. Gao, "Scaling and bandwidth-parameterization based controller tuning", ACC 2003, as
+  current observers with all poles at exp(-w T).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Check, Flag, Known, Range, checked, refused
+from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.prediction import move_by_a_period
+from grosmc_mj.loop.sensors import measured_at, ring_row
+
+EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
+KINDS = get_args(EstimatorLaw)
+_DIFFERENCE, _FILTERED, _LEVANT, _HIGH_GAIN, ESO, _KALMAN = (float(i) for i in range(len(KINDS)))
+# The number that an estimator is tuned by.
+TUNED_BY: dict[str, str] = {
+    "filtered": "time_constant",
+    "levant": "slope",
+    "high-gain": "bandwidth",
+    "eso": "bandwidth",
+    "kalman": "load",
+}
+
+
+class _States(Check):
+    """Names of states, one or several; none of them twice."""
+
+    def __call__(self, value: Any) -> tuple[str, ...]:
+        names = (value,) if isinstance(value, str) else value
+        if not (isinstance(names, Sequence) and len(names)):
+            raise refused("names of states, at least one")
+        if not all(isinstance(name, str) and name for name in names):
+            raise refused("names of states")
+        if len(set(names)) < len(names):
+            raise refused("names of states, each of them once")
+        return tuple(names)
+
+
+@checked()
+class Estimator:
+    """Estimation of states that are not measured.
+
+    Attributes:
+        of: Names of the states. Any for ``kalman``; for the others a rate, which they estimate
+            from the position that the law sees.
+        law: ``difference`` of two samples; ``filtered``, the same through a lag; ``levant``, the
+            robust exact differentiator in its implicit discretization; ``high-gain``, a critically
+            damped observer of two integrators; ``eso``, the same of the design model with a
+            constant disturbance; ``kalman``, the steady-state filter of the design model.
+        time_constant: Of ``filtered`` [s].
+        slope: Of ``levant``: bound of the rate's derivative, per second.
+        bandwidth: Of ``high-gain`` and ``eso``: all their poles are there [rad/s].
+        load: Of ``kalman``: standard deviation of an unknown input, constant in a sample, in the
+            unit of the inputs.
+        settled: Whether it has run long before the law is switched on, and so begins with the true
+            value; else it begins with a rate of zero, and the law with that error.
+    """
+
+    of: Annotated[tuple[str, ...], _States()]
+    law: Annotated[EstimatorLaw, Known("estimator", KINDS)] = "difference"
+    time_constant: Annotated[float | None, Range(0, unit="s", above=True, optional=True)] = None
+    slope: Annotated[float | None, Range(0, unit="{}/s", above=True, optional=True)] = None
+    bandwidth: Annotated[float | None, Range(0, unit="rad/s", above=True, optional=True)] = None
+    load: Annotated[float | None, Range(0, unit="input", above=True, optional=True)] = None
+    settled: Flag = True
+
+    def __post_init__(self) -> None:
+        needed = TUNED_BY.get(self.law)
+        for name in dict.fromkeys(TUNED_BY.values()):
+            value = getattr(self, name)
+            if name == needed and value is None:
+                raise ArgumentError(f"{self.law} needs {name}")
+            if name != needed and value is not None:
+                has = f"it has {needed}" if needed else "it has no number"
+                raise ArgumentError(f"{self.law} has no {name}: {has}")
+
+    @property
+    def number(self) -> float:
+        """The number that it is tuned by; 0 for ``difference``."""
+        return float(getattr(self, TUNED_BY[self.law])) if self.law in TUNED_BY else 0.0
+
+
+# Of each rate that is estimated: the estimator's kind and number, the states that are the rate and
+# its position, 1 if it begins settled. Of the run so far: 1 once it has begun, the estimated
+# position, rate and disturbance, the last measurement and its timestep.
+_COLUMNS = ("kind", "number", "of", "position", "settled")
+_MEMORY = ("begun", "y", "rate", "load", "last", "at")
+ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *_MEMORY)])
+
+
+@jitable
+def levant(position: float, rate: float, y: float, L: float, T: float) -> tuple[float, float]:
+    """Position and rate after a sample y, T after the last one, with |y''| <= L."""
+    a, b = 1.5 * math.sqrt(L) * T, 1.1 * L * T * T
+    ahead = position + T * rate - y
+    if abs(ahead) <= b:
+        # The surface is reached: the selection of sgn(0) that holds it there.
+        return y, rate - ahead / T
+    root = 0.5 * (math.sqrt(a * a + 4.0 * (abs(ahead) - b)) - a)
+    sign = 1.0 if ahead > 0.0 else -1.0
+    return y + sign * root * root, rate - sign * 1.1 * L * T
+
+
+@jitable
+def _difference(estimator: Any, y: float, T: float) -> None:
+    """(y_k - y_{k-1}) / T, through a lag of the estimator's time constant if it is filtered."""
+    slope = (y - estimator.last) / T
+    kept = math.exp(-T / estimator.number) if estimator.kind == _FILTERED else 0.0
+    estimator.y, estimator.rate = y, kept * estimator.rate + (1.0 - kept) * slope
+
+
+@jitable
+def _high_gain(estimator: Any, y: float, T: float) -> None:
+    """The observer of two integrators with both poles at exp(-w T)."""
+    pole = math.exp(-estimator.number * T)
+    e = y - (estimator.y + T * estimator.rate)
+    estimator.y = y - pole * pole * e
+    estimator.rate = estimator.rate + (1.0 - pole) * (1.0 - pole) * e / T
+
+
+@jitable
+def _extended(estimator: Any, y: float, T: float, gained: float) -> None:
+    """The same with a disturbance as a third state; the design model's rate gained ``gained``."""
+    rate, load, pole = estimator.rate, estimator.load, math.exp(-estimator.number * T)
+    e = y - (estimator.y + T * rate + 0.5 * T * (gained + T * load))
+    part = 1.0 - pole
+    estimator.y = y - pole * pole * pole * e
+    estimator.rate = rate + gained + T * load + 1.5 * part * part * (1.0 + pole) * e / T
+    estimator.load = load + part * part * part * e / (T * T)
+
+
+@jitable
+def _update(estimator: Any, y: float, T: float, gained: float) -> None:
+    """Bring an estimator up to a sample y, T after the last."""
+    if estimator.kind == _LEVANT:
+        estimator.y, estimator.rate = levant(
+            estimator.y, estimator.rate, y, estimator.number, T
+        )  # fmt: skip
+    elif estimator.kind == _HIGH_GAIN:
+        _high_gain(estimator, y, T)
+    elif estimator.kind == ESO:
+        _extended(estimator, y, T, gained)
+    else:
+        _difference(estimator, y, T)
+
+
+@jitable
+def note_gains(i: int, t: float, loop: Any) -> None:
+    """Before a sample: the design model's gains in a period from the extended observers' states."""
+    for j in range(len(loop.sensors)):
+        loop.x[j] = loop.seen[j]
+    for row in range(len(loop.estimators)):
+        estimator = loop.estimators[row]
+        if estimator.kind == ESO:
+            loop.x[int(estimator.position)] = estimator.y
+            loop.x[int(estimator.of)] = estimator.rate
+    for j in range(len(loop.sensors)):
+        loop.predicted[j] = loop.x[j]
+    move_by_a_period(i, t, loop)
+    for j in range(len(loop.sensors)):
+        loop.sensors[j].gained = loop.x[j] - loop.predicted[j]
+
+
+@jitable
+def estimate(i: int, loop: Any) -> None:
+    """Write estimated rates into ``loop.seen``."""
+    q = loop.computer[0]
+    for row in range(len(loop.estimators)):
+        estimator = loop.estimators[row]
+        of, position = int(estimator.of), int(estimator.position)
+        y, sensor = loop.seen[position], loop.sensors[position]
+        at = measured_at(i, sensor)
+        if estimator.begun == 0.0:
+            estimator.begun, estimator.y, estimator.last, estimator.at = 1.0, y, y, at
+            if estimator.settled != 0.0:
+                estimator.rate = loop.past[ring_row(i, loop.past), of]
+        elif at > estimator.at:
+            # A sensor of its own pace has a clock; else the computer's own pace is believed.
+            T = (at - estimator.at) * q.timestep if sensor.period > 0.0 else q.period
+            _update(estimator, y, T, loop.sensors[of].gained)
+            estimator.last, estimator.at = y, at
+        loop.seen[of] = estimator.rate

@@ -1,0 +1,41 @@
+"""Parts of a loop as rows of numbers, which compiled code reads by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.fields import range_of
+from grosmc_mj.loop.timing import TIMES
+
+
+def numbers_of(part: type) -> Iterator[str]:
+    """Names of the fields of a part that are numbers with bounds."""
+    return (item.name for item in fields(part) if range_of(part, item.name) is not None)
+
+
+def row_dtype(part: type, *memory: str) -> np.dtype[Any]:
+    """Dtype of a row: the numbers of a part, then what a run knows and remembers of it."""
+    return np.dtype([(name, np.float64) for name in (*numbers_of(part), *memory)])
+
+
+def rows_of(parts: Any, dtype: np.dtype[Any], h: float, **more: Any) -> np.ndarray[Any, Any]:
+    """A row for each part, its times in timesteps.
+
+    Args:
+        parts: Parts of one kind.
+        dtype: Of a row.
+        h: Timestep [s].
+        more: Further columns.
+    """
+    rows = np.zeros(len(parts), dtype)
+    for row, part in zip(rows, parts, strict=True):
+        for name in numbers_of(type(part)):
+            value = getattr(part, name)
+            row[name] = round(value / h) if name in TIMES else value
+    for name, column in more.items():
+        rows[name] = column
+    return rows

@@ -1,0 +1,80 @@
+"""Sensors: resolution, noise, bias, drift, delay and a period of their own."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from grosmc_mj.fields import Name, Range, checked
+from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.counter import normal
+from grosmc_mj.loop.rows import row_dtype
+
+# Whole multiples beyond this are no longer told apart by a float64.
+_EXACT = 2.0**52
+
+
+@checked()
+class Sensor:
+    """Measurement of a state: y = q round((x + bias + drift t + noise) / q).
+
+    Attributes:
+        of: Name of the state.
+        resolution: q, of an encoder; 0 for none.
+        noise: Standard deviation of a sample.
+        bias: Constant error.
+        drift: Error that grows with time, per second.
+        delay: Age of the measurement [s]; a multiple of the timestep.
+        period: Time between two of its own samples, held in between [s], a multiple of the
+            timestep; 0 for one at each sample of the law.
+    """
+
+    of: Name
+    resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
+    noise: Annotated[float, Range(0, unit="{}"), "noise of {value:.4g} {unit}"] = 0.0
+    bias: Annotated[float, Range(unit="{}"), "bias of {value:.4g} {unit}"] = 0.0
+    drift: Annotated[float, Range(unit="{}/s"), "drift of {value:.4g} {unit}/s"] = 0.0
+    delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms old"] = 0.0
+    period: Annotated[float, Range(0, unit="s"), "every {ms:.4g} ms"] = 0.0
+
+
+# Of each state: its sensor, times in timesteps; 1 if the Kalman filter gives it; the filter's
+# estimate; the rate that the design model misses; its gain in a period by the design model.
+SENSOR = row_dtype(Sensor, "filtered", "observed", "missed", "gained")
+
+
+@jitable
+def quantized(value: float, q: float) -> float:
+    """The nearest multiple of q; the value itself for q = 0."""
+    if q > 0.0 and abs(value) < _EXACT * q:
+        return q * math.floor(value / q + 0.5)
+    return value
+
+
+@jitable
+def ring_row(i: int, ring: Any) -> int:
+    """Row of timestep i in a ring of a power of two rows: no division, which is slow."""
+    return i & (ring.shape[0] - 1)
+
+
+@jitable
+def measured_at(i: int, sensor: Any) -> int:
+    """The timestep of the measurement that is there in timestep i; before the first, the start."""
+    a, period = i - int(sensor.delay), int(sensor.period)
+    if a > 0 and period > 0:
+        a -= a % period
+    return max(a, 0)
+
+
+@jitable
+def measure(i: int, loop: Any) -> None:
+    """Write the measurements that are there in timestep i into ``loop.seen``."""
+    q = loop.computer[0]
+    for j in range(len(loop.sensors)):
+        sensor = loop.sensors[j]
+        a = measured_at(i, sensor)
+        value = loop.past[ring_row(a, loop.past), j]
+        value += sensor.bias + sensor.drift * (a * q.timestep)
+        if sensor.noise > 0.0:
+            value += sensor.noise * normal(q.seed, q.run, j, a)
+        loop.seen[j] = quantized(value, sensor.resolution)

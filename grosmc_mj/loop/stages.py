@@ -1,0 +1,116 @@
+"""The loop's stages in the kernel: measure, estimate, predict, delay, actuate."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Annotated, Any, NamedTuple
+
+import numba
+from numba.core import types
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.actuators import ACTUATOR
+from grosmc_mj.loop.delay import COMPUTER
+from grosmc_mj.loop.estimators import ESTIMATOR, estimate, note_gains
+from grosmc_mj.loop.kalman import filter_states
+from grosmc_mj.loop.prediction import expect, learn, predict
+from grosmc_mj.loop.sensors import SENSOR, measure, ring_row
+
+_FLOAT = types.float64
+_VECTOR = types.Array(_FLOAT, 1, "C")
+# What moves a design model: (t, x, u, h, memory, p, own), see ``design_model``.
+ADVANCE = types.void(_FLOAT, _VECTOR, _VECTOR, _FLOAT, _VECTOR, _VECTOR, _VECTOR)
+
+Vector = Annotated[Array, _VECTOR]
+Matrix = Annotated[Array, types.Array(_FLOAT, 2, "C")]
+
+
+def _rows(dtype: Any) -> types.Type:
+    return types.Array(numba.from_dtype(dtype), 1, "C")
+
+
+class LoopRun(NamedTuple):
+    """A loop of n states and m inputs in a run; an ideal one has no sensors.
+
+    Attributes:
+        computer: One row of ``COMPUTER``.
+        sensors: Rows of ``SENSOR``, (n,).
+        estimators: Rows of ``ESTIMATOR``, one for each rate that is estimated.
+        actuators: Rows of ``ACTUATOR``, (m,).
+        gain: Of the Kalman filter on the innovation of each state, (n, n).
+        past: True states of the last timesteps, (a power of two, n).
+        queue: Outputs of the last timesteps, (a power of two, m).
+        seen: State by sensors and estimators at the last sample, (n,).
+        predicted: State that the law gets, (n,); room to compute in before that.
+        x: The design model's state, (n,).
+        mean: Input under which it moves, (m,).
+        advance: Moves it.
+        memory: The law's memory.
+        p: The law's numbers.
+        own: The design model's numbers.
+    """
+
+    computer: Annotated[Any, _rows(COMPUTER)]
+    sensors: Annotated[Any, _rows(SENSOR)]
+    estimators: Annotated[Any, _rows(ESTIMATOR)]
+    actuators: Annotated[Any, _rows(ACTUATOR)]
+    gain: Matrix
+    past: Matrix
+    queue: Matrix
+    seen: Vector
+    predicted: Vector
+    x: Vector
+    mean: Vector
+    advance: Annotated[Any, types.FunctionType(ADVANCE)]
+    memory: Vector
+    p: Vector
+    own: Vector
+
+    def uncompiled(self) -> LoopRun:
+        """The same with rows as Python objects, for the functions of this package as they are."""
+        rows = {}
+        for name in ("computer", "sensors", "estimators", "actuators"):
+            table = getattr(self, name)
+            names = table.dtype.names
+            rows[name] = [
+                SimpleNamespace(**dict(zip(names, row, strict=True))) for row in table.tolist()
+            ]
+        return self._replace(**rows)
+
+
+@jitable
+def remember(i: int, x: Any, loop: Any) -> None:
+    """Keep the true state of timestep i, (n,), for sensors whose measurements are late."""
+    row = ring_row(i, loop.past)
+    for j in range(len(loop.sensors)):
+        loop.past[row, j] = x[j]
+
+
+@jitable
+def observe(i: int, loop: Any) -> float:
+    """Write the state that the law gets at a sample in timestep i into ``loop.predicted``.
+
+    Returns:
+        The time for which the law gets it [s]: of the sample, or of the arrival of its output.
+    """
+    q = loop.computer[0]
+    t = int(q.sample) * q.period
+    if q.sample > 0.0 and q.observes != 0.0:
+        note_gains(i, t, loop)
+    if q.sample > 0.0 and q.predicts != 0.0:
+        expect(i, t, loop)
+    measure(i, loop)
+    estimate(i, loop)
+    if q.filters != 0.0:
+        filter_states(i, t, loop)
+    # The filter's model moves in ``x`` only: ``predicted`` is still that of ``expect``.
+    if q.sample > 0.0 and q.predicts != 0.0 and i - q.stride >= q.age:
+        learn(loop)
+    for j in range(len(loop.sensors)):
+        loop.x[j] = loop.seen[j]
+    if q.predicts != 0.0:
+        predict(i, t, loop)
+    for j in range(len(loop.sensors)):
+        loop.predicted[j] = loop.x[j]
+    return t + q.ahead

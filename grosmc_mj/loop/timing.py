@@ -1,0 +1,71 @@
+"""Times on the grid of a timestep: control periods, delays."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Range, checked_call
+
+# Of a duration, a timestep and a control period [s]: beyond them is a slip of the unit.
+SHORTEST, LONGEST = 1e-9, 1e9
+# Beyond this many timesteps a delay is a slip of the unit.
+MOST_STEPS = 100_000
+# Numbers of parts that are times on the timestep's grid.
+TIMES = ("delay", "jitter", "period")
+
+
+ControlPeriod = Annotated[float | None, Range(0, LONGEST, unit="s", above=True, optional=True)]
+
+
+@checked_call
+def stride_of(control_period: ControlPeriod, timestep: float) -> tuple[int, float]:
+    """Timesteps [s] in a control period, and the period [s]; the timestep for None.
+
+    Raises:
+        ArgumentError: If it is no multiple of the timestep, or too long.
+    """
+    period = timestep if control_period is None else control_period
+    stride = max(1, round(period / timestep))
+    if not math.isclose(stride * timestep, period, rel_tol=1e-9):
+        raise ArgumentError(
+            f"control period {period:g} s is no multiple of the timestep {timestep:g} s: take "
+            f"{stride * timestep:g} s, or another timestep"
+        )
+    return stride, period
+
+
+def time_as_run(
+    name: str, seconds: float, timestep: float, control_period: float = math.inf
+) -> float:
+    """The time on the timestep's grid that a drawn or scaled one is run as [s].
+
+    Args:
+        name: Which of ``TIMES``: jitter stays shorter than a control period.
+        seconds: The time [s].
+        timestep: [s].
+        control_period: [s].
+    """
+    near = round(seconds / timestep) * timestep
+    return min(near, control_period - timestep) if name == "jitter" else near
+
+
+def steps_in(name: str, seconds: float, timestep: float) -> int:
+    """A time as a number of timesteps.
+
+    Raises:
+        ArgumentError: If it is none.
+    """
+    steps = round(seconds / timestep)
+    if not math.isclose(steps * timestep, seconds, rel_tol=1e-9, abs_tol=1e-15):
+        near = f"{steps * timestep:g} s" if steps else f"{timestep:g} s"
+        raise ArgumentError(
+            f"{name} = {seconds:g} s is no multiple of the timestep {timestep:g} s: take {near}, "
+            "or a shorter timestep"
+        )
+    if steps > MOST_STEPS:
+        raise ArgumentError(
+            f"{name} = {seconds:g} s is {steps} timesteps of {timestep:g} s: at most {MOST_STEPS}"
+        )
+    return steps
