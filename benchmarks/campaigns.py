@@ -80,12 +80,13 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     plant_samples = [campaign.plant_sample(row) for row in campaign.values(range(_PLANTS))]
     plants = plants_of(campaign, plant_samples)
     starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
-    law_of_each = laws_with_meters(campaign, law, plant_samples, plants)
+    laws, meters = laws_with_meters(campaign, law, plant_samples, plants)
     return measured(
         [
             open_batch(plants, starts, _STEPS),
             closed_loop(
-                "campaign: GROSMC, meters, torque", plants, law_of_each, starts, _STEPS,
+                "campaign: GROSMC, meters, torque", plants, laws, starts, _STEPS,
+                meters=meters,
                 control_period=campaign.control_period,
                 disturbances=[list(each.case.disturbances) for each in plant_samples],
             ),

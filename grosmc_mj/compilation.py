@@ -18,7 +18,7 @@ import os
 import secrets
 from collections.abc import Callable, Iterator
 from enum import Enum, EnumMeta
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, ClassVar, get_type_hints
@@ -107,6 +107,21 @@ def laid_out(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return (value.ctypes.data, *value.shape)
     return tuple(map(laid_out, value)) if isinstance(value, tuple) else value
+
+
+@cache
+def _layout(kind: type) -> Any:
+    return layout_of(numba_type(kind))
+
+
+def laid_out_as(kind: type, value: Any) -> np.ndarray[Any, Any]:
+    """A named tuple of this class in memory, (1,), which refers to the value's arrays.
+
+    Args:
+        kind: The class.
+        value: With addresses of functions; members may be laid out already.
+    """
+    return np.array([laid_out(value)], _layout(kind))
 
 
 def structure_at(kind: types.Type) -> Any:

@@ -73,7 +73,7 @@ class Range(Check):
             return None
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
-        beyond = isinstance(value, int) and number is not None and abs(number) == math.inf
+        beyond = isinstance(value, int) and math.isinf(real(value))
         if number is None or beyond or not self.holds(number):
             raise refused(self.wanted)
         return number

@@ -64,6 +64,12 @@ class Take:
                 "row an instant, one column for each controlled coordinate"
             )
 
+    @property
+    def ghosts(self) -> Array:
+        """The ghost's coordinates, (N + 1, controlled), of a take that has one."""
+        assert self.ghost is not None
+        return self.ghost
+
 
 @checked()
 class Format:
@@ -157,7 +163,7 @@ class Film:
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         all_joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
         for take in self.takes:
-            run, states = take.run, np.shape(take.run.physics)[1]
+            run, states = take.run, np.asarray(take.run.physics).shape[1]
             # Joints of a machine's parts come after the system's own.
             joints = all_joints[: len(run.system.joints)]
             if states != size or joints != run.system.joints:

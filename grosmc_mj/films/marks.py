@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.films.camera import visible_height
@@ -85,7 +86,7 @@ def add_ghost(
 
 
 def add_wrenches(
-    scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData, largest: Array
+    scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData, largest: ArrayLike
 ) -> None:
     """Draw ``xfrc_applied``: an arrow for each force, an arc for each torque.
 

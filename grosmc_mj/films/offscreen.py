@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +27,6 @@ BACKENDS = {
 }
 # Values of MUJOCO_GL that leave the choice open.
 _OPEN = ("", "enable", "enabled", "on", "true", "1")
-_FFMPEG = "apt-get install ffmpeg"
 # Of one trial [s].
 _TIMEOUT = 120
 
@@ -58,24 +58,6 @@ class Ffmpeg(NamedTuple):
     path: str
     origin: str
     version: str
-
-
-class Diagnosis(NamedTuple):
-    """State of this machine.
-
-    Attributes:
-        backends: Every backend, tried just now.
-        chosen: The one that films use; empty if none works.
-        ffmpeg: The program that writes them, or None.
-        problems: What keeps films from being made, in words.
-        remedies: The commands that mend it.
-    """
-
-    backends: tuple[Probe, ...]
-    chosen: str
-    ffmpeg: Ffmpeg | None
-    problems: tuple[str, ...]
-    remedies: tuple[str, ...]
 
 
 @contextlib.contextmanager
@@ -118,7 +100,8 @@ def candidates(wish: str | None) -> list[str]:
     if wish in _OPEN:
         return ["egl", "osmesa", *(["glfw"] if has_display() else [])]
     if wish not in BACKENDS:
-        raise SetupError(f"MUJOCO_GL: {unknown_name('backend', wish, BACKENDS)}")
+        unknown = unknown_name("backend", wish, BACKENDS)
+        raise SetupError(f"MUJOCO_GL: {unknown}; run: unset MUJOCO_GL")
     return [wish]
 
 
@@ -141,8 +124,9 @@ def find_backend(wish: str | None = None) -> Probe:
     raise SetupError(f"no OpenGL backend renders off-screen ({reasons}){remedy}")
 
 
+@cache
 def probe(name: str) -> Probe:
-    """Render one small picture with a backend, in a child process."""
+    """Render one small picture with a backend, in a child process; each is tried once."""
     library, remedy = BACKENDS[name]
     if name == "glfw" and not has_display():
         return Probe(name, reason="no display (DISPLAY and WAYLAND_DISPLAY are not set)")
@@ -161,11 +145,15 @@ def probe(name: str) -> Probe:
         ctypes.CDLL(library)
     except OSError:
         return Probe(name, "", f"{library} is not installed", remedy)
-    code = trial.returncode
-    end = f"signal {-code}" if code < 0 else f"code {code}"
-    lines = trial.stderr.split("\n") if code > 0 else []
-    last = next((line.strip() for line in reversed(lines) if line.strip()), "")
-    return Probe(name, "", last or f"the test program ended with {end} and no answer", remedy)
+    lines = trial.stderr.split("\n") if trial.returncode > 0 else []
+    silent = f"the test program ended with {ended(trial.returncode)} and no answer"
+    last = next((line.strip() for line in reversed(lines) if line.strip()), silent)
+    return Probe(name, "", last, remedy)
+
+
+def ended(code: int) -> str:
+    """How a process ended, in words, by its exit code."""
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
 
 
 def find_ffmpeg() -> Ffmpeg:
@@ -185,34 +173,7 @@ def find_ffmpeg() -> Ffmpeg:
                 return Ffmpeg(path, origin, _output([path, "-version"]).stdout.split()[2])
         except (OSError, subprocess.SubprocessError, IndexError) as error:
             reasons.append(f"{origin}: {path} does not run ({error})")
-    raise SetupError(f"no ffmpeg ({'; '.join(reasons)}); run: {_FFMPEG}")
-
-
-def diagnose(wish: str | None = None) -> Diagnosis:
-    """Try every backend and look for ffmpeg.
-
-    Args:
-        wish: Value of MUJOCO_GL that the user has set, if any.
-    """
-    problems, remedies = [], []
-    trials = {name: probe(name) for name in BACKENDS}
-    chosen, ffmpeg = "", None
-    try:
-        names = candidates(wish)
-        chosen = next((name for name in names if trials[name].works), "")
-        if not chosen:
-            problems.append(f"no OpenGL backend works of those to try: {', '.join(names)}")
-            remedies.append(trials[names[0]].remedy)
-    except SetupError as error:
-        problems.append(str(error))
-        remedies.append("unset MUJOCO_GL")
-    try:
-        ffmpeg = find_ffmpeg()
-    except SetupError as error:
-        problems.append(str(error))
-        remedies.append(_FFMPEG)
-    commands = tuple(filter(None, remedies))
-    return Diagnosis(tuple(trials.values()), chosen, ffmpeg, tuple(problems), commands)
+    raise SetupError(f"no ffmpeg ({'; '.join(reasons)}); run: apt-get install ffmpeg")
 
 
 def _output(

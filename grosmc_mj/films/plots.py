@@ -51,14 +51,14 @@ def outputs(film: Film) -> Panel:
     signals, takes = [system.states[column] for column in columns], film.takes
     if len(signals) > FEW and all(take.ghost is not None for take in takes):
         alike, kind = _alike(signals)
-        errors = [(take.run.state[:, columns] - take.ghost)[:, alike] for take in takes]
+        errors = [(take.run.state[:, columns] - take.ghosts)[:, alike] for take in takes]
         title = f"distance of {kind} |q − {film.ghost_symbol}| [{signals[0].unit}]"
         return Panel(title, _curves(takes, [np.linalg.norm(error, axis=1) for error in errors]))
     curves = _curves(takes, [take.run.state[:, columns] for take in takes])
     # Of a run that ended early it would end early too.
     whole = [take for take in takes if len(take.run.time) == len(film.longest.run.time)]
     ghosts = [take for take in whole if take.ghost is not None]
-    curves += [Curve(take.run.time, y, _GHOST) for take in ghosts for y in take.ghost.T]
+    curves += [Curve(take.run.time, y, _GHOST) for take in ghosts for y in take.ghosts.T]
     dashed = f"  (dashed: {film.ghost_symbol})" if ghosts else ""
     return Panel(_title(signals) + dashed, curves)
 

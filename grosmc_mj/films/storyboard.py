@@ -79,7 +79,7 @@ def _scene(film: Film, take: Take) -> Scene:
     if take.ghost is not None:
         joints = [model.joint(run.system.joints[index]) for index in run.system.controlled]
         ghost = positions.copy()
-        ghost[:, [int(joint.qposadr[0]) for joint in joints]] = take.ghost[rows]
+        ghost[:, [int(joint.qposadr[0]) for joint in joints]] = take.ghosts[rows]
     if film.trace >= 0:
         reference = None if ghost is None else site_path(model, film.trace, ghost)
         trace = Trace(site_path(model, film.trace, positions), reference, to_rgb(take.colour))
@@ -94,7 +94,7 @@ def _poster(film: Film) -> int:
     furthest, early = np.zeros(len(film.times)), len(film.times) // 6
     for take in film.takes:
         if take.ghost is not None:
-            errors = take.run.state[:, list(take.run.system.controlled)] - take.ghost
+            errors = take.run.state[:, list(take.run.system.controlled)] - take.ghosts
             furthest = np.maximum(furthest, np.abs(errors).max(axis=1)[film.rows(take)])
     return early + int(furthest[early:].argmax()) if furthest.any() else len(film.times) // 2
 

@@ -14,15 +14,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from PIL import Image
 
-from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.films.film import Film
 from grosmc_mj.films.frames import Storyboard
-from grosmc_mj.films.offscreen import Ffmpeg, find_backend, find_ffmpeg
+from grosmc_mj.films.offscreen import Ffmpeg, ended, find_backend, find_ffmpeg
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.workers import draw_frames
+from grosmc_mj.films.workers import child, draw_frames, feed, lines_of
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
 # Two threads on any machine: their number changes the bytes.
@@ -92,32 +91,27 @@ def write_film(
         aside = {
             name: files.enter_context(written_aside(name)) for name in (path, poster, small) if name
         }
+        best = board.chart.empty
+
+        def drawn() -> Iterator[np.ndarray]:
+            """The frames; the one for the poster is kept."""
+            nonlocal best
+            for index, frame in enumerate(frames):
+                yield frame
+                advance()
+                best = frame if index == board.poster else best
+
         drawing = draw_frames(board, backend, workers or len(os.sched_getaffinity(0)))
         with contextlib.closing(drawing) as frames:
             source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", film.format.fps]
-            drawn = _drawn(frames, board, aside[poster], poster, advance)
-            _run_ffmpeg(program, [*source, "-i", "-", *_H264.split(), aside[path]], path, drawn)
+            _run_ffmpeg(program, [*source, "-i", "-", *_H264.split(), aside[path]], path, drawn())
+        try:
+            Image.fromarray(best).save(aside[poster], optimize=True)
+        except OSError as error:
+            raise cannot_write(poster, error) from error
         if small is not None:
             _write_gif(program, aside[path], aside[small], small, film.format.width)
     return Written(path, poster, small, len(board.times), backend, program, board)
-
-
-def _drawn(
-    frames: Iterable[np.ndarray],
-    board: Storyboard,
-    part: Path,
-    poster: Path,
-    advance: Callable[[], object],
-) -> Iterator[np.ndarray]:
-    """The frames as they are drawn; the poster among them is written."""
-    for index, frame in enumerate(frames):
-        yield frame
-        advance()
-        if index == board.poster:
-            try:
-                Image.fromarray(frame).save(part, optimize=True)
-            except OSError as error:
-                raise cannot_write(poster, error) from error
 
 
 def _write_gif(program: Ffmpeg, film: Path, gif: Path, path: Path, width: int) -> None:
@@ -150,22 +144,11 @@ def _run_ffmpeg(
     """
     command = [program.path, "-v", "error", "-xerror", "-y", *map(str, arguments)]
     with TemporaryFile("w+") as messages:
-        with interrupts_held():
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages)
-        assert process.stdin is not None
-        try:
-            # A pipe that breaks is ffmpeg's end, whose reason is in the messages.
-            with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
-                for frame in frames:
-                    pipe.write(frame.data)
+        with child(command, stdin=subprocess.PIPE, stderr=messages) as process:
+            feed(process, (frame.data for frame in frames))
             code = process.wait()
-        finally:
-            process.kill()
-            process.wait()
-        messages.seek(0)
-        lines = [line.strip() for line in messages if line.strip()]
+        lines = lines_of(messages)
     if any("No space left" in line for line in lines):
         raise cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     if code:
-        ended = f"signal {-code}" if code < 0 else f"exit code {code}"
-        raise SetupError(f"{path}: ffmpeg stopped: {lines[-1] if lines else ended}")
+        raise SetupError(f"{path}: ffmpeg stopped: {[ended(code), *lines][-1]}")

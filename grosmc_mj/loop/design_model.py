@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -31,39 +30,11 @@ class DesignModel(NamedTuple):
 
     Attributes:
         advance: Moves it.
-        own: Its numbers and room to compute in, a dataclass.
+        own: Room for ``advance`` to compute in, and its numbers, flat.
     """
 
     advance: Advance
-    own: Any
-
-
-@dataclass
-class _Room:
-    """Room for the midpoint rule: a slope and a state, (n,), and no wrench."""
-
-    slope: Array
-    stage: Array
-    calm: Array
-
-    @classmethod
-    def of(cls, n: int, bodies: int, **more: Any) -> Any:
-        return cls(np.zeros(n), np.zeros(n), np.zeros(max(1, 6 * bodies)), **more)
-
-
-@dataclass
-class _Linear(_Room):
-    """x' = A (x - x_e) + B (u - u_e)."""
-
-    A: Array
-    B: Array
-    x_e: Array
-    u_e: Array
-
-
-@dataclass
-class _Nothing:
-    nothing: float = field(default=0.0)
+    own: Array
 
 
 def design_model(controller: Controller, reason: str) -> DesignModel:
@@ -82,16 +53,16 @@ def design_model(controller: Controller, reason: str) -> DesignModel:
     if controller.design is None:
         raise ArgumentError(f"{controller.name} has no design model, which {reason} needs")
     error, optimum = controller.design.error, controller.design.lqr
-    n, bodies = len(error.system.states), len(error.system.bodies)
+    room = np.zeros(2 * len(error.system.states))
     if isinstance(error, ErrorCoordinates):
-        return DesignModel(_of_equations(error), _Room.of(n, bodies))
+        calm = np.zeros(max(1, 6 * len(error.system.bodies)))
+        return DesignModel(_of_equations(error), np.concatenate([room, calm]))
     if isinstance(error, StateCoordinates):
         point = controller.parameters.reference
-        A, B = np.ascontiguousarray(optimum.A), np.ascontiguousarray(optimum.B)
-        own = _Linear.of(n, bodies, A=A, B=B, x_e=np.array(point.x), u_e=np.array(point.u))
-        return DesignModel(_linear, own)
+        numbers = np.ravel(optimum.A), np.ravel(optimum.B), point.x, point.u
+        return DesignModel(_linear, np.concatenate([room, *numbers]))
     if isinstance(error, RobotCoordinates):
-        return DesignModel(_of_robot(error), _Nothing())
+        return DesignModel(_of_robot(error), room)
     raise ArgumentError(f"{type(error).__name__} have no design model to predict by")
 
 
@@ -101,35 +72,43 @@ def _of_equations(error: ErrorCoordinates) -> Advance:
 
     @jitable
     def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
-        slope_at(x, u, own.calm, p.plant, own.slope)
-        for i in range(len(x)):
-            own.stage[i] = x[i] + 0.5 * h * own.slope[i]
-        slope_at(own.stage, u, own.calm, p.plant, own.slope)
-        for i in range(len(x)):
-            x[i] += h * own.slope[i]
+        n = len(x)
+        slope, stage, calm = own[:n], own[n : 2 * n], own[2 * n :]
+        slope_at(x, u, calm, p.plant, slope)
+        for i in range(n):
+            stage[i] = x[i] + 0.5 * h * slope[i]
+        slope_at(stage, u, calm, p.plant, slope)
+        for i in range(n):
+            x[i] += h * slope[i]
 
     return advance
 
 
 @jitable
-def _linear_slope(x: Any, u: Any, own: Any) -> None:
-    for i in range(len(x)):
+def _linear_slope(x: Any, u: Any, own: Any, slope: Any) -> None:
+    """x' = A (x - x_e) + B (u - u_e), with A, B, x_e and u_e behind the room of ``own``."""
+    n, m = len(x), len(u)
+    A, B = 2 * n, 2 * n + n * n
+    x_e, u_e = B + n * m, B + n * m + n
+    for i in range(n):
         total = 0.0
-        for j in range(len(x)):
-            total += own.A[i, j] * (x[j] - own.x_e[j])
-        for j in range(len(u)):
-            total += own.B[i, j] * (u[j] - own.u_e[j])
-        own.slope[i] = total
+        for j in range(n):
+            total += own[A + n * i + j] * (x[j] - own[x_e + j])
+        for j in range(m):
+            total += own[B + m * i + j] * (u[j] - own[u_e + j])
+        slope[i] = total
 
 
 @jitable
 def _linear(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
-    _linear_slope(x, u, own)
-    for i in range(len(x)):
-        own.stage[i] = x[i] + 0.5 * h * own.slope[i]
-    _linear_slope(own.stage, u, own)
-    for i in range(len(x)):
-        x[i] += h * own.slope[i]
+    n = len(x)
+    slope, stage = own[:n], own[n : 2 * n]
+    _linear_slope(x, u, own, slope)
+    for i in range(n):
+        stage[i] = x[i] + 0.5 * h * slope[i]
+    _linear_slope(stage, u, own, slope)
+    for i in range(n):
+        x[i] += h * slope[i]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The machine as built: what a rigid, frictionless model leaves out, one file a part.
+"""The machine as built: the parts that a rigid, frictionless model lacks, one file each.
 
 A part is an edit of a model: it knows how it is written, the timestep it needs and its states.
 """

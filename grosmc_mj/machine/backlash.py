@@ -69,9 +69,11 @@ class Transmission(MachinePart):
             )
 
     def __str__(self) -> str:
-        flexible = math.isfinite(self.stiffness) and f"gives way by 1/{self.stiffness:.4g}"
-        loose = self.backlash > 0 and f"has a play of {self.backlash:.4g}"
-        words = " and ".join(filter(None, (flexible, loose)))
+        faults = {
+            f"gives way by 1/{self.stiffness:.4g}": math.isfinite(self.stiffness),
+            f"has a play of {self.backlash:.4g}": self.backlash > 0,
+        }
+        words = " and ".join(fault for fault, present in faults.items() if present)
         return f"{self.joint}: transmission that {words}, motor of {self.inertia:.3g}"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:

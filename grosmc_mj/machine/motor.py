@@ -201,7 +201,7 @@ class Motor(MachinePart):
 
         Args:
             actuator: The ideal input.
-            volts: At the winding for one unit of the input; more by what the efficiency takes.
+            volts: At the winding for one unit of the input, with the loss of the efficiency.
         """
         low, high = -math.inf, math.inf
         if actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_TRUE or (
@@ -233,7 +233,7 @@ class Motor(MachinePart):
         return [resistance, capacity, 0.0, copper, 0.0, 0.0]
 
     def _write_joint(self, spec: mujoco.MjSpec, target: str) -> None:
-        """Give the joint the motor's inertia, or take off what the model has of the motor."""
+        """Give the joint the motor's inertia, or take the motor's share off the joint's numbers."""
         own = driven_joint(spec, target)
         # A transmission's motor has its inertia itself.
         inertia = self.inertia * self.ratio**2 if own == target else 0.0

@@ -21,7 +21,7 @@ TOKEN = 1e-12
 STABLE = 1 + 1e-9
 # A timestep that is short enough for anything [s].
 _SHORTEST = 1e-30
-# Of the largest stable timestep: what else moves needs a share of it.
+# Share of the largest stable timestep: the rest is for the other motions.
 _SAFE = 0.9
 
 # Units of a joint's numbers: of a hinge, or of a slide.
@@ -95,7 +95,7 @@ class MachinePart(Edit):
     by far, so each is looked at alone.
 
     Attributes:
-        remedy: What else may be done about an unstable one, for the message.
+        remedy: Another way to make an unstable one stable, for the message.
     """
 
     rigid = False

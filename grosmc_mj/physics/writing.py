@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 
-# How what is not in the model is drawn: in a colour of its own, of the density of stone [kg/m^3].
+# Added parts are drawn in a colour of their own, with the density of stone [kg/m^3].
 COLOUR = (0.85, 0.33, 0.1, 1.0)
 _DENSITY = 2500.0
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from grosmc_mj.compilation import compile_c, laid_out, layout_of, numba_type, structure_at
+from grosmc_mj.compilation import compile_c, laid_out_as, numba_type, structure_at
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuators import actuate
 from grosmc_mj.loop.delay import send
@@ -168,9 +168,7 @@ def run(r: KernelRun) -> None:
     clock[0] = clock[1]
 
 
-_RUN = numba_type(KernelRun)
-_LAYOUT = layout_of(_RUN)
-_run_at = structure_at(_RUN)
+_run_at = structure_at(numba_type(KernelRun))
 
 
 def _entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
@@ -192,7 +190,7 @@ class CompiledRun:
     """
 
     def __init__(self, r: KernelRun) -> None:
-        self._run, self._block = r, np.array([laid_out(r)], _LAYOUT)
+        self._run, self._block = r, laid_out_as(KernelRun, r)
         self._place = self._block.ctypes.data
 
     def advance(self, last: int, guard: Guard) -> bool:

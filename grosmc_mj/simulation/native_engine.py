@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import array_at, compile_c
+from grosmc_mj.compilation import array_at, compile_c, laid_out_as
 from grosmc_mj.control.laws import Law
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
-from grosmc_mj.loop.design_model import Advance, DesignModel
+from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.in_loop import ideal_loop
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.own_law import innermost
@@ -81,8 +81,8 @@ class _Runs:
         with compiling(problem.controller):
             self._law = _compiled_law(problem.system, problem.controller.law, *self._dtypes)
             loops = [each.loop for each in problem.controllers if each.loop]
-            for model in {of.model.advance: of.model for of in loops if of.model}.values():
-                self._advance(model)
+            for advance in {of.model.advance for of in loops if of.model}:
+                _compiled_advance(advance, *self._dtypes)
             if meters is not None:
                 self._note = _compiled_note(meters.note, *self._dtypes, *meters.kind[1:]).address
         several = dict.fromkeys(problem.controllers)
@@ -97,6 +97,9 @@ class _Runs:
         stepper.addresses()
         self._record = Record.empty(problem, stepper.size)
         self._rows_at = self._record.rows.ctypes.data
+        # Laid out once for all runs without a loop.
+        self._nothing = ideal_loop(problem.x0.shape[1], len(problem.system.inputs))
+        self._ideal = laid_out_as(LoopRun, self._nothing)
 
     def run(self) -> Record:
         """Run them all, until an error or Ctrl-C."""
@@ -131,14 +134,15 @@ class _Runs:
         numbers, width = self._numbers[controller], 8 * record.rows.shape[2]
         first_row = self._rows_at + width * (number * record.rows.shape[1] + 1)
 
-        def loop_of(seen: Array, predicted: Array) -> LoopRun:
+        def loop_of(seen: Array, predicted: Array, memory: Array) -> Any:
             loop = controller.loop
             if loop is None:
-                return ideal_loop(len(predicted), len(problem.system.inputs))
+                return self._ideal[0]
             if loop.model is None:
                 return loop.begin(seen, predicted)
-            advance, own = self._advance(loop.model), pack(loop.model.own)
-            return loop.begin(seen, predicted, advance=advance, own=own, p=numbers)
+            advance = _compiled_advance(loop.model.advance, *self._dtypes).address
+            own = loop.model.own.copy()
+            return loop.begin(seen, predicted, advance=advance, memory=memory, p=numbers, own=own)
 
         r = kernel_run(
             problem, number, record, stepper, memory, loop_of,
@@ -146,7 +150,6 @@ class _Runs:
             read=c_address("mj_getState"), width=width if stepper.size else 0,
             physics=first_row + 8 * problem.width,
         )  # fmt: skip
-        r = r._replace(loop=r.loop._replace(memory=r.memory))
         compiled, steps = CompiledRun(r), _FIRST
         while (first := int(r.clock[0])) < problem.steps and not self._stopped.is_set():
             last, began = min(first + steps, problem.steps), time.perf_counter()
@@ -157,11 +160,6 @@ class _Runs:
         record.valid[number], record.status[number] = r.clock[0], r.clock[2] - ANSWERED
         if record.status[number] == _FAILED:
             self._stopped.set()
-
-    def _advance(self, model: DesignModel) -> int:
-        """Address of what moves a design model."""
-        dtypes = *self._dtypes, record_dtype(model.own)
-        return _compiled_advance(model.advance, *dtypes).address
 
 
 def _model_of(plant: Any) -> Any:
@@ -199,16 +197,14 @@ def _compiled_law(
 
 
 @cache
-def _compiled_advance(
-    advance: Advance, memory_dtype: Any, numbers_dtype: Any, own_dtype: Any
-) -> Any:  # fmt: skip
+def _compiled_advance(advance: Advance, memory_dtype: Any, numbers_dtype: Any) -> Any:
     """What moves a design model as a C function, which the kernel calls."""
     advance = jitable(advance)
 
     def moved(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
         remembered = array_at(memory.ctypes.data, (1,), memory_dtype)[0]
         numbers = array_at(p.ctypes.data, (1,), numbers_dtype)[0]
-        advance(t, x, u, h, remembered, numbers, array_at(own.ctypes.data, (1,), own_dtype)[0])
+        advance(t, x, u, h, remembered, numbers, own)
 
     return compile_c(moved, *ADVANCE.args)
 

@@ -64,7 +64,7 @@ class ClosedLoop:
             assert meters is not None
             meters.note(t, x, u, memory, controller.parameters, self.meters, meters.numbers)
 
-        def loop_of(seen: Array, predicted: Array) -> LoopRun:
+        def loop_of(seen: Array, predicted: Array, _memory: Array) -> LoopRun:
             if controller.loop is None:
                 return ideal_loop(len(predicted), len(stepper.u))
             return controller.loop.begin_uncompiled(controller, memory, seen, predicted)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, compile_c
 from grosmc_mj.jitable import jitable
-from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.plants.runge_kutta import runge_kutta_step
@@ -111,6 +110,7 @@ class EquationStepper(Stepper):
         self.q, self.u, self.v = self.data.x, self.data.u, np.zeros(0)
         self.warnings, self.forces = self.data.warnings, self.data.w.reshape(-1, 6)
         self.bodies, self._step = np.arange(len(self.forces)), _step_of(plant.system)
+        self._dtype, self._numbers = record_dtype(self.model), pack(self.model)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
@@ -125,8 +125,7 @@ class EquationStepper(Stepper):
 
     def addresses(self) -> tuple[int, int, int]:
         """A compiled step, the numbers and the state."""
-        step = _compiled_step(self._system, record_dtype(self.model))
-        self._numbers = pack(self.model)
+        step = _compiled_step(self._system, self._dtype)
         return step.address, self._numbers.ctypes.data, self._block.ctypes.data
 
 
@@ -221,7 +220,10 @@ class Steppers:
     def of(self, plant: Any) -> Stepper:
         """What moves one simulation of a plant, to be restarted first, until the next call."""
         if plant.kind != "physics":
-            return EquationStepper(plant, self._timestep)
+            if plant is not self._plant:
+                self._stepper = EquationStepper(plant, self._timestep)
+                self._of, self._plant = None, plant
+            return self._stepper
         changes = plant.changes
         shared = plant.undrawn_model if changes is None else plant.template
         if shared is not self._of:
@@ -250,7 +252,7 @@ def kernel_run(
     record: Record,
     stepper: Stepper,
     memory: Any,
-    loop_of: Callable[..., LoopRun],
+    loop_of: Callable[[Array, Array, Array], Any],
     **of_engine: Any,
 ) -> KernelRun:
     """One run of a problem at its start, for the kernel.
@@ -261,7 +263,8 @@ def kernel_run(
         record: Where its rows go.
         stepper: What moves its plant.
         memory: Of its law.
-        loop_of: Its loop, which writes into two arrays, ``seen`` and ``predicted``, each (n,).
+        loop_of: Its ``LoopRun``, which writes into ``seen`` and ``predicted``, (n,) each, for a law
+            with this memory, flat.
         of_engine: The fields of ``KernelRun`` in which the engines differ.
     """
     x0, meters = problem.x0[number], problem.meters[number]
@@ -270,7 +273,7 @@ def kernel_run(
     now, told = np.zeros(problem.width), np.zeros(len(x0))
     signals = {name: now[columns] for name, columns in problem.columns.items()}
     signals["x"][:], signals["memory"][:] = x0, pack(memory)
-    loop = loop_of(signals.pop("seen"), told)
+    loop = loop_of(signals.pop("seen"), told, signals["memory"])
     rows = record.rows[number]
     rows[0, : len(x0)] = x0
     if stepper.size:

@@ -28,7 +28,7 @@ def run(*arguments: str) -> int:
         (("validate", "--engine", "fortran", "servo"), "valid: native, python"),
         (("validate", "--integrator", "heun", "servo"), "valid: Euler, RK4"),
         (("validate", "servo", "--control-period", "0.0015"), "no multiple of the timestep 0.001"),
-        (("validate", "servo", "--control-period", "nan"), "must be a multiple of the timestep"),
+        (("validate", "servo", "--control-period", "nan"), "control_period = nan must be above 0"),
         (("validate", "servo", "--control-period", "-1"), "control_period = -1 must be above 0"),
         (("validate", "servo", "--control-period", "soon"), "could not convert"),
         (("validate", "--timestep", "0"), "must be from 1e-09 to below 1 s"),

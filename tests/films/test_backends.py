@@ -21,7 +21,6 @@ from grosmc_mj.errors import SetupError
 from grosmc_mj.films.offscreen import (
     BACKENDS,
     candidates,
-    diagnose,
     find_backend,
     find_ffmpeg,
     probe,
@@ -151,7 +150,8 @@ def machine(shim: Path, fonts: Path, tmp_path: Path) -> Machine:
 
 @pytest.fixture(autouse=True)
 def _bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """No display, no wish, and a cache of one's own."""
+    """No display, no wish, nothing tried yet, and a cache of one's own."""
+    probe.cache_clear()
     for name in FOREIGN:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -165,6 +165,7 @@ def pretend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], 
     monkeypatch.setattr(sys, "executable", str(program))
 
     def answer(script: str) -> Callable[[], int]:
+        probe.cache_clear()
         program.write_text(f"#!/bin/sh\necho x >>'{asked}'\n{script}\n")
         program.chmod(0o755)
         return lambda: asked.read_text().count("x")
@@ -519,18 +520,28 @@ def test_doctor_names_one_command_for_each_thing_that_is_missing(
 @pytest.mark.parametrize(
     ("wish", "problem", "remedies"),
     [
-        ("banana", "unknown backend 'banana'", ("unset MUJOCO_GL",)),
-        ("glfw", "no OpenGL backend works of those to try: glfw", ()),
+        ("banana", "unknown backend 'banana'", ["run: unset MUJOCO_GL"]),
+        ("glfw", "no OpenGL backend renders off-screen (glfw: no display", []),
     ],
 )
 def test_a_wish_that_cannot_be_met_is_a_problem_though_others_work(
-    wish: str, problem: str, remedies: tuple[str, ...], pretend: Callable[[str], Callable]
+    wish: str,
+    problem: str,
+    remedies: list[str],
+    pretend: Callable[[str], Callable],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     pretend(echo(ANSWER))
-    found = diagnose(wish)
-    assert [each.works for each in found.backends] == [True, True, False]
-    assert problem in found.problems[0]
-    assert set(remedies) <= set(found.remedies)
+    monkeypatch.setenv("MUJOCO_GL", wish)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["doctor"])
+    assert stop.value.code == cli.DIFFERS
+    said = capsys.readouterr().out
+    assert [lines(said, f"{name} ")[0].split()[1][:2] for name in BACKENDS] == ["wo", "wo", "no"]
+    (missing,) = lines(said, "missing:")
+    assert problem in missing
+    assert lines(said, "run:") == remedies
 
 
 FILM = ("film", "servo", "-o", os.devnull + "/f.mp4")
@@ -567,7 +578,7 @@ def test_a_film_without_its_backend_or_ffmpeg_is_one_line(
     ("wish", "says"),
     [
         ("glfw", "(glfw: no display (DISPLAY and WAYLAND_DISPLAY are not set))"),
-        ("banana", "MUJOCO_GL: unknown backend 'banana': valid: egl, osmesa, glfw"),
+        ("banana", "MUJOCO_GL: unknown backend 'banana': valid: egl, osmesa, glfw; run: unset"),
     ],
 )
 def test_a_film_with_a_wish_that_cannot_be_met_is_one_line(

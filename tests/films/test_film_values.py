@@ -217,7 +217,7 @@ def test_one_coordinate_may_be_given_as_a_row_or_as_a_column() -> None:
     values = np.linspace(0, 1, 501)
     for ghost in (values, values[:, None], values.tolist()):
         take = Take("LQR", "#D55E00", short_run("servo"), ghost=ghost)
-        np.testing.assert_array_equal(take.ghost, values[:, None])
+        np.testing.assert_array_equal(take.ghosts, values[:, None])
 
 
 def test_a_film_of_two_cases_or_of_an_analytic_plant_is_refused() -> None:
@@ -817,7 +817,7 @@ def test_where_the_reference_rests_the_ghost_is_the_nominal_optimum(system: str)
         assert take.ghost is not None
         y = take.run.state[:, take.run.system.output]
         goal = {"servo": 1.0, "cart_pendulum": 0.0}[system]
-        ghost = take.ghost[:, 0]
+        ghost = take.ghosts[:, 0]
         assert ghost[0] == pytest.approx(y[0], abs=1e-12)
         assert abs(ghost[-1] - goal) < 0.02 * abs(ghost[0] - goal)
 
@@ -827,7 +827,7 @@ def test_the_ghost_of_the_nominal_servo_is_what_lqr_makes_of_it() -> None:
     take = case_film("servo", "nominal").takes[0]
     assert take.ghost is not None
     # A law sampled every millisecond lags half of one behind: 1e-3 of the step's rate.
-    np.testing.assert_allclose(take.ghost, take.run.state[:, :1], rtol=0, atol=2e-3)
+    np.testing.assert_allclose(take.ghosts, take.run.state[:, :1], rtol=0, atol=2e-3)
 
 
 @pytest.mark.slow
@@ -837,16 +837,16 @@ def test_ghost_of_two_outputs_has_the_reference_in_both_joints() -> None:
     assert (film.ghost_label, film.ghost_symbol) == ("reference", "yᵣ")
     p = TwoLinkParameters.from_model(plant("two_link_arm").model)
     for take in film.takes:
-        assert take.ghost.shape == (len(take.run.time), 2)
+        assert take.ghosts.shape == (len(take.run.time), 2)
         # The elbow stays on the side that the run is on.
-        assert np.all(take.ghost[:, 1] < 0)
-        for t, q in zip(take.run.time[::100], take.ghost[::100], strict=True):
+        assert np.all(take.ghosts[:, 1] < 0)
+        for t, q in zip(take.run.time[::100], take.ghosts[::100], strict=True):
             expected = TWO_LINK_TIP.reference(float(t), TWO_LINK_CIRCLE)
             np.testing.assert_allclose(tip(q, p), [expected[0], expected[3]], rtol=0, atol=1e-8)
         board = storyboard(replace(film, takes=(take,)))
         ghost = board.scenes[0].ghost
         assert ghost is not None
-        np.testing.assert_array_equal(ghost, take.ghost[film.rows(take)])
+        np.testing.assert_array_equal(ghost, take.ghosts[film.rows(take)])
 
 
 def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
@@ -854,7 +854,7 @@ def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
     assert (film.ghost_label, film.ghost_symbol) == ("reference", "yᵣ")
     for take in film.takes:
         expected = np.sin(math.pi * take.run.time)
-        np.testing.assert_allclose(take.ghost, expected[:, None], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(take.ghosts, expected[:, None], rtol=0, atol=1e-9)
 
 
 # Colours and names

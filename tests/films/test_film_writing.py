@@ -39,6 +39,7 @@ pytestmark = [pytest.mark.render, pytest.mark.slow]
 
 # Far above what these films take; one that hangs is to be told from one that is slow.
 PATIENCE = 300.0
+WORKER = "grosmc_mj.films.workers"
 # Within this a process that has been told to end has ended [s]; the workers look for their parent
 # once a second.
 SOON = 10.0
@@ -94,8 +95,9 @@ class Process:
 
     def __init__(self, pid: int) -> None:
         folder = Path("/proc") / str(pid)
-        state, parent, group = (folder / "stat").read_text().rpartition(")")[2].split()[:3]
-        self.pid, self.state, self.parent, self.group = pid, state, int(parent), int(group)
+        self.pid, text = pid, (folder / "stat").read_text().rpartition(")")[2]
+        self.state, *numbers = text.split()[:4]
+        self.parent, self.group, self.session = map(int, numbers)
         self.command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
         self.status = dict(
             line.split(":\t", 1) for line in (folder / "status").read_text().splitlines()
@@ -103,7 +105,7 @@ class Process:
 
     @property
     def is_worker(self) -> bool:
-        return "LokyProcess" in self.command
+        return WORKER in self.command
 
 
 def processes() -> list[Process]:
@@ -154,11 +156,12 @@ class Run:
             os.killpg(self.pid, signal.SIGKILL)
         self._run.communicate()
 
-    def group(self) -> list[Process]:
-        return [each for each in processes() if each.group == self.pid]
+    def alive(self) -> list[Process]:
+        """Its processes and itself, which leads a session."""
+        return [each for each in processes() if each.session == self.pid]
 
     def workers(self) -> list[Process]:
-        return [each for each in self.group() if each.is_worker]
+        return [each for each in self.alive() if each.is_worker]
 
     def rendering(self) -> list[Process]:
         """The workers, once the first frame has been encoded."""
@@ -170,7 +173,7 @@ class Run:
         try:
             out, error = self._run.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
-            pytest.fail(f"it hangs: {[each.command for each in self.group()]}")
+            pytest.fail(f"it hangs: {[each.command for each in self.alive()]}")
         # What a terminal shows does not come back here.
         return self._run.returncode, out, without_progress(error or "")
 
@@ -211,7 +214,7 @@ def test_an_interrupt_is_one_line_and_leaves_an_older_film_and_no_process(tmp_pa
             (os.killpg if whom == "group" else os.kill)(run.pid, signal.SIGINT)
         for which, run in runs.items():
             ends[which] = (run.end(), contents(run.path.parent))
-            wait_for(lambda run=run: not run.group(), SOON)
+            wait_for(lambda run=run: not run.alive(), SOON)
     assert ends == expected
 
 
@@ -226,7 +229,7 @@ def killed(
         _own_variables(patch, home)
         with Run(folder / "f.mp4", *LONG) as run:
             wait_for(run.rendering)
-            before = run.group()
+            before = run.alive()
             os.kill(run.pid, signal.SIGKILL)
             yield run, before
 
@@ -234,7 +237,7 @@ def killed(
 def test_workers_end_with_a_parent_that_was_killed(killed: tuple[Run, list[Process]]) -> None:
     run, before = killed
     assert len([each for each in before if each.is_worker]) == len(os.sched_getaffinity(0))
-    wait_for(lambda: not run.group(), SOON)
+    wait_for(lambda: not run.alive(), SOON)
     assert run.path.read_bytes() == b"an older mp4"
 
 
@@ -243,9 +246,11 @@ def test_nobody_but_the_parent_hears_the_terminals_interrupt(
 ) -> None:
     run, before = killed
     for each in before:
-        deaf = int(each.status["SigBlk"], 16) | int(each.status["SigIgn"], 16)
-        hears = not deaf >> (signal.SIGINT - 1) & 1
-        assert hears == (each.pid == run.pid), each.command
+        # A terminal sends it to the group in front.
+        assert (each.group == run.pid) == (each.pid == run.pid), each.command
+    (parent,) = (each for each in before if each.pid == run.pid)
+    deaf = int(parent.status["SigBlk"], 16) | int(parent.status["SigIgn"], 16)
+    assert not deaf >> (signal.SIGINT - 1) & 1
 
 
 # ---- deaths, in this process: it says so and goes on
@@ -294,7 +299,7 @@ def test_a_worker_that_dies_ends_the_film_in_one_line(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     older = put_an_older_film(tmp_path)
-    at_frame(2, lambda: kill_one("LokyProcess"))
+    at_frame(2, lambda: kill_one(WORKER))
     assert film(tmp_path / "f.mp4", *FILM, "--fps", "10") == cli.WRONG
     line = one_line(capfd)
     assert "a rendering process ended unexpectedly" in line
@@ -302,7 +307,7 @@ def test_a_worker_that_dies_ends_the_film_in_one_line(
     assert "ffmpeg" not in line  # which is not to blame
     assert ".part" not in line  # a name that nobody has given
     assert contents(tmp_path) == older
-    assert not children("LokyProcess")
+    assert not children(WORKER)
     assert not children("ffmpeg")
 
 
@@ -318,7 +323,7 @@ def test_an_ffmpeg_that_dies_ends_the_film_in_one_line(
     assert "f.mp4: ffmpeg stopped" in line
     assert ".part" not in line
     assert contents(tmp_path) == older
-    assert not children("LokyProcess")
+    assert not children(WORKER)
     assert not children("ffmpeg")
 
 
@@ -457,7 +462,7 @@ def cursor_column(frame: np.ndarray, form: Storyboard) -> int:
 def test_frames_come_in_order_though_a_worker_halts(backend: str) -> None:
     with contextlib.closing(draw_frames(board(), backend, 2)) as frames:
         shown = [next(frames)]
-        halted = wait_for(lambda: children("LokyProcess"))[0].pid
+        halted = wait_for(lambda: children(WORKER))[0].pid
         os.kill(halted, signal.SIGSTOP)
 
         def go_on() -> None:
@@ -480,9 +485,9 @@ def test_drawing_that_is_given_up_ends_its_workers(
 ) -> None:
     frames = draw_frames(board(), backend, 2)
     next(frames)
-    assert len(children("LokyProcess")) == 2
+    assert len(children(WORKER)) == 2
     frames.close()
-    assert not children("LokyProcess")
+    assert not children(WORKER)
     assert capfd.readouterr() == ("", "")
 
 
@@ -491,7 +496,7 @@ def test_no_more_workers_start_than_there_are_frames(backend: str) -> None:
     assert len(few.times) == 1
     with contextlib.closing(draw_frames(few, backend, 2)) as frames:
         next(frames)
-        assert len(children("LokyProcess")) == 1
+        assert len(children(WORKER)) == 1
 
 
 def test_workers_do_not_take_the_users_setting_for_pyopengl(
@@ -527,7 +532,7 @@ def peak(pid):
 
 def look():
     for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
-        if b"LokyProcess" in Path(f"/proc/{pid}/cmdline").read_bytes():
+        if b"films.workers" in Path(f"/proc/{pid}/cmdline").read_bytes():
             workers.append(peak(pid))
 
 
@@ -581,9 +586,9 @@ def test_a_normal_film_says_what_it_is_and_shows_its_progress_to_terminals_only(
         os.close(terminal)
         # Here, where standard error is no terminal.
         code = film(tmp_path / "piped.mp4", *SHORT)
-        assert not children("LokyProcess")
+        assert not children(WORKER)
         ends = {"piped": (code, *capfd.readouterr()), "seen": seen.end()}
-        wait_for(lambda: not seen.group(), SOON)
+        wait_for(lambda: not seen.alive(), SOON)
     reader.join(SOON)
     os.close(master)
     for name, (code, out, _) in ends.items():

@@ -252,7 +252,7 @@ def test_the_poster_is_the_telling_frame_itself(written: Written, pair: Shot) ->
 def test_the_poster_shows_a_run_at_its_furthest_from_the_ghost(pair: Shot) -> None:
     def distance(index: int) -> float:
         rows = [(take, pair.film.rows(take)[index]) for take in pair.film.takes]
-        return max(abs(float(t.run.state[row, 1] - t.ghost[row, 0])) for t, row in rows)
+        return max(abs(float(t.run.state[row, 1] - t.ghosts[row, 0])) for t, row in rows)
 
     distances = [distance(index) for index in range(len(pair.frames))]
     assert distances[pair.board.poster] == max(distances) > 0
@@ -505,7 +505,7 @@ def test_the_arrow_points_where_the_force_does(pushed: Shot) -> None:
 def ink_of_the_warning(shot: Shot, index: int, number: int) -> np.ndarray:
     """Which pixels of the lowest part of a picture are as red as the warning."""
     strip = shot.picture(index, number)[-shot.board.layout.label(number).height :]
-    return (np.abs(strip - (176, 0, 32)) < 20).all(axis=2)
+    return np.all(np.abs(strip - (176, 0, 32)) < 20, axis=2)
 
 
 def test_what_is_said_of_the_end_stands_on_white_within_its_picture(ended: Shot) -> None:

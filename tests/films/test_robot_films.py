@@ -99,7 +99,7 @@ def test_joints_of_another_unit_are_not_added_to_angles() -> None:
     assert load.title == "largest input of 2 joints |τ| [N m]"
     for take, distance, torque in zip(mixed.takes, size.curves, load.curves, strict=True):
         assert take.ghost is not None
-        off = take.run.state[:, :2] - take.ghost[:, :2]
+        off = take.run.state[:, :2] - take.ghosts[:, :2]
         np.testing.assert_array_equal(distance.values, np.sqrt((off**2).sum(axis=1)))
         np.testing.assert_array_equal(torque.values, np.abs(take.run.input[:, :2]).max(axis=1))
 
@@ -145,7 +145,7 @@ def test_the_trace_is_where_the_recorded_states_put_the_tip() -> None:
         assert scene.trace is not None
         assert scene.trace.reference is not None
         rows = film().rows(take)
-        been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghost[rows])
+        been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghosts[rows])
         # Metres, from some sums of products of double precision.
         np.testing.assert_allclose(scene.trace.actual, been, rtol=0, atol=1e-14)
         np.testing.assert_allclose(scene.trace.reference, wanted, rtol=0, atol=1e-14)
@@ -163,7 +163,7 @@ def test_the_trace_of_a_robot_with_gears_that_give_way_is_its_links() -> None:
     assert scene.trace is not None
     assert scene.trace.reference is not None
     rows = shown.rows(take)
-    been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghost[rows])
+    been, wanted = planar_tip(take.run.state[rows, :N]), planar_tip(take.ghosts[rows])
     np.testing.assert_allclose(scene.trace.actual, been, rtol=0, atol=1e-14)
     np.testing.assert_allclose(scene.trace.reference, wanted, rtol=0, atol=1e-14)
 

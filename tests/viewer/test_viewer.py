@@ -8,7 +8,9 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -16,7 +18,7 @@ import numpy as np
 import pytest
 from shipped import find_case, nominal_controller
 
-from grosmc_mj import cli
+from grosmc_mj import cli, viewer
 from grosmc_mj.arrays import Array
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.commands.view import ViewCommand
@@ -37,35 +39,58 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.viewer import viewer
-from grosmc_mj.viewer.live import LENGTH, STRONGEST, WEAKEST, Live, LiveRun, Push
-from grosmc_mj.viewer.playback import (
+from grosmc_mj.viewer import (
     FASTEST,
+    JUMP,
     KEYS,
+    LENGTH,
     LONGEST,
+    PICTURE,
     SLOWEST,
-    STEP,
+    STRONGEST,
+    WEAKEST,
+    Live,
     Playback,
+    Push,
+    RecordedRun,
+    play,
     press,
+    require_display,
 )
-from grosmc_mj.viewer.replay import JUMP, RecordedRun
-from grosmc_mj.viewer.viewer import PICTURE, play, require_display
 
 SPACE, LEFT, RIGHT, UP, DOWN, BACKSPACE = 32, 263, 262, 265, 264, 259
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """All that a run needs."""
+
+    plant: MujocoPlant
+    controller: Controller
+    x0: Sequence[float]
+    duration: float
+    disturbances: Sequence[Disturbance] = ()
+    control_period: float | None = None
+
+    def live(self) -> Live:
+        return Live(
+            self.plant, self.controller, self.x0, duration=self.duration,
+            disturbances=self.disturbances, control_period=self.control_period,
+        )  # fmt: skip
 
 
 def law_of(case: Case) -> Controller:
     return nominal_controller(case.system, "grosmc", "corrected", design=case.controllers)
 
 
-def experiment(system: str = "cart_pendulum", name: str = "case1", **changes: Any) -> LiveRun:
+def experiment(system: str = "cart_pendulum", name: str = "case1", **changes: Any) -> Run:
     case = find_case(system, name)
     plant = MujocoPlant.load(system, edits=case.edits)
     given = {"x0": case.x0, "duration": 1.0, "disturbances": case.disturbances, **changes}
-    return LiveRun(plant, law_of(case), **given)
+    return Run(plant, law_of(case), **given)
 
 
-def recorded(what: LiveRun, engine: str = "python", **changes: Any) -> Trajectory:
+def recorded(what: Run, engine: str = "python", **changes: Any) -> Trajectory:
     return simulate(
         what.plant, what.controller, what.x0, duration=changes.pop("duration", what.duration),
         control_period=what.control_period, engine=engine,  # pyright: ignore[reportArgumentType]
@@ -106,7 +131,7 @@ def test_a_single_step_pauses_and_shows_one_picture_more() -> None:
     playback.elapsed(0.0)
     playback.step()
     assert playback.paused
-    assert [playback.elapsed(now) for now in (1.0, 2.0)] == [0.25 * STEP, 0.0]
+    assert [playback.elapsed(now) for now in (1.0, 2.0)] == [0.25 * PICTURE, 0.0]
 
 
 def test_the_speed_stays_within_its_bounds() -> None:
@@ -130,7 +155,7 @@ def test_speeds_that_cannot_be_are_refused(speed: float) -> None:
 def test_the_live_loop_is_the_engines_bit_by_bit(system: str, name: str) -> None:
     """However its time is cut into pictures; the arm and the two links are disturbed."""
     what = experiment(system, name)
-    run, live, random = recorded(what, duration=0.5), Live(what), np.random.default_rng(0)
+    run, live, random = recorded(what, duration=0.5), what.live(), np.random.default_rng(0)
     np.testing.assert_array_equal(live.state, physics_of(run)[0])
     while live.time < 0.4:
         live.advance(random.uniform(0, 0.05))
@@ -139,11 +164,11 @@ def test_the_live_loop_is_the_engines_bit_by_bit(system: str, name: str) -> None
         np.testing.assert_array_equal(live.x, run.state[row])
 
 
-def machine(*parts: MachinePart) -> LiveRun:
+def machine(*parts: MachinePart) -> Run:
     """A pendulum that moves already, with parts of a machine."""
     plant = MujocoPlant.load("cart_pendulum", edits=parts)
     law = nominal_controller("cart_pendulum", "lqr", "corrected")
-    return LiveRun(plant, law, [0.3, -0.1, 0.2, 0.0], duration=0.3)
+    return Run(plant, law, [0.3, -0.1, 0.2, 0.0], duration=0.3)
 
 
 MACHINES = (
@@ -157,7 +182,7 @@ def test_a_machine_is_live_and_replayed_with_what_no_law_sees(
     parts: tuple[MachinePart, ...],
 ) -> None:
     what = machine(*parts)
-    live, states = Live(what), physics_of(recorded(what))
+    live, states = what.live(), physics_of(recorded(what))
     replay = RecordedRun(what.plant.model, recorded(what))
     for row in (0, 50, 250):
         for motion in (live, replay):
@@ -178,20 +203,20 @@ def test_a_push_moves_a_machine_as_its_rigid_twin() -> None:
 
 def test_a_slower_law_is_held_between_its_samples() -> None:
     what = experiment(control_period=5e-3)
-    live = Live(what)
+    live = what.live()
     live.advance(0.2)
     np.testing.assert_array_equal(live.state, physics_of(recorded(what, duration=0.2))[-1])
 
 
 def test_parts_of_a_timestep_are_owed_and_not_lost() -> None:
-    live = Live(experiment())
+    live = experiment().live()
     for _ in range(1000):
         live.advance(1e-4)
     assert live.time == pytest.approx(0.1, abs=1e-12)
 
 
 def test_a_restart_is_the_same_run_again() -> None:
-    live, states = Live(experiment()), []
+    live, states = experiment().live(), []
     for _ in range(2):
         live.sideways(1)
         live.restart()
@@ -202,12 +227,12 @@ def test_a_restart_is_the_same_run_again() -> None:
 
 def test_what_does_not_fit_is_refused_as_by_simulate() -> None:
     with pytest.raises(ArgumentError, match="must be 4 finite numbers for cart_pendulum"):
-        Live(experiment(x0=(0.0, 0.1)))
+        experiment(x0=(0.0, 0.1)).live()
 
 
 def test_an_undefined_law_is_told_and_stops_until_a_restart() -> None:
     """From 80 degrees the pole falls below the horizontal under pushes to the right."""
-    live = Live(experiment("cart_pendulum", "nominal", x0=(0.0, -1.4, 0.0, 0.0)))
+    live = experiment("cart_pendulum", "nominal", x0=(0.0, -1.4, 0.0, 0.0)).live()
     live.stronger(64.0)
     while not live.note and live.time < 5.0:
         live.sideways(1)
@@ -225,7 +250,7 @@ def test_an_undefined_law_is_told_and_stops_until_a_restart() -> None:
 
 def test_a_diverging_run_is_told_and_its_last_good_state_is_drawn() -> None:
     """The servo under a push of 1e300 N m, if there were one."""
-    live = Live(experiment("servo", "nominal"))
+    live = experiment("servo", "nominal").live()
     live.push.size = 1e300
     live.sideways(1)
     pictures = Fake(lambda _: None, count=4)
@@ -245,7 +270,7 @@ def test_a_diverging_run_is_told_and_its_last_good_state_is_drawn() -> None:
 )
 def test_a_push_is_a_disturbance_of_its_length(system: str, wrench: tuple[float, ...]) -> None:
     what = experiment(system, "nominal", duration=0.6)
-    live, body = Live(what), what.plant.system.uncertain_body
+    live, body = what.live(), what.plant.system.uncertain_body
     live.advance(0.1)
     live.stronger(2.0)
     live.sideways(1)
@@ -261,7 +286,7 @@ def test_a_push_adds_to_the_cases_own_disturbance() -> None:
     what = experiment("servo", "nominal", duration=0.4, disturbances=(load,))
     push = Push(what.plant, np.zeros(2))
     assert (push.body, push.unit) == ("rotor", "N m")
-    live = Live(what)
+    live = what.live()
     live.advance(0.2)
     live.sideways(-1)
     live.advance(0.2)
@@ -344,14 +369,14 @@ def test_every_key_stands_in_the_help(key: Any) -> None:
 
 
 def test_keys_do_what_they_say() -> None:
-    playback, live = Playback(), Live(experiment("servo", "nominal"))
+    playback, live = Playback(), experiment("servo", "nominal").live()
     for code in (UP, UP, DOWN, RIGHT, 61, 61, 45, SPACE, 999):
         press(code, playback, live)
     assert (live.push.size, playback.speed, playback.paused) == (2.0, 2.0, True)
     assert live.push.words(live.time).endswith("->")
     press(46, playback, live)
     live.advance(playback.elapsed(0.0))
-    assert live.time == pytest.approx(2 * STEP, abs=1e-3)
+    assert live.time == pytest.approx(2 * PICTURE, abs=1e-3)
     press(BACKSPACE, playback, live)
     assert live.time == 0.0
 
@@ -366,9 +391,13 @@ class Fake:
         self.now, self.pictures, self.count, self.at = 0.0, 0, count, at
         self.closed, self.texts = False, []
 
-    def open(self, model: mujoco.MjModel, data: mujoco.MjData, key: Callable[[int], None]) -> Fake:
+    @contextmanager
+    def open(
+        self, model: mujoco.MjModel, data: mujoco.MjData, key: Callable[[int], None]
+    ) -> Iterator[Fake]:
         self.model, self.data, self.key = model, data, key
-        return self
+        yield self
+        self.closed = True
 
     def is_running(self) -> bool:
         return self.pictures < self.count
@@ -379,9 +408,6 @@ class Fake:
 
     def set_texts(self, texts: Any) -> None:
         self.texts.append(texts)
-
-    def close(self) -> None:
-        self.closed = True
 
     def clock(self) -> float:
         return self.now
@@ -399,14 +425,14 @@ def shown(motion: Any, at: Callable[[Fake], None] = lambda _: None, **options: A
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 4.0])
 def test_the_motion_keeps_step_with_the_clock(speed: float) -> None:
-    live = Live(experiment("servo", "nominal"))
+    live = experiment("servo", "nominal").live()
     shown(live, speed=speed)
     # 59 pictures after the first; the last timestep may not be over.
     assert 59 * PICTURE * speed - live.time == pytest.approx(5e-4, abs=5.1e-4)
 
 
 def test_the_window_draws_the_state() -> None:
-    live = Live(experiment())
+    live = experiment().live()
     fake = shown(live)
     np.testing.assert_array_equal(np.concatenate([fake.data.qpos, fake.data.qvel]), live.x)
     _, _, names, values = fake.texts[-1]
@@ -417,7 +443,7 @@ def test_the_window_draws_the_state() -> None:
 def test_what_the_window_does_to_its_data_never_reaches_the_physics() -> None:
     what, runs = experiment(), []
     for at in (lambda _: None, lambda fake: mujoco.mj_resetData(fake.model, fake.data)):
-        live = Live(what)
+        live = what.live()
         shown(live, at)
         runs.append(live.state)
     np.testing.assert_array_equal(*runs)
@@ -473,7 +499,7 @@ def test_keys_pressed_in_the_window_arrive() -> None:
         if fake.pictures == 30:
             fake.key(SPACE)
 
-    live = Live(experiment("servo", "nominal"))
+    live = experiment("servo", "nominal").live()
     fake = shown(live, at)
     assert live.time == pytest.approx(29 * PICTURE, abs=1.1e-3)
     assert fake.texts[-1][3].endswith("1x paused")
@@ -483,7 +509,7 @@ def test_ctrl_c_closes_the_window_in_good_order() -> None:
     def at(fake: Fake) -> None:
         raise KeyboardInterrupt
 
-    assert shown(Live(experiment("servo", "nominal")), at).pictures == 1
+    assert shown(experiment("servo", "nominal").live(), at).pictures == 1
 
 
 def test_a_motion_that_stops_is_told_once_and_in_the_window() -> None:
@@ -524,7 +550,7 @@ def test_a_display_that_cannot_be_opened_is_told(monkeypatch: pytest.MonkeyPatch
     """In a process of its own: GLFW keeps what it has found out."""
     monkeypatch.setenv("DISPLAY", ":987")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    program = "from grosmc_mj.viewer.viewer import require_display; require_display()"
+    program = "from grosmc_mj.viewer import require_display; require_display()"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
     )
@@ -582,23 +608,26 @@ def display() -> Iterator[str]:
 
 
 PROGRAM = """
+import contextlib
 import os
 from grosmc_mj.films.offscreen import without_graphics
 with without_graphics():
     import mujoco
-from grosmc_mj.viewer.live import Live, LiveRun
-from grosmc_mj.viewer.viewer import open_window, play
+from grosmc_mj.viewer import Live, open_window, play
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.cases.cart_pendulum.cart import holding_lqr
 plant = MujocoPlant.load("cart_pendulum")
-live = Live(LiveRun(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), 1.0))
+live = Live(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), duration=1.0)
 class Some:
     def __init__(self, window): self.window, self.left = window, 30
     def is_running(self): return self.left > 0 and self.window.is_running()
     def sync(self): self.left -= 1; self.window.sync()
     def set_texts(self, texts): self.window.set_texts(texts)
-    def close(self): self.window.close()
-play(live, window=lambda *a: Some(open_window(*a)))
+@contextlib.contextmanager
+def some(*arguments):
+    with open_window(*arguments) as window:
+        yield Some(window)
+play(live, window=some)
 print(live.time)
 """
 

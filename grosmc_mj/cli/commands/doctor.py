@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.errors import SetupError
 
 
 @dataclass(frozen=True)
@@ -19,31 +20,45 @@ class DoctorCommand(Command):
 
     def execute(self) -> int:
         """What is missing, then what there is."""
-        from grosmc_mj.films.offscreen import diagnose, has_display
+        from grosmc_mj.films.offscreen import (
+            BACKENDS,
+            find_backend,
+            find_ffmpeg,
+            has_display,
+            probe,
+        )
         from grosmc_mj.report.document import versions
 
-        found, console = diagnose(os.environ.get("MUJOCO_GL")), screen.console()
-        good, words = not found.problems, "Films can be made."
-        if not good:
-            words = "Films cannot be made; everything else works."
-        screen.say_verdict(console, words, good=good)
-        for problem in found.problems:
+        console, problems = screen.console(), list[str]()
+        backend = ffmpeg = None
+        try:
+            backend = find_backend(os.environ.get("MUJOCO_GL"))
+        except SetupError as error:
+            problems.append(str(error))
+        try:
+            ffmpeg = find_ffmpeg()
+        except SetupError as error:
+            problems.append(str(error))
+        words = "Films cannot be made; everything else works." if problems else "Films can be made."
+        screen.say_verdict(console, words, good=not problems)
+        parts = [problem.partition("; run: ") for problem in problems]
+        for problem, _, _ in parts:
             console.print(f"missing: {problem}", style="red", soft_wrap=True, markup=False)
-        for remedy in found.remedies:
+        for remedy in (remedy for _, _, remedy in parts if remedy):
             console.print(f"run: {remedy}", style="bold", soft_wrap=True)
         console.print("[bold]OpenGL, off-screen[/]")
-        for probe in found.backends:
-            if probe.works:
-                used = ", films use it" if probe.backend == found.chosen else ""
-                words = f"  {probe.backend:<12} [green]works[/]{used}: {probe.renderer}"
-                console.print(words, soft_wrap=True)
+        for name in BACKENDS:
+            trial = probe(name)
+            if trial.works:
+                used = ", films use it" if trial == backend else ""
+                words = f"  {name:<12} [green]works[/]{used}: {trial.renderer}"
             else:
-                remedy = f"; run: {probe.remedy}" if probe.remedy else ""
-                console.print(f"  {probe.backend:<12} no: {probe.reason}{remedy}", soft_wrap=True)
+                remedy = f"; run: {trial.remedy}" if trial.remedy else ""
+                words = f"  {name:<12} no: {trial.reason}{remedy}"
+            console.print(words, soft_wrap=True)
         console.print("[bold]ffmpeg[/]")
-        if found.ffmpeg is not None:
-            tool = found.ffmpeg
-            words = f"  {tool.origin:<12} [green]works[/]: {tool.version}, {tool.path}"
+        if ffmpeg is not None:
+            words = f"  {ffmpeg.origin:<12} [green]works[/]: {ffmpeg.version}, {ffmpeg.path}"
             console.print(words, soft_wrap=True)
         console.print(f"[bold]Machine[/]\n  cores        {len(os.sched_getaffinity(0))}")
         console.print(f"  display      {'yes' if has_display() else 'none (only glfw needs one)'}")
@@ -51,4 +66,4 @@ class DoctorCommand(Command):
         console.print("[bold]Versions[/]")
         for package, version in versions().items():
             console.print(f"  {package:<12} {version}")
-        return screen.DONE if good else screen.DIFFERS
+        return screen.DIFFERS if problems else screen.DONE

@@ -49,10 +49,7 @@ class ViewCommand(Command):
     def execute(self) -> int:
         """Prepare the case, open the window."""
         from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.viewer.live import Live, LiveRun
-        from grosmc_mj.viewer.playback import Motion, Playback
-        from grosmc_mj.viewer.replay import RecordedRun
-        from grosmc_mj.viewer.viewer import play, require_display
+        from grosmc_mj.viewer import Live, Motion, Playback, RecordedRun, play, require_display
 
         Playback(self.speed)  # refuses a speed that cannot be before anything is compiled
         settings = Settings(
@@ -74,7 +71,10 @@ class ViewCommand(Command):
             motion = RecordedRun(plant.model, result.trajectory, result.ended)
         else:
             period = asked.settings.control_period
-            motion = Live(LiveRun(plant, law, case.x0, case.duration, case.disturbances, period))
+            motion = Live(
+                plant, law, case.x0, duration=case.duration, disturbances=case.disturbances,
+                control_period=period,
+            )  # fmt: skip
         play(motion, speed=self.speed, say=screen.notice)
         return screen.DONE
 

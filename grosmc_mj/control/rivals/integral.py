@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import scipy.linalg
@@ -50,7 +50,7 @@ def lqi(
     optimum = task.optimum(linearizing=linearizing)
     (n, m), C = optimum.B.shape, _outputs(task)
     A = np.block([[optimum.A, np.zeros((n, m))], [C, np.zeros((m, m))]])
-    Q = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
+    Q: Any = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
     K = lqr(A, np.vstack([optimum.B, np.zeros((m, m))]), Q, optimum.R).K
     gains, source = (K[:, :n], K[:, n:]), "Young and Willems 1972"
     return _integrating("lqi", task, optimum, gains, limit, source, linearizing=linearizing)
