@@ -80,7 +80,7 @@ class Range(Check):
 
     def holds(self, number: float) -> bool:
         """Whether a number is within the bounds; NaN is not."""
-        if math.isinf(number):
+        if abs(number) == math.inf:
             return self.infinite and (number > 0 or self.low == -math.inf)
         over = number > self.low if self.above else number >= self.low
         under = number < self.high if self.below else number <= self.high
@@ -210,15 +210,6 @@ class _Name(Check):
         if not (isinstance(value, str) and value):
             raise refused("a name")
         return value
-
-
-class _Flag(Check):
-    """A truth value."""
-
-    def __call__(self, value: Any) -> bool:
-        if not isinstance(value, (bool, np.bool_)):
-            raise refused("True or False")
-        return bool(value)
 
 
 Finite = Annotated[float, Range()]

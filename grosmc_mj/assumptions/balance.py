@@ -139,8 +139,8 @@ def _balances(
     dz, pushes, R = own.reaching(motion)
     if isinstance(design.error, StateCoordinates):
         A, B = design.lqr.A, design.lqr.B
-        differs = dz - times(A, z) - times(B, own.v_0)
-        unmatched = differs - times(B @ np.linalg.pinv(B), differs)
+        mismatch = dz - times(A, z) - times(B, own.v_0)
+        unmatched = mismatch - times(B @ np.linalg.pinv(B), mismatch)
     else:
         unmatched = design.error.unmatched(z, dz)
     together = "unit-vector" in design.switching

@@ -50,7 +50,7 @@ class AnalyticPlant(Plant):
                 f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
             )
         if not system.symbolic or system.read_parameters is None:
-            lacks = "model in MuJoCo to read its numbers from" if system.symbolic else "equations"
+            lacks = "model in MuJoCo" if system.symbolic else "equations in symbols"
             raise ModelError(f"{system.name} has no {lacks}, and so no analytic twin")
         try:
             parameters = system.read_parameters(model, variant)
