@@ -172,10 +172,12 @@ def _require_alike(
         raise ArgumentError("all plants of a batch must be of one system and of one kind")
     several = dict.fromkeys(controllers)
     memories = dict.fromkeys(c.memory for c in several)
+    # One that runs in Python only, as a policy, may have numbers of any kind.
+    numbers = {record_dtype(c.parameters) for c in several} if len(several) > 1 else set()
     for what, kinds in (
         ("have the same law", {c.law for c in several}),
         ("be in a loop, or none", {c.loop is None for c in several}),
-        ("have the same kinds of numbers", {record_dtype(c.parameters) for c in several}),
+        ("have the same kinds of numbers", numbers),
         ("have the same kind of memory", {record_dtype(memory()) for memory in memories}),
         ("have the same kind of meters", {m and m.kind for m in dict.fromkeys(meters)}),
     ):
