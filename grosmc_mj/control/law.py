@@ -16,7 +16,8 @@ import numpy as np
 
 from grosmc_mj.jitable import compiled_as, is_own, jitable, source_of
 
-Law = Callable[[float, Any, Any, Any, Any], None]
+# (t, x, memory, p, u), or (t, x, memory, p) -> u of the user's own.
+Law = Callable[..., Any]
 
 
 class NoInputsError(TypeError):

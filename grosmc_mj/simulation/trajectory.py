@@ -89,7 +89,7 @@ class Trajectory:
     valid_until: Array
     seen: Array | None = None
     unseen: tuple[Any, ...] = ()
-    meters: NDArray[np.void] | None = None
+    meters: Any = None
 
     def __repr__(self) -> str:
         """What it is, without its rows."""

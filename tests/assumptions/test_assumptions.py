@@ -101,9 +101,9 @@ def steering(law: Controller, found: Balance) -> float:
     return float(law.parameters.G[0, 1] * found.determinant)
 
 
-def claimed_rate(law: Controller, found: Balance, u: float, sign: float) -> float:
+def claimed_rate(law: Controller, found: Balance, u: Array, sign: float) -> float:
     """s' = +-push + r G_2 E u_d: the balance leaves open which way s is pushed."""
-    u_d = u - found.u_c.item()
+    u_d = u.item() - found.u_c.item()
     return sign * found.push + found.gain_ratio * steering(law, found) * u_d
 
 

@@ -354,7 +354,7 @@ def test_numbers_that_do_not_fit_are_refused():
         with pytest.raises((ArgumentError, GainError), match=said):
             make()
     with pytest.raises(ArgumentError, match="task"):
-        lqi(None, 1.0)  # pyright: ignore[reportArgumentType]
+        lqi(None, 1.0)
 
 
 def test_adaptive_law_needs_joints_whose_torques_are_linear_in_parameters():

@@ -140,7 +140,7 @@ def _approach(
     memory = surface_memory(law)
     memory.z0[:], memory.t = z - near, t
     u = law.input_at(t, x, memory)
-    dz2 = error.sign * (derivative(x, u, w)[velocity] - ddy_r)
+    dz2 = error.sign * (derivative(x, u.item(), w)[velocity] - ddy_r)
     return float(side * (p.G @ np.array([z[1], dz2]) - p.S @ z)[0])
 
 
