@@ -195,7 +195,10 @@ def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
             servo(AMPLITUDE.replace("load", "lod"), laws=LQR, limits=DEVIATION),
             "did you mean 'load'?",
         ),
-        (servo('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n'), "must be positive"),
+        (
+            servo('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n'),
+            "must be finite and positive",
+        ),
         (servo(""), "nothing is uncertain"),
         ("[plant", "no valid TOML"),
         ('name = "../up"\n' + servo(laws=LQR, limits=DEVIATION), "must be a name for files"),
@@ -536,7 +539,7 @@ def test_a_lock_that_leads_elsewhere_is_not_followed(
             AMPLITUDE.replace("load", "lod"),
             "uncertain 1 (lod amplitude): unknown disturbance 'lod'",
         ),
-        ('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n', "must be positive"),
+        ('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n', "must be finite and positive"),
         (AMPLITUDE * 2, "two are uncertain 'load amplitude'"),
     ],
 )

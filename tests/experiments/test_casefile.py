@@ -141,7 +141,7 @@ WRONG = [
     ('law = "grosmc"', 'law = "grosmic"', "unknown law 'grosmic': did you mean 'grosmc'?"),
     ("k = 18", "kk = 18", "controller grosmc: unknown key 'kk': did you mean 'k'?"),
     ("k = 18", 'k = "big"', "k = 'big' must be a number or the rows of a matrix"),
-    ("k = 18", "k = -1", "k = -1 and epsilon = 6 must be finite and positive"),
+    ("k = 18", "k = -1", "k = -1 must be finite and positive"),
     ("k = 18", "Q = [1, 2, 3]", "Q = [1, 2, 3] must be a number, 2 numbers or a 2 x 2 matrix"),
     ("k = 18", "Q = [-1, 0]", "Q"),
     ("k = 18", 'switching = "implcit"', "did you mean 'implicit'?"),

@@ -351,7 +351,7 @@ def test_law_that_numba_fails_on_is_told(folder: Path, capsys: pytest.CaptureFix
         ("a = 4", "plant = 4", "'plant' cannot be the name of a law's number"),
         ("a = 4", "class = 4", "'class' cannot be the name of a law's number"),
         ("a = 4", "a = inf", "a = inf must be finite"),
-        ("own:law", "own:wrong", "own:wrong is a int, must be a law (t, x, memory, p) -> u"),
+        ("own:law", "own:wrong", "own:wrong is a int, must be a law (t, x, memory, p, u)"),
         ("own:law", "own:pendulum", "own:pendulum cannot be called with ['a', 'b']"),
         ("own:law", "own:gust", "got an unexpected keyword argument 'a'"),
         ('parameter = "m"', 'parameter = "k"', "unknown parameter 'k': valid: m"),
