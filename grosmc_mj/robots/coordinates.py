@@ -16,11 +16,16 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, StateMap
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.coordinates.torques import LinearTorques
-from grosmc_mj.control.matrices import solve
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mjdata import scratch
 from grosmc_mj.plants import Plant
-from grosmc_mj.robots.dynamics import NominalData, bias, inertia, inverse_dynamics
+from grosmc_mj.robots.dynamics import (
+    NominalData,
+    bias,
+    forward_dynamics,
+    inertia,
+    inverse_dynamics,
+)
 from grosmc_mj.robots.regressor import torques_of_body
 
 
@@ -93,47 +98,29 @@ class RobotCoordinates(OutputCoordinates):
 
         It is defined everywhere, for a run that has its workspace: see ``Controller.begin``.
         """
-        torque, accelerations = inverse_dynamics(self.inputs), self.accelerations
+        accelerations = self.accelerations
 
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
             if memory.workspace == 0.0:
-                memory.undefined = 1.0
-                for i in range(len(u)):
-                    u[i] = 0.0
+                memory.undefined, u[:] = 1.0, 0.0
                 return
             accelerations(t, v, p, u)
-            torque(memory.workspace, x, u, u)
+            inverse_dynamics(memory.workspace, x, u, u)
 
         return jitable(feedback)
 
     @cached_property
     def virtual_input(self) -> InputMap:
-        """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (u - h + passive) - y_r'').
-
-        M is read off inverse dynamics, column by column: no law of ours needs it.
-        """
-        reference, torque, n = self.reference, inverse_dynamics(self.inputs), self.inputs
-        sign, highest = float(self.sign), self._highest
+        """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (u - h + passive) - y_r'')."""
+        reference, sign, highest = self.reference, float(self.sign), self._highest
 
         def virtual_input(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
             if memory.workspace == 0.0:
-                memory.undefined = 1.0
-                for i in range(n):
-                    v[i] = 0.0
+                memory.undefined, v[:] = 1.0, 0.0
                 return
-            h, M, column = np.zeros(n), np.empty(n * n), np.zeros(n)
-            torque(memory.workspace, x, h, h)
-            for j in range(n):
-                for i in range(n):
-                    column[i] = 1.0 if i == j else 0.0
-                torque(memory.workspace, x, column, column)
-                for i in range(n):
-                    M[i * n + j] = column[i] - h[i]
-            for i in range(n):
-                v[i] = u[i] - h[i]
-            solve(M, v)
+            forward_dynamics(memory.workspace, x, u, v)
             y_r = reference(t, p.reference)
-            for i in range(n):
+            for i in range(len(v)):
                 v[i] = sign * (v[i] - y_r[highest[i]])
 
         return jitable(virtual_input)

@@ -1,16 +1,14 @@
-"""Inverse dynamics of a nominal model, by MuJoCo, for a law in both engines.
+"""Dynamics of a robot's nominal model, by MuJoCo, for a law in both engines.
 
 The law of a robot needs M(q), the Coriolis and gravity torques and the passive ones of the model
-that it believes in, while the plant is another one. Each run has an mjData of the nominal model
-of its own, found by an address in the law's memory; compiled code reaches MuJoCo's C function by
-its name. So no address of a process enters what is cached on disk, or a law's parameters.
+that it knows, while the plant is another one. Each run has an mjData of the nominal model of its
+own, whose address is in the law's memory; compiled code calls MuJoCo's C functions by their names.
+So no address of a process enters what is cached on disk, or a law's parameters.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import llvmlite.binding
@@ -26,18 +24,20 @@ from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mjdata import mujoco_library, scratch
 from grosmc_mj.physics.writing import write_inertia
 
-
-def _of_model_and_data(name: str) -> Any:
-    """MuJoCo's C function of that name, for an mjModel and an mjData."""
-    return types.ExternalFunction(name, types.void(types.voidptr, types.voidptr))
+llvmlite.binding.load_library_permanently(str(mujoco_library()))
 
 
-# What inverse dynamics needs of ``mj_inverse``, which does twice as much: recursive Newton-Euler.
-mj_kinematics, mj_com_pos = _of_model_and_data("mj_kinematics"), _of_model_and_data("mj_comPos")
-mj_com_vel, mj_passive = _of_model_and_data("mj_comVel"), _of_model_and_data("mj_passive")
-mj_rne = types.ExternalFunction(
-    "mj_rne", types.void(types.voidptr, types.voidptr, types.int32, types.voidptr)
-)
+def _c_function(name: str, *more: Any) -> Any:
+    """MuJoCo's C function of that name, for an mjModel, an mjData and more arguments."""
+    return types.ExternalFunction(name, types.void(types.voidptr, types.voidptr, *more))
+
+
+# What inverse dynamics needs of ``mj_inverse``, which does twice as much.
+mj_kinematics, mj_com_pos = _c_function("mj_kinematics"), _c_function("mj_comPos")
+mj_com_vel, mj_passive = _c_function("mj_comVel"), _c_function("mj_passive")
+mj_rne = _c_function("mj_rne", types.int32, types.voidptr)
+mj_crb, mj_factor_m = _c_function("mj_crb"), _c_function("mj_factorM")
+mj_solve_m = _c_function("mj_solveM", types.voidptr, types.voidptr, types.int32)
 
 _WITHOUT = (
     mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
@@ -53,7 +53,7 @@ class InWorkspace:
     """A nominal plant without numbers of its own: the run's workspace has its model."""
 
 
-# What compiled code finds of it: the addresses of both, of the joints' armature and of arrays.
+# Addresses for compiled code: of both, of the joints' armature and of arrays of the mjData.
 _ARRAYS = ("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
 _ARRAYS = (*_ARRAYS, "cinert", "xpos", "xmat", "subtree_com")
 WORKSPACE = np.dtype([(name, np.int64) for name in ("model", "data", "armature", *_ARRAYS)])
@@ -103,68 +103,78 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def inertia(model: mujoco.MjModel, q: ArrayLike) -> Array:
     """M(q) of a nominal model with the joints' armature, (n, n)."""
-    M, data = np.zeros((model.nv, model.nv)), _moving(model, q, np.zeros(model.nv))
+    M, data = np.zeros((model.nv, model.nv)), _forward(model, q, np.zeros(model.nv))
     mujoco.mj_fullM(model, data, M)
     return M
 
 
 def bias(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> Array:
     """h(q, q') - passive of a nominal model, (n,): see ``inverse_dynamics``."""
-    data = _moving(model, q, dq)
+    data = _forward(model, q, dq)
     return data.qfrc_bias - data.qfrc_passive
 
 
-def _moving(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> mujoco.MjData:
+def _forward(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> mujoco.MjData:
     """All that depends on position and velocity."""
     data = scratch(model)
     data.qpos[:], data.qvel[:] = q, dq
-    mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_fwdVelocity(model, data)
+    mujoco.mj_forward(model, data)
     return data
 
 
-@cache
-def inverse_dynamics(n: int) -> Callable[[float, Any, Any, Any], None]:
-    """tau = M(q) a + h(q, q') - passive of a robot of n joints, in Python and in compiled code.
+@numba.njit
+def vector_at(address: int, n: int) -> Any:
+    """The n numbers at an address."""
+    return array_at(address, (n,), np.float64)
 
-    Returns:
-        A function (workspace, x, a, tau) of the address of a ``NominalData``, the state x, (2 n,),
-        and the accelerations a, (n,), which writes tau, (n,); tau may be a.
+
+@numba.njit
+def place(w: Any, x: Any, n: int) -> None:
+    """Bring the nominal model of a ``WORKSPACE`` to a state, (2 n,), with its passive torques."""
+    m, d, q, v = pointer(w.model), pointer(w.data), vector_at(w.qpos, n), vector_at(w.qvel, n)
+    for i in range(n):
+        q[i], v[i] = x[i], x[i + n]
+    mj_kinematics(m, d)
+    mj_com_pos(m, d)
+    mj_com_vel(m, d)
+    mj_passive(m, d)
+
+
+@numba.njit
+def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
+    """Write tau = M(q) a + h(q, q') - passive of a robot, in Python and in compiled code.
+
+    Args:
+        workspace: Address of a ``NominalData``.
+        x: State, (2 n,).
+        a: Accelerations, (n,).
+        tau: Torques, (n,); they may take the place of the accelerations.
     """
-    load_mujoco()
-
-    @numba.njit
-    def torque(workspace: float, x: Any, a: Any, tau: Any) -> None:
-        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
-        m, d = pointer(arrays.model), pointer(arrays.data)
-        armature = array_at(arrays.armature, (n,), np.float64)
-        qpos = array_at(arrays.qpos, (n,), np.float64)
-        qvel = array_at(arrays.qvel, (n,), np.float64)
-        qacc = array_at(arrays.qacc, (n,), np.float64)
-        for i in range(n):
-            qpos[i] = x[i]
-            qvel[i] = x[i + n]
-            qacc[i] = a[i]
-        mj_kinematics(m, d)
-        mj_com_pos(m, d)
-        mj_com_vel(m, d)
-        mj_passive(m, d)
-        result = pointer(arrays.qfrc_inverse)
-        mj_rne(m, d, np.int32(1), result)
-        # M a + h of the bodies, what drives the joints, and what acts without an input.
-        bodies = array_at(result, (n,), np.float64)
-        passive = array_at(arrays.qfrc_passive, (n,), np.float64)
-        for i in range(n):
-            tau[i] = bodies[i] + armature[i] * qacc[i] - passive[i]
-
-    return torque
+    n, w = len(tau), array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+    qacc, bodies = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
+    passive, armature = vector_at(w.qfrc_passive, n), vector_at(w.armature, n)
+    place(w, x, n)
+    for i in range(n):
+        qacc[i] = a[i]
+    mj_rne(pointer(w.model), pointer(w.data), np.int32(1), pointer(w.qfrc_inverse))
+    # M a + h of the bodies, what drives the joints, and what acts without an input.
+    for i in range(n):
+        tau[i] = bodies[i] + armature[i] * qacc[i] - passive[i]
 
 
-@cache
-def load_mujoco() -> None:
-    """Let compiled code find MuJoCo's C functions by name.
-
-    Raises:
-        SetupError: If the library is not where its Python package has it.
-    """
-    llvmlite.binding.load_library_permanently(str(mujoco_library()))
+@numba.njit
+def forward_dynamics(workspace: float, x: Any, tau: Any, a: Any) -> None:
+    """Write a = M(q)^-1 (tau - h(q, q') + passive), the inverse of ``inverse_dynamics``."""
+    n, w = len(a), array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+    m, d = pointer(w.model), pointer(w.data)
+    qacc, force = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
+    passive = vector_at(w.qfrc_passive, n)
+    place(w, x, n)
+    mj_rne(m, d, np.int32(0), pointer(w.qfrc_inverse))
+    for i in range(n):
+        force[i] = tau[i] - force[i] + passive[i]
+    mj_crb(m, d)
+    mj_factor_m(m, d)
+    mj_solve_m(m, d, pointer(w.qacc), pointer(w.qfrc_inverse), np.int32(1))
+    for i in range(n):
+        a[i] = qacc[i]

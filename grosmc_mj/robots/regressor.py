@@ -7,7 +7,6 @@ regressor is that recursion over a robot whose other bodies weigh nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -18,16 +17,7 @@ import numpy as np
 from grosmc_mj.compilation import array_at, pointer
 from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.jitable import jitable
-from grosmc_mj.robots.dynamics import (
-    WORKSPACE,
-    inertia,
-    load_mujoco,
-    mj_com_pos,
-    mj_com_vel,
-    mj_kinematics,
-    mj_passive,
-    mj_rne,
-)
+from grosmc_mj.robots.dynamics import WORKSPACE, inertia, mj_com_vel, mj_rne, place, vector_at
 
 # Mass, first moment and inertia of a body.
 INERTIAL = 10
@@ -39,8 +29,6 @@ _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _AT_REST, _FASTER, _SLOWER = (0.0, 0.0, 1.0), (1.0, 1.0, 0.25), (-1.0, 1.0, -0.25)
 _PASSES = (_AT_REST, _FASTER, _SLOWER)
 
-Torque = Callable[[float, Any, Any, Any], Any]
-
 
 @cache
 def torques_of_body(model: mujoco.MjModel, body: int) -> LinearTorques:
@@ -48,29 +36,28 @@ def torques_of_body(model: mujoco.MjModel, body: int) -> LinearTorques:
 
     theta has what the body has more than in the nominal model: its mass [kg], first moment
     [kg m] and inertia xx, yy, zz, xy, xz, yz [kg m^2], all in the body's frame and about its
-    origin, then the loads [N m or N]. All of it is nominally zero.
+    origin, then the loads [N m or N]. All of it is nominally zero. Without a workspace all torques
+    are zero: the law is undefined then, see ``RobotCoordinates.virtual_input``.
 
     Args:
         model: Of the dynamics, see ``nominal_model``.
         body: Index of a body that moves.
     """
-    n = int(model.nv)
-    reference = reference_torques(n)
-    rows = body_regressor(n, body, int(model.body_rootid[body]), int(model.nbody))
+    n, root, bodies = int(model.nv), int(model.body_rootid[body]), int(model.nbody)
     count = INERTIAL + n
     none = (0.0,) * count
 
     def known(x: Any, r: Any, a: Any, memory: Any, p: Any) -> Any:
-        if memory.workspace == 0.0:
-            memory.undefined = 1.0
-            return np.zeros(n)
-        return reference(memory.workspace, x, r, a)
+        torques = np.zeros(n)
+        if memory.workspace != 0.0:
+            reference_torques(memory.workspace, x, r, a, torques)
+        return torques
 
     def regressor(x: Any, r: Any, a: Any, memory: Any, p: Any) -> Any:
-        if memory.workspace == 0.0:
-            memory.undefined = 1.0
-            return np.zeros(n * count)
-        return rows(memory.workspace, x, r, a)
+        Y = np.zeros((n, count))
+        if memory.workspace != 0.0:
+            body_regressor(memory.workspace, x, r, a, (body, root, bodies), Y)
+        return Y.ravel()
 
     return LinearTorques(
         size=count,
@@ -81,103 +68,77 @@ def torques_of_body(model: mujoco.MjModel, body: int) -> LinearTorques:
     )
 
 
-@cache
-def reference_torques(n: int) -> Torque:
-    """M(q) a + C(q, q') r + G(q) - passive of a robot of n joints, in Python and compiled code.
+@numba.njit
+def reference_torques(workspace: float, x: Any, r: Any, a: Any, tau: Any) -> None:
+    """Write M(q) a + C(q, q') r + G(q) - passive of a robot, as ``inverse_dynamics``.
 
     M has the joints' armature; what is passive, as springs and damping, is so at the state.
-
-    Returns:
-        A function (workspace, x, r, a), as ``inverse_dynamics``; returns (n,).
     """
-    load_mujoco()
-
-    @numba.njit
-    def torque(workspace: float, x: Any, r: Any, a: Any) -> Any:
-        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
-        m, d = pointer(arrays.model), pointer(arrays.data)
-        armature = array_at(arrays.armature, (n,), np.float64)
-        qpos = array_at(arrays.qpos, (n,), np.float64)
-        qvel = array_at(arrays.qvel, (n,), np.float64)
-        qacc = array_at(arrays.qacc, (n,), np.float64)
-        passive = array_at(arrays.qfrc_passive, (n,), np.float64)
-        result = pointer(arrays.qfrc_inverse)
-        bodies = array_at(result, (n,), np.float64)
-        total = np.zeros(n)
+    n, w = len(tau), array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+    armature, passive = vector_at(w.armature, n), vector_at(w.qfrc_passive, n)
+    qacc, bodies = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
+    place(w, x, n)
+    for i in range(n):
+        qacc[i] = a[i]
+        tau[i] = armature[i] * a[i] - passive[i]
+    for share, moving, weight in _PASSES:
+        _move(w, x, r, share, moving)
+        _recur(w, moving)
         for i in range(n):
-            qpos[i], qvel[i], qacc[i] = x[i], x[i + n], a[i]
-        mj_kinematics(m, d)
-        mj_com_pos(m, d)
-        mj_com_vel(m, d)
-        mj_passive(m, d)
-        for i in range(n):
-            total[i] = armature[i] * a[i] - passive[i]
-        for share, moving, weight in _PASSES:
-            for i in range(n):
-                qvel[i] = moving * x[i + n] + share * r[i]
-            mj_com_vel(m, d)
-            mj_rne(m, d, np.int32(1 if moving == 0.0 else 0), result)
-            for i in range(n):
-                total[i] += weight * bodies[i]
-        return total
-
-    return torque
+            tau[i] += weight * bodies[i]
 
 
-@cache
-def body_regressor(n: int, body: int, root: int, bodies: int) -> Torque:
-    """Y of one body's inertia and of a load on each joint, in Python and in compiled code.
+@numba.njit
+def body_regressor(workspace: float, x: Any, r: Any, a: Any, body: Any, Y: Any) -> None:
+    """Write Y of one body's inertia and of a load on each joint, as ``reference_torques``.
 
     Args:
-        n: Joints.
-        body: Index of the body.
-        root: Index of its tree's first body.
-        bodies: How many there are, with the world.
-
-    Returns:
-        A function (workspace, x, r, a), as ``inverse_dynamics``; returns Y row by row,
-        (n * (10 + n),), whose columns are those of ``torques_of_body``.
+        workspace: Address of a ``NominalData``.
+        x: State, (2 n,).
+        r: Reference rates, (n,).
+        a: Reference accelerations, (n,).
+        body: Index of the body, that of its tree's first one, and how many there are.
+        Y: (n, 10 + n), whose columns are those of ``torques_of_body``.
     """
-    load_mujoco()
-    columns = INERTIAL + n
-
-    @numba.njit
-    def regressor(workspace: float, x: Any, r: Any, a: Any) -> Any:
-        arrays = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
-        m, d = pointer(arrays.model), pointer(arrays.data)
-        qpos = array_at(arrays.qpos, (n,), np.float64)
-        qvel = array_at(arrays.qvel, (n,), np.float64)
-        qacc = array_at(arrays.qacc, (n,), np.float64)
-        cinert = array_at(arrays.cinert, (bodies, INERTIAL), np.float64)
-        xpos = array_at(arrays.xpos, (bodies, 3), np.float64)
-        xmat = array_at(arrays.xmat, (bodies, 9), np.float64)
-        centre = array_at(arrays.subtree_com, (bodies, 3), np.float64)
-        result = pointer(arrays.qfrc_inverse)
-        torques = array_at(result, (n,), np.float64)
-        for i in range(n):
-            qpos[i], qacc[i] = x[i], a[i]
-        mj_kinematics(m, d)
-        mj_com_pos(m, d)
-        units, Y = np.empty((INERTIAL, INERTIAL)), np.zeros(n * columns)
-        for i in range(bodies):
-            for j in range(INERTIAL):
-                cinert[i, j] = 0.0
-        _units(xpos[body], centre[root], xmat[body], units)
-        for share, moving, weight in _PASSES:
+    index, root, count = body
+    n, w = len(Y), array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+    qacc, torques = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
+    cinert = array_at(w.cinert, (count, INERTIAL), np.float64)
+    xpos = array_at(w.xpos, (count, 3), np.float64)
+    xmat = array_at(w.xmat, (count, 9), np.float64)
+    centre = array_at(w.subtree_com, (count, 3), np.float64)
+    place(w, x, n)
+    units = np.empty((INERTIAL, INERTIAL))
+    _units(xpos[index], centre[root], xmat[index], units)
+    cinert[:] = 0.0
+    Y[:] = 0.0
+    for i in range(n):
+        qacc[i] = a[i]
+        Y[i, INERTIAL + i] = 1.0
+    for share, moving, weight in _PASSES:
+        _move(w, x, r, share, moving)
+        for j in range(INERTIAL):
+            cinert[index] = units[j]
+            _recur(w, moving)
             for i in range(n):
-                qvel[i] = moving * x[i + n] + share * r[i]
-            mj_com_vel(m, d)
-            for j in range(INERTIAL):
-                for k in range(INERTIAL):
-                    cinert[body, k] = units[j, k]
-                mj_rne(m, d, np.int32(1 if moving == 0.0 else 0), result)
-                for i in range(n):
-                    Y[i * columns + j] += weight * torques[i]
-        for i in range(n):
-            Y[i * columns + INERTIAL + i] = 1.0
-        return Y
+                Y[i, j] += weight * torques[i]
 
-    return regressor
+
+@numba.njit
+def _move(w: Any, x: Any, r: Any, share: float, moving: float) -> None:
+    """Give the joints the rates moving x' + share r."""
+    n = len(r)
+    qvel = vector_at(w.qvel, n)
+    for i in range(n):
+        qvel[i] = moving * x[i + n] + share * r[i]
+    mj_com_vel(pointer(w.model), pointer(w.data))
+
+
+@numba.njit
+def _recur(w: Any, moving: float) -> None:
+    """Torques at these rates, with accelerations at rest, in ``qfrc_inverse``."""
+    accelerated = np.int32(1 if moving == 0.0 else 0)
+    mj_rne(pointer(w.model), pointer(w.data), accelerated, pointer(w.qfrc_inverse))
 
 
 @numba.njit

@@ -100,12 +100,19 @@ def torques_of(plant: MujocoPlant, x: Array, a: Array) -> Array:
     return data.qfrc_inverse.copy()
 
 
+def written(function: Any, shape: Any, *arguments: Any) -> Array:
+    """Result that a function of the crane's nominal model writes into its last argument."""
+    data, result = NominalData(crane().nominal), np.zeros(shape)
+    function(data.address, *arguments, result)
+    return result
+
+
 def regressor(body: str) -> Any:
     """(x, r, a) -> Y of a body, (N, 10 + N)."""
-    model, data = crane().nominal, NominalData(crane().nominal)
+    model = crane().nominal
     index = model.body(BODIES[body]).id
-    rows = body_regressor(N, index, int(model.body_rootid[index]), model.nbody)
-    return lambda x, r, a: rows(data.address, x, r, a).reshape(N, 10 + N)
+    place = (index, int(model.body_rootid[index]), model.nbody)
+    return lambda x, r, a: written(body_regressor, (N, 10 + N), x, r, a, place)
 
 
 # --- the regressor ---
@@ -124,24 +131,22 @@ def test_regressor_times_what_a_load_adds_is_the_difference_of_mujocos_inverse_d
 
 
 def test_reference_torques_at_the_true_rates_are_inverse_dynamics() -> None:
-    data = NominalData(crane().nominal)
     for x, _, a in samples():
-        found = reference_torques(N)(data.address, x, x[N:], a)
-        expected = np.zeros(N)
-        inverse_dynamics(N)(data.address, x, a, expected)
+        found = written(reference_torques, N, x, x[N:], a)
+        expected = written(inverse_dynamics, N, x, a)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("of", ["robot", "body"])
 def test_inertia_s_rate_less_twice_coriolis_is_skew_symmetric(of: str) -> None:
     """s'(M' - 2 C)s = 0 for every s, on which V' = -s'K_D s rests; M' by central differences."""
-    data, Y, step = NominalData(crane().nominal), regressor("grip"), 1e-5
+    Y, step = regressor("grip"), 1e-5
     theta = np.concatenate([added("grip"), np.zeros(N)])
 
     def torques(x: Array, r: Array, a: Array) -> Array:
         if of == "body":
             return Y(x, r, a) @ theta
-        return np.array(reference_torques(N)(data.address, x, r, a))
+        return written(reference_torques, N, x, r, a)
 
     for x, s, _ in samples():
         zero, rest = np.zeros(N), np.r_[x[:N], np.zeros(N)]
