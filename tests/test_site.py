@@ -73,8 +73,8 @@ def test_nothing_is_loaded_from_elsewhere(site: dict[Path, Links]) -> None:
 def test_the_map_leads_to_lines(site: dict[Path, Links]) -> None:
     (page,) = (links for page, links in site.items() if page.name == "map.html")
     lines = [target for target in page.targets if "codelineno" in target]
-    law = "def grosmc_tracker"
-    number = repository.line_of((ROOT / "grosmc_mj/control/laws.py").read_text(), "grosmc_tracker")
+    law = "def grosmc"
+    number = repository.line_of((ROOT / "grosmc_mj/control/laws.py").read_text(), "grosmc")
     assert (ROOT / "grosmc_mj/control/laws.py").read_text().splitlines()[number - 1].startswith(law)
     assert f"repository/grosmc_mj/control/laws.py.html#__codelineno-0-{number}" in lines
     assert len(lines) > 50
@@ -82,10 +82,10 @@ def test_the_map_leads_to_lines(site: dict[Path, Links]) -> None:
 
 @pytest.mark.slow
 def test_every_public_name_is_on_the_pages_of_the_site(site: dict[Path, Links]) -> None:
-    from grosmc_mj import campaign, control, environments, films, simulation
+    from grosmc_mj import campaign, control, environments, films, loop, machine, physics, simulation
 
     anchors = set().union(*(links.anchors for links in site.values()))
-    for module in (campaign, control, environments, films, simulation):
+    for module in (campaign, control, environments, films, loop, machine, physics, simulation):
         missing = [n for n in module.__all__ if f"{module.__name__}.{n}" not in anchors]
         assert not missing, module
 

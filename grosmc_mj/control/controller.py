@@ -30,7 +30,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.records import extended
 
 if TYPE_CHECKING:
-    from grosmc_mj.loop.in_loop import AppliedLoop
+    from grosmc_mj.loop.controllers import AppliedLoop
 
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
 _OF_THE_RUN = ("v", "undefined", "workspace", "first", "s")

@@ -10,8 +10,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.loop.actuators import actuate
+from grosmc_mj.loop.controllers import loop_of, relooped
 from grosmc_mj.loop.delay import send
-from grosmc_mj.loop.in_loop import loop_of, relooped
 from grosmc_mj.loop.stages import observe, remember
 
 

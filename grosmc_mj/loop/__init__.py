@@ -7,9 +7,9 @@ and the kernel runs their stages around its law.
 from __future__ import annotations
 
 from grosmc_mj.loop.actuators import Actuator
+from grosmc_mj.loop.controllers import in_loop, relooped
 from grosmc_mj.loop.delay import Computing
 from grosmc_mj.loop.estimators import Estimator
-from grosmc_mj.loop.in_loop import in_loop, relooped
 from grosmc_mj.loop.loop import Loop
 from grosmc_mj.loop.sensors import Sensor
 

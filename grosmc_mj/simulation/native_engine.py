@@ -16,8 +16,8 @@ from grosmc_mj.compilation import array_at, compile_c, laid_out_as
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
+from grosmc_mj.loop.controllers import ideal_loop
 from grosmc_mj.loop.design_model import Advance
-from grosmc_mj.loop.in_loop import ideal_loop
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import System

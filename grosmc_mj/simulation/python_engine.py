@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.loop.in_loop import ideal_loop
+from grosmc_mj.loop.controllers import ideal_loop
 from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack

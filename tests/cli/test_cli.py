@@ -226,7 +226,7 @@ def test_a_graphics_backend_that_is_not_there_hinders_no_more_than_films() -> No
         (
             ("run", "servo/nominal", "--no-figures", "--out", "/dev/null/x"),
             cli.WRONG,
-            "cannot write",
+            "Not a directory",
         ),
         (("film", "servo"), cli.WRONG, "MUJOCO_GL: unknown backend 'banana': valid: egl, osmesa"),
     ):

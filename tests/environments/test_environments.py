@@ -437,7 +437,7 @@ class TestSpecification(test_utils.EnvironmentTestMixin, unittest.TestCase):
             "'case1' is one of arm, not of",
         ),
         (("servo",), {"control_period": 1.5e-3}, ArgumentError, "0.0015 s is no multiple of the"),
-        (("servo",), {"timestep": -1.0}, ArgumentError, "timestep -1 s must lie between"),
+        (("servo",), {"timestep": -1.0}, ModelError, "timestep = -1 must be from"),
         (("servo",), {"spread": [0.1] * 3}, ArgumentError, "must be one number, or 2 of them"),
         (("servo",), {"spread": -1}, ArgumentError, "not negative: rotor angle, rotor speed"),
         (("servo",), {"spread": "wide"}, ArgumentError, "spread = 'wide' must be one number"),

@@ -13,8 +13,8 @@ from shipped import find_case, of_design
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from grosmc_mj.loop.controllers import rate_positions
 from grosmc_mj.loop.estimators import TUNED_BY
-from grosmc_mj.loop.in_loop import rate_positions
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory

@@ -12,8 +12,8 @@ from looped import ANGLE, SPEED, H, closed, nominal, played, scripted, seen, ser
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GainError
 from grosmc_mj.loop import Estimator, Loop, Sensor, in_loop
+from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.loop.counter import normal
-from grosmc_mj.loop.in_loop import loop_of
 from grosmc_mj.loop.kalman import kalman_gain
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance

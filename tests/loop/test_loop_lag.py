@@ -15,8 +15,8 @@ from looped import CURRENT, H, behind, scripted
 from grosmc_mj.arrays import Array
 from grosmc_mj.loop import Actuator, Loop, in_loop
 from grosmc_mj.loop.actuators import actuate
+from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.loop.delay import send
-from grosmc_mj.loop.in_loop import loop_of
 from grosmc_mj.plants import SERVO
 
 EPS = np.finfo(float).eps

@@ -12,7 +12,7 @@ from looped import CURRENT, H, closed, nominal, played, seen, servo
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
-from grosmc_mj.loop.in_loop import loop_of
+from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
 

@@ -12,7 +12,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.metrics.recorded import has_cart
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
-from grosmc_mj.loop.in_loop import rate_positions
+from grosmc_mj.loop.controllers import rate_positions
 from grosmc_mj.physics.hidden_states import HiddenState
 from grosmc_mj.report.tables import prefixed
 
