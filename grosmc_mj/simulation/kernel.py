@@ -1,11 +1,12 @@
 """The closed loop: observe, ask the law, actuate, push, step, record.
 
-``run`` is plain Python. numba compiles it once for all plants, laws, loops and metrics, which it is
-handed as functions and arrays; uncompiled it is the reference engine.
+``run_of`` is plain Python. numba compiles it once for all plants, laws, loops and metrics, which it
+is handed as functions and arrays; uncompiled it is the reference engine.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
@@ -38,9 +39,9 @@ _READ = types.void(_INT, _INT, _INT, _INT)
 
 
 class KernelRun(NamedTuple):
-    """One run, as ``run`` takes it.
+    """One run, as ``run_of`` takes it.
 
-    ``model``, ``data`` and ``physics`` are Python objects where ``run`` is not compiled, else
+    ``model``, ``data`` and ``physics`` are Python objects where it is not compiled, else
     addresses, as are the functions.
 
     Attributes:
@@ -115,71 +116,82 @@ class KernelRun(NamedTuple):
     loop: LoopRun
 
 
-@jitable
-def run(r: KernelRun) -> None:
-    """A run's next timesteps."""
-    x, u, q, v, w, loop, clock = r.x, r.u, r.q, r.v, r.w, r.loop, r.clock
-    n, m, nq, looped = len(x), len(u), len(q), len(loop.sensors) > 0
-    for i in range(clock[0], clock[1]):
-        if looped:
-            remember(i, x, loop)
-        if i >= loop.computer[0].due if looped else i % r.stride == 0:
+@cache
+def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
+    """The function that makes the next timesteps of a run.
+
+    Args:
+        looped: Whether a loop is between law and plant. numba leaves its stages out of the code for
+            ideal loops, which is compiled in half the time.
+    """
+
+    @jitable
+    def run(r: KernelRun) -> None:
+        """A run's next timesteps."""
+        x, u, q, v, w, loop, clock = r.x, r.u, r.q, r.v, r.w, r.loop, r.clock
+        n, m, nq = len(x), len(u), len(q)
+        for i in range(clock[0], clock[1]):
             if looped:
-                t = observe(i, loop)
-            else:
-                t = i // r.stride * r.period
-                for j in range(n):
-                    r.seen[j] = x[j]
-            said = r.law(t, x, r.seen, r.memory, r.p, r.command)
-            if said != ANSWERED:
-                clock[0], clock[2] = i, said
-                return
+                remember(i, x, loop)
+            if i >= loop.computer[0].due if looped else i % r.stride == 0:
+                if looped:
+                    t = observe(i, loop)
+                else:
+                    t = i // r.stride * r.period
+                    for j in range(n):
+                        r.seen[j] = x[j]
+                said = r.law(t, x, r.seen, r.memory, r.p, r.command)
+                if said != ANSWERED:
+                    clock[0], clock[2] = i, said
+                    return
+                if looped:
+                    send(r.command, loop)
+                else:
+                    for j in range(m):
+                        u[j] = r.command[j]
             if looped:
-                send(r.command, loop)
-            else:
+                actuate(i, loop, u)
                 for j in range(m):
-                    u[j] = r.command[j]
-        if looped:
-            actuate(i, loop, u)
-            for j in range(m):
-                r.given[j] = u[j]
-        if len(r.pushes) > 0:
-            push(r.pushes, r.values, i, i * r.h, w)
-            for k in range(len(r.bodies)):
-                for j in range(6):
-                    r.forces[r.bodies[k], j] = w[6 * k + j]
-        if len(r.meters) > 0:
-            r.note(i * r.h, x, u, r.memory, r.p, r.meters, r.meter_numbers)
-        r.step(r.model, r.data)
-        for j in range(0, len(r.warnings), 2):
-            if r.warnings[j] != 0:
-                clock[0], clock[2] = i, _DIVERGED
-                return
-        for j in range(nq):
-            x[j] = q[j]
-        for j in range(n - nq):
-            x[nq + j] = v[j]
-        row = i - r.keep
-        if row >= 0:
-            for j in range(len(r.now)):
-                r.rows[row, j] = r.now[j]
-            if r.width > 0:
-                r.read(r.model, r.data, r.physics + row * r.width, _FULL)
-    clock[0] = clock[1]
+                    r.given[j] = u[j]
+            if len(r.pushes) > 0:
+                push(r.pushes, r.values, i, i * r.h, w)
+                for k in range(len(r.bodies)):
+                    for j in range(6):
+                        r.forces[r.bodies[k], j] = w[6 * k + j]
+            if len(r.meters) > 0:
+                r.note(i * r.h, x, u, r.memory, r.p, r.meters, r.meter_numbers)
+            r.step(r.model, r.data)
+            for j in range(0, len(r.warnings), 2):
+                if r.warnings[j] != 0:
+                    clock[0], clock[2] = i, _DIVERGED
+                    return
+            for j in range(nq):
+                x[j] = q[j]
+            for j in range(n - nq):
+                x[nq + j] = v[j]
+            row = i - r.keep
+            if row >= 0:
+                for j in range(len(r.now)):
+                    r.rows[row, j] = r.now[j]
+                if r.width > 0:
+                    r.read(r.model, r.data, r.physics + row * r.width, _FULL)
+        clock[0] = clock[1]
+
+    return run
 
 
 _run_at = structure_at(numba_type(KernelRun))
 
 
-def _entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
-    """``run`` as an mjfBatchFunc, of a ``KernelRun`` in memory."""
-    run(_run_at(address))
-
-
 @cache
-def kernel() -> Any:
-    """The compiled ``run``, an mjfBatchFunc."""
-    return compile_c(_entry, types.voidptr, types.voidptr, types.int32, types.voidptr)
+def kernel(*, looped: bool) -> Any:
+    """The compiled ``run_of``, an mjfBatchFunc of a ``KernelRun`` in memory."""
+    run = run_of(looped=looped)
+
+    def entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
+        run(_run_at(address))
+
+    return compile_c(entry, types.voidptr, types.voidptr, types.int32, types.voidptr)
 
 
 class CompiledRun:
@@ -187,14 +199,16 @@ class CompiledRun:
 
     Args:
         r: With addresses of functions, model, data and states.
+        looped: Whether it has a loop that is not ideal.
     """
 
-    def __init__(self, r: KernelRun) -> None:
+    def __init__(self, r: KernelRun, *, looped: bool) -> None:
         self._run, self._block = r, laid_out_as(KernelRun, r)
         self._place = self._block.ctypes.data
+        self._kernel = kernel(looped=looped).address
 
     def advance(self, last: int, guard: Guard) -> bool:
         """Timesteps up to ``last``, without Python's lock; False if the run has ended."""
         self._run.clock[1] = last
-        guard.call(kernel().address, self._place)
+        guard.call(self._kernel, self._place)
         return bool(self._run.clock[2] == ANSWERED)

@@ -92,7 +92,7 @@ class _Runs:
         self._first = Steppers(problem.timestep)
         stepper = self._first.of(problem.plants[0])
         # Compiled here, and not by several threads.
-        kernel()
+        kernel(looped=problem.controller.loop is not None)
         stepper.addresses()
         self._record = Record.empty(problem, stepper.size)
         self._rows_at = self._record.rows.ctypes.data
@@ -149,7 +149,8 @@ class _Runs:
             read=c_address("mj_getState"), width=width if stepper.size else 0,
             physics=first_row + 8 * problem.width,
         )  # fmt: skip
-        compiled, steps = CompiledRun(r), _FIRST
+        compiled = CompiledRun(r, looped=controller.loop is not None)
+        steps = _FIRST
         while (first := int(r.clock[0])) < problem.steps and not self._stopped.is_set():
             last, began = min(first + steps, problem.steps), time.perf_counter()
             if not compiled.advance(last, own):

@@ -15,7 +15,7 @@ from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.inputs import ask
-from grosmc_mj.simulation.kernel import ANSWERED, run
+from grosmc_mj.simulation.kernel import ANSWERED, run_of
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.steppers import Steppers, kernel_run
 from grosmc_mj.simulation.trajectory import Status
@@ -94,7 +94,7 @@ class ClosedLoop:
             Why the run cannot go on, or ``Status.COMPLETED`` for steps that were completed.
         """
         self.run.clock[1] = self.steps + steps
-        run(self.run)
+        run_of(looped=self._controller.loop is not None)(self.run)
         self.steps = int(self.run.clock[0])
         return Status(int(self.run.clock[2]) - ANSWERED)
 
