@@ -13,7 +13,7 @@ PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 FAST = $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
 
 # What numbers come from: the rest runs, judges and writes what these compute.
-COMPUTING := plants control simulation premises
+COMPUTING := plants control physics machine robots loop simulation assumptions
 # The file says what it emulates, and how.
 OLDER := nehalem haswell
 AS := $(BIN)/python tests/emulated_machine.py
