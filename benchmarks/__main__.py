@@ -17,6 +17,7 @@ from benchmarks.robots import benchmark_robots
 from benchmarks.tables import costs_table, scalings_table, tables_text, throughput_table
 from benchmarks.timing import Throughput
 from grosmc_mj.cli import screen
+from grosmc_mj.errors import GrosmcError
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.report.markdown import replace_marked
 from grosmc_mj.report.tables import TableData, table
@@ -75,21 +76,30 @@ def main() -> None:
     """Measure the named parts, and print them or put them into a page."""
     parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__)
     parser.add_argument("parts", nargs="*", default=["loops"], help=", ".join(PARTS))
-    parser.add_argument("--rounds", type=int, help="how often each loop is measured")
+    parser.add_argument("--rounds", type=int, help="how often each loop is measured, at least once")
     parser.add_argument("--page", type=Path, help="measure all parts, for the marks of this page")
     options = parser.parse_args()
     for name in options.parts:
         if name not in PARTS:
             parser.error(f"unknown part {name!r}: valid: {', '.join(PARTS)}")
+    if options.rounds is not None and not 1 <= options.rounds <= 10_000:
+        parser.error(f"--rounds {options.rounds} must be from 1 to 10000")
     console = screen.console()
-    answers = [PARTS[name](options.rounds) for name in (PARTS if options.page else options.parts)]
-    for sentence, _ in answers:
-        console.print(sentence, style="bold", markup=False)
-    tables = [data for _, part in answers for data in part]
+
+    def measured(names: Iterable[str]) -> list[TableData]:
+        """The tables of these parts; their answers are printed."""
+        answers = [PARTS[name](options.rounds) for name in names]
+        for sentence, _ in answers:
+            console.print(sentence, style="bold", markup=False)
+        return [data for _, part in answers for data in part]
+
     if options.page:
-        replace_marked(options.page, "bench", lambda: tables_text(tables))
+        try:  # the page's marks are looked for before anything is measured
+            replace_marked(options.page, "bench", lambda: tables_text(measured(PARTS)))
+        except GrosmcError as error:
+            parser.error(str(error))
     else:
-        for data in tables:
+        for data in measured(options.parts):
             console.print(table(*data))
 
 

@@ -34,25 +34,6 @@ def whole(value: Any) -> int | None:
     )
 
 
-def require_whole(what: str, value: Any, least: int, most: int, wanted: str) -> int:
-    """A whole number within bounds.
-
-    Args:
-        what: Name of the argument.
-        value: What was given.
-        least: The smallest that it may be.
-        most: The largest.
-        wanted: What it must be, in words.
-
-    Raises:
-        ArgumentError: If it is anything else.
-    """
-    found = whole(value)
-    if found is None or not least <= found <= most:
-        raise ArgumentError(f"{what} = {shown(value)} must be {wanted}")
-    return found
-
-
 def reals(value: Any) -> Array:
     """An array of real numbers, a new one; a single NaN without axes for whatever is none.
 

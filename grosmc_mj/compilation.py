@@ -168,7 +168,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
     seen: dict[int, int] = {}
 
     def describe(value: Any) -> str:
-        # What numba has compiled stands for its source, what it is to generate for its generator.
+        # A compiled function stands for its source, an intrinsic for its generator.
         value = getattr(value, "py_func", getattr(value, "_defn", value))
         if isinstance(value, FunctionType) and value.__module__.split(".")[0] not in _VERSIONED:
             if id(value) in seen:

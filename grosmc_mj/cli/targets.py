@@ -9,7 +9,6 @@ from grosmc_mj.errors import ArgumentError, shown
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 # In the help of commands that take all three.
 TARGET = "SYSTEM|SYSTEM/CASE|FILE.toml"
@@ -69,20 +68,3 @@ def shown_experiment(target: str) -> Experiment:
 
     experiments = find_experiments(target)
     return next((one for one in experiments if one.case.name == _SHOWN), experiments[0])
-
-
-def plant_with_equations(target: str) -> MujocoPlant:
-    """The nominal plant of a case, which has equations beside its model in MuJoCo.
-
-    Raises:
-        ArgumentError: If there is no such case or file, or its plant lacks one of them.
-    """
-    from grosmc_mj.experiments.catalogue import find_experiments
-    from grosmc_mj.physics.mujoco_plant import MujocoPlant
-
-    plant = find_experiments(target)[0].nominal.plant
-    if not isinstance(plant, MujocoPlant):
-        raise ArgumentError(f"{target}: {plant.system.name} has equations and no model in MuJoCo")
-    if plant.system.read_parameters is None:
-        raise ArgumentError(f"{target}: {plant.system.name} has a model in MuJoCo and no equations")
-    return plant

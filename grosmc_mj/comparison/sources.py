@@ -12,7 +12,7 @@ from grosmc_mj.report.page.documents import StoredProvenance
 from grosmc_mj.report.page.reading import Document
 from grosmc_mj.versions import DECISIVE
 
-# What two sides are compared in.
+# Documents and campaigns that can be compared.
 _TOLD = {"git_revision", "machine", "seed", "versions", "configuration"}
 
 

@@ -101,7 +101,7 @@ def times(matrix: Array, vector: Array) -> Array:
 
 
 def gain_margin(R: Array, *, together: bool = False) -> Any:
-    """What a true input gain leaves of a switching term, r; for one input it is E*/E.
+    """Share r of a switching term that a true input gain leaves; for one input it is E*/E.
 
     Args:
         R: (G_r E*) (G_r E)^-1, of the true plant and of the law's model, (..., m, m).
@@ -118,7 +118,7 @@ def gain_margin(R: Array, *, together: bool = False) -> Any:
 
 
 def mismatch(optimum: LqrDesign, A_t: Array, B_t: Array) -> tuple[Array, Array]:
-    """What a true linear plant adds to A - B K, and the part of it that is matched, (n, n) each.
+    """Difference of a true linear plant from A - B K, and its matched part, (n, n) each.
 
     On x' = A_t x + B_t u with u = -K x it is dA - dB K; B B+ projects on what the input reaches.
     """

@@ -130,7 +130,7 @@ def suprema(name: str, law: Nominal, rate: float, family: Family) -> SwitchingGa
 
 @checked()
 class Uncertainty:
-    """What a switching law of outputs is asked to withstand.
+    """Uncertainty that a switching law of outputs must withstand.
 
     Attributes:
         scales: Range of the true value of a parameter over its nominal one, by its name.
@@ -217,7 +217,7 @@ class Uncertainty:
 
 @checked(GainError)
 class StateUncertainty:
-    """What a law of the whole state, on the linearization, is asked to withstand.
+    """Uncertainty that a law of the whole state, on the linearization, must withstand.
 
     Attributes:
         body: The body whose mass and lengths are uncertain; the system's own by default.
@@ -326,7 +326,7 @@ def _scaled(scales: Mapping[str, float]) -> str:
 
 
 def _pushed(plant: Plant, point: OperatingPoint, body: str) -> Array:
-    """What 1 N along each axis at a body's centre of mass does to x', (n, 3).
+    """Effect on x' of 1 N along each axis at a body's centre of mass, (n, 3).
 
     Raises:
         GainError: If nothing can push there.

@@ -127,7 +127,7 @@ def _reports(
 
 
 def _next_news(news: queue.SimpleQueue) -> list[Any]:
-    """What happens next and what has happened until now; nothing after a while without news."""
+    """The next event and all that came with it; nothing after a while without news."""
     with contextlib.suppress(queue.Empty):
         items = [news.get(timeout=_LOOK)]
         while not news.empty():

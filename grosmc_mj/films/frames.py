@@ -56,7 +56,7 @@ class Chart(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What one picture shows at each frame.
+    """Content of one picture at each frame.
 
     Attributes:
         physics: Full states, (frames, size).

@@ -232,8 +232,8 @@ def _start_of(
     of_state = isinstance(error, StateCoordinates)
     rest = np.array(controller.parameters.reference.u, float) if of_state else np.zeros(m)
     # What the law knows of its own loop: nothing, unless it predicts.
-    believed = rows_of(_of_all(system.inputs, Actuator, known.actuators), ACTUATOR, h)
-    delays = believed["delay"] + believed["lag"] / h * believed["order"]
+    known_actuators = rows_of(_of_all(system.inputs, Actuator, known.actuators), ACTUATOR, h)
+    delays = known_actuators["delay"] + known_actuators["lag"] / h * known_actuators["order"]
     to_output = round(known.computing.delay / h) + round(float(delays.max(initial=0.0)))
     age = round(max((sensor.delay for sensor in known.sensors), default=0.0) / h)
     dead = (to_output + age) if predicts else 0
@@ -260,7 +260,7 @@ def _start_of(
         ),
         actuators=rows_of(
             actuators, ACTUATOR, h, rest=rest, output=rest, rated=rest, first=rest, second=rest,
-            known_limit=believed["limit"] if predicts and known.actuators else np.inf,
+            known_limit=known_actuators["limit"] if predicts and known.actuators else np.inf,
         ),
     )  # fmt: skip
 

@@ -19,7 +19,7 @@ from grosmc_mj.loop.sensors import SENSOR, measure, ring_row
 
 _FLOAT = types.float64
 _VECTOR = types.Array(_FLOAT, 1, "C")
-# What moves a design model: (t, x, u, h, memory, p, own), see ``design_model``.
+# Signature of a design model's step: (t, x, u, h, memory, p, own), see ``design_model``.
 ADVANCE = types.void(_FLOAT, _VECTOR, _VECTOR, _FLOAT, _VECTOR, _VECTOR, _VECTOR)
 
 Vector = Annotated[Array, _VECTOR]

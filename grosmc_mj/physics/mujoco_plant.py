@@ -37,7 +37,7 @@ _INTEGRATORS: dict[int, Integrator] = {int(value): name for name, value in _MUJO
 
 
 class _Nominal:
-    """What all plants of one nominal model share.
+    """Data shared by all plants of one nominal model.
 
     Attributes:
         fingerprint: Of the model, when its first plant was created.
@@ -261,7 +261,7 @@ class MujocoPlant(Plant):
 
     @cached_property
     def undrawn_model(self) -> mujoco.MjModel:
-        """What runs compute with.
+        """Model that runs compute with.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
@@ -290,7 +290,7 @@ class MujocoPlant(Plant):
 
     @cached_property
     def changes(self) -> list[Change] | None:
-        """What is written into the template for a run; None if it has a model of its own.
+        """Changes written into the template for a run; None if it has a model of its own.
 
         Raises:
             ModelError: As ``undrawn_model``.

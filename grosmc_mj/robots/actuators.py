@@ -173,7 +173,7 @@ def _servo(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> str:
 
 
 def _extras(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> list[str]:
-    """What an actuator does beyond torque control, in words."""
+    """Behaviour of an actuator beyond torque control, in words."""
     supply = f" within {view.gainprm[7]:g} V" if view.gainprm[7] else ""
     motor = f"a DC motor with a driver of its current{supply}"
     extras = {

@@ -232,7 +232,7 @@ def _problems(
 
 
 def _not_compensated(model: mujoco.MjModel) -> list[str]:
-    """What of the nominal model the law does without."""
+    """Parts of the nominal model that the law ignores."""
     touching = not model.opt.disableflags & _DISABLE.mjDSBL_CONTACT
     present = {
         "dry joint friction (frictionloss)": np.any(model.dof_frictionloss),

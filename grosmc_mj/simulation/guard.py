@@ -15,7 +15,7 @@ from grosmc_mj.physics.mjdata import mujoco_library
 
 
 class Guard:
-    """What catches an error of MuJoCo's, which else ends the process, in one thread at a time.
+    """Catches errors of MuJoCo's, which else end the process, in one thread at a time.
 
     MuJoCo's batch leaves a simulation at its error. This one has a single and empty simulation,
     beside which another function runs.
@@ -50,7 +50,7 @@ class Guard:
 
 
 def cannot_step(said: str) -> ModelError:
-    """What becomes of an error of MuJoCo's."""
+    """Error for a message of MuJoCo's."""
     return ModelError(f"MuJoCo cannot step the model: {' '.join(said.split())}")
 
 

@@ -92,7 +92,8 @@ class _Runs:
         self._first = Steppers(problem.timestep)
         stepper = self._first.of(problem.plants[0])
         # Compiled here, and not by several threads.
-        kernel(looped=problem.controller.loop is not None)
+        for looped in {controller.loop is not None for controller in several}:
+            kernel(looped=looped)
         stepper.addresses()
         self._record = Record.empty(problem, stepper.size)
         self._rows_at = self._record.rows.ctypes.data
@@ -114,17 +115,17 @@ class _Runs:
 
     def _work(self, steppers: Steppers) -> None:
         """Run one simulation after the other, in one thread."""
-        with guard() as own:
+        with guard() as thread_guard:
             try:
                 for number in self._order:
                     if self._stopped.is_set():
                         return
-                    self._run_one(number, steppers.of(self._problem.plants[number]), own)
+                    self._run_one(number, steppers.of(self._problem.plants[number]), thread_guard)
             except BaseException:
                 self._stopped.set()
                 raise
 
-    def _run_one(self, number: int, stepper: Stepper, own: Any) -> None:
+    def _run_one(self, number: int, stepper: Stepper, thread_guard: Any) -> None:
         """Run one simulation, with a pause now and then."""
         problem, record = self._problem, self._record
         controller = problem.controllers[number]
@@ -153,7 +154,7 @@ class _Runs:
         steps = _FIRST
         while (first := int(r.clock[0])) < problem.steps and not self._stopped.is_set():
             last, began = min(first + steps, problem.steps), time.perf_counter()
-            if not compiled.advance(last, own):
+            if not compiled.advance(last, thread_guard):
                 break
             spent = max(time.perf_counter() - began, _PAUSE / 50)
             steps = max(1, int((last - first) * _PAUSE / spent))
@@ -163,7 +164,7 @@ class _Runs:
 
 
 def _model_of(plant: Any) -> Any:
-    """What plants have in common that a thread moves by one mjData."""
+    """The model shared by plants that a thread moves by one mjData."""
     if plant.kind != "physics":
         return None
     return plant.template if plant.changes is not None else plant.undrawn_model
@@ -198,7 +199,7 @@ def _compiled_law(
 
 @cache
 def _compiled_advance(advance: Advance, memory_dtype: Any, numbers_dtype: Any) -> Any:
-    """What moves a design model as a C function, which the kernel calls."""
+    """The step of a design model as a C function, which the kernel calls."""
     advance = jitable(advance)
 
     def moved(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
@@ -213,7 +214,7 @@ def _compiled_advance(advance: Advance, memory_dtype: Any, numbers_dtype: Any) -
 def _compiled_note(
     note: Any, memory_dtype: Any, numbers_dtype: Any, meters_dtype: Any, known_dtype: Any
 ) -> Any:
-    """What accumulates metrics as a C function, which the kernel calls."""
+    """The accumulation of metrics as a C function, which the kernel calls."""
     note = jitable(note)
 
     def noted(t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any) -> None:

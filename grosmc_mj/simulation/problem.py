@@ -34,7 +34,7 @@ class Meters:
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What runs of one batch have in common."""
+        """Properties shared by the runs of one batch."""
         return self.note, record_dtype(self.start), record_dtype(self.numbers)
 
 
@@ -127,7 +127,7 @@ class Problem:
 
 @dataclass(eq=False)
 class Record:
-    """What an engine writes of all simulations.
+    """Record of all simulations, written by an engine.
 
     Attributes:
         rows: The signals at the start and after each kept step, and behind them

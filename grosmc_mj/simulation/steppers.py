@@ -1,4 +1,4 @@
-"""What moves a plant by a timestep: equations by RK4, an mjData by MuJoCo."""
+"""Steppers: they move a plant by a timestep, equations by RK4, an mjData by MuJoCo."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class Stepper(ABC):
-    """What moves one simulation of a plant by a timestep, under the input and wrench that it holds.
+    """Moves one simulation of a plant by a timestep, under the input and wrench that it holds.
 
     Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing. The arrays
     are views of what is moved, and mean what they do in ``kernel.KernelRun``.
@@ -131,7 +131,7 @@ class EquationStepper(Stepper):
 
 @cache
 def _block_dtype(system: System) -> np.dtype[Any]:
-    """What equations are moved in: timestep, state, input, wrenches and scratch space."""
+    """Memory of a step of equations: timestep, state, input, wrenches and scratch space."""
     n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
     names = ("x", n), ("u", m), ("w", nw), ("slope", n), ("stage", n), ("total", n)
     arrays = [(name, np.float64, (size,)) for name, size in names]
@@ -218,7 +218,7 @@ class Steppers:
         self._stepper: Any = None
 
     def of(self, plant: Any) -> Stepper:
-        """What moves one simulation of a plant, to be restarted first, until the next call."""
+        """The stepper of a plant, to be restarted first; valid until the next call."""
         if plant.kind != "physics":
             if plant is not self._plant:
                 self._stepper = EquationStepper(plant, self._timestep)
@@ -237,7 +237,7 @@ class Steppers:
 
 
 def stepper_of(plant: Plant, timestep: float) -> Stepper:
-    """What moves one simulation of a plant, to be restarted first.
+    """The stepper of one simulation of a plant, to be restarted first.
 
     Args:
         plant: Analytic or in MuJoCo.
@@ -270,10 +270,10 @@ def kernel_run(
     x0, meters = problem.x0[number], problem.meters[number]
     stepper.restart(x0)
     pushes, values = problem.pushes[min(number, len(problem.pushes) - 1)]
-    now, told = np.zeros(problem.width), np.zeros(len(x0))
+    now, law_state = np.zeros(problem.width), np.zeros(len(x0))
     signals = {name: now[columns] for name, columns in problem.columns.items()}
     signals["x"][:], signals["memory"][:] = x0, pack(memory)
-    loop = loop_of(signals.pop("seen"), told, signals["memory"])
+    loop = loop_of(signals.pop("seen"), law_state, signals["memory"])
     rows = record.rows[number]
     rows[0, : len(x0)] = x0
     if stepper.size:
@@ -294,7 +294,7 @@ def kernel_run(
         forces=stepper.forces,
         now=now,
         **signals,
-        seen=told,
+        seen=law_state,
         meters=record.meters[number],
         meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
         rows=rows[1:],

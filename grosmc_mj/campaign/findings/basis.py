@@ -56,5 +56,5 @@ class Basis(NamedTuple):
 
     @property
     def footnote(self) -> str:
-        """What the sample does not prove, what shares are of, and what intervals it gives."""
+        """Limits of the sample: unproved claims, the population of its shares, its intervals."""
         return f"{NO_PROOF} {DESIGN} {self.intervals}"

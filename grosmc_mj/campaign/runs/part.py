@@ -221,7 +221,7 @@ def _verified(file: Path, campaign: Campaign, manifest: Mapping[str, Any], index
 
 
 def _bound(said: Any, manifest: Mapping[str, Any], index: int, ids: range) -> dict[str, Any]:
-    """What a part must say of itself, if it says so."""
+    """Metadata that a part must have, where it has any."""
     if not isinstance(said, dict):
         raise _RefusedError("does not say what it is of")
     noted = _noted(manifest["hash"], index, ids)

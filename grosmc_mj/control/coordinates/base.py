@@ -29,7 +29,7 @@ InputMap = Callable[[float, Any, Any, Any, Any, Any], None]
 
 
 class Workspace(Protocol):
-    """What the feedback of one run computes in; it must live as long as the run.
+    """Workspace of the feedback of one run; it must live as long as the run.
 
     Attributes:
         address: Where it is in memory: a float64 holds every address exactly.
@@ -127,10 +127,10 @@ class Coordinates(ABC):
 
     @abstractmethod
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """What z is measured from at the instants (N,), (N, size)."""
+        """Reference values of z at the instants (N,), (N, size)."""
 
     def workspace(self, p: Any) -> Workspace | None:
-        """What the feedback of one run computes in, for ``memory.workspace``; None for nothing.
+        """Workspace of the feedback of one run, for ``memory.workspace``; None for none.
 
         Args:
             p: The law's parameters.

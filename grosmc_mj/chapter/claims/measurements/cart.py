@@ -65,12 +65,6 @@ def rail_half_length(plant: MujocoPlant) -> float:
     return float(rail.size[0] - abs(rail.pos[0]))
 
 
-def _nominal_lqr() -> LqrDesign:
-    """The optimum that cart-lqr and cart-ism share."""
-    physics = MujocoPlant.load(SYSTEM)
-    return holding_lqr(physics.analytic(), linearize(physics)).designed.lqr
-
-
 def projections_of(optimum: LqrDesign) -> dict[str, Array | None]:
     """The choices of G that are compared, (1, 4) each, and LQR without any."""
     return {
