@@ -55,7 +55,6 @@ class Range(Check):
         below: Whether ``high`` itself is refused.
         infinite: Whether infinity is a value too, which stands for no limit.
         whole: Whether it must be a whole number.
-        optional: Whether None is a value, which stands for no number.
     """
 
     low: float = -math.inf
@@ -65,12 +64,9 @@ class Range(Check):
     below: bool = False
     infinite: bool = False
     whole: bool = False
-    optional: bool = False
 
-    def __call__(self, value: Any) -> float | int | None:
+    def __call__(self, value: Any) -> float | int:
         """The number, if it is within."""
-        if value is None and self.optional:
-            return None
         number = whole(value) if self.whole else real(value)
         # A whole number beyond all floats is no infinity.
         beyond = isinstance(value, int) and math.isinf(real(value))

@@ -72,10 +72,10 @@ class Estimator:
 
     of: Annotated[tuple[str, ...], _States()]
     law: Annotated[EstimatorLaw, Known("estimator", KINDS)] = "difference"
-    time_constant: Annotated[float | None, Range(0, unit="s", above=True, optional=True)] = None
-    slope: Annotated[float | None, Range(0, unit="{}/s", above=True, optional=True)] = None
-    bandwidth: Annotated[float | None, Range(0, unit="rad/s", above=True, optional=True)] = None
-    load: Annotated[float | None, Range(0, unit="input", above=True, optional=True)] = None
+    time_constant: Annotated[float, Range(0, unit="s", above=True)] | None = None
+    slope: Annotated[float, Range(0, unit="{}/s", above=True)] | None = None
+    bandwidth: Annotated[float, Range(0, unit="rad/s", above=True)] | None = None
+    load: Annotated[float, Range(0, unit="input", above=True)] | None = None
     settled: Flag = True
 
     def __post_init__(self) -> None:

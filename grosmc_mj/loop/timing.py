@@ -16,7 +16,7 @@ MOST_STEPS = 100_000
 TIMES = ("delay", "jitter", "period")
 
 
-ControlPeriod = Annotated[float | None, Range(0, LONGEST, unit="s", above=True, optional=True)]
+ControlPeriod = Annotated[float, Range(0, LONGEST, unit="s", above=True)] | None
 
 
 @checked_call

@@ -73,7 +73,7 @@ def prepare(
     *,
     duration: Annotated[float, Range(SHORTEST, LONGEST, unit="s")],
     control_period: ControlPeriod = None,
-    timestep: Annotated[float | None, Range(SHORTEST, LONGEST, unit="s", optional=True)] = None,
+    timestep: Annotated[float, Range(SHORTEST, LONGEST, unit="s")] | None = None,
     disturbances: Annotated[Any, _Lists()] = ((),),
     meters: Annotated[Any, OneOrMore((Meters, type(None)), "Meters or a list of them")] = None,
     record: Flag = True,
