@@ -11,7 +11,7 @@ from grosmc_mj.physics.checks import refuse_unusable
 from grosmc_mj.physics.quiet import quiet_reading
 from grosmc_mj.plants import find_system
 
-_PACKAGE = Path(__file__).resolve().parents[2]
+_PACKAGE = Path(__file__).resolve().parents[1]
 # The wheel carries the models inside the package; a checkout has them beside it.
 _FOLDERS = (_PACKAGE / "models", _PACKAGE.parent / "models")
 
