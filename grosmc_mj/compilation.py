@@ -38,6 +38,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import np_cfarray
 
 from grosmc_mj.files import private_cache
+from grosmc_mj.jitable import OPTIONS
 
 _numbers: Any = iter(partial(secrets.randbits, 64), None)
 FunctionIdentity._unique_ids = _numbers
@@ -212,7 +213,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
         constants = [code(c) if isinstance(c, CodeType) else repr(c) for c in block.co_consts]
         return f"{block.co_code.hex()}{constants}{block.co_names}"
 
-    text = f"{_FORMAT} {numba.__version__} {np.__version__} {describe(function)}"
+    text = f"{_FORMAT} {OPTIONS} {numba.__version__} {np.__version__} {describe(function)}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

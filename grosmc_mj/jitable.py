@@ -14,7 +14,11 @@ Function = TypeVar("Function")
 
 # Nobody calls these from outside of compiled code: wrappers for that would take a sixth of the time
 # of a compilation. Division by zero gives an infinity: no exception can leave a C callback.
-_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+# Inlined, for structures of arrays are slow to hand over.
+OPTIONS = {
+    "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy",
+    "forceinline": True,
+}  # fmt: skip
 
 # What numba compiles for each function; numba itself refers to it weakly. A function's attribute
 # would travel with it to other processes, which know nothing of it.
@@ -40,7 +44,7 @@ def jitable(function: Function) -> Function:
         own = is_own(function)
         if own:
             _check_helpers(function)
-        compiled = cast(Any, numba.njit)(boundscheck=own, **_INNER)(function)
+        compiled = cast(Any, numba.njit)(boundscheck=own, **OPTIONS)(function)
         _stand_for(function, compiled)
     return function
 

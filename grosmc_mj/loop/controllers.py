@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -27,6 +28,11 @@ from grosmc_mj.loop.sensors import SENSOR, Sensor
 from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, steps_in, stride_of
 from grosmc_mj.plants import Signal, System
+
+# The arrays of a ``LoopRun`` that are a run's own.
+_CHANGING = (
+    "computer", "sensors", "estimators", "actuators", "gain", "past", "queue", "x", "mean",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +74,20 @@ class AppliedLoop:
             predicted: Where the state that the law gets is written, (n,).
             of_engine: ``advance``, ``memory``, ``p`` and ``own`` of ``LoopRun``.
         """
-        copies = {name: rows.copy() for name, rows in self.start._asdict().items()
-                  if isinstance(rows, np.ndarray)}  # fmt: skip
-        return self.start._replace(**{**copies, "seen": seen, "predicted": predicted, **of_engine})
+        copies = {name: getattr(self.start, name).copy() for name in _CHANGING}
+        return self.start._replace(**copies, seen=seen, predicted=predicted, **of_engine)
+
+    def restart(self, loop: LoopRun) -> None:
+        """Bring a loop with arrays of this one's sizes, see ``sizes``, to the start of a run."""
+        for name in _CHANGING:
+            getattr(loop, name)[...] = getattr(self.start, name)
+        if self.model is not None:
+            loop.own[:] = self.model.own
+
+    @cached_property
+    def sizes(self) -> tuple[Any, ...]:
+        """Shapes of what a run changes."""
+        return tuple(getattr(self.start, name).shape for name in _CHANGING)
 
     def begin_uncompiled(
         self, controller: Controller, memory: Any, seen: Array, predicted: Array

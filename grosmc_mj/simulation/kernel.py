@@ -15,7 +15,7 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from grosmc_mj.compilation import compile_c, laid_out_as, numba_type, structure_at
+from grosmc_mj.compilation import compile_c, laid_out, laid_out_as, numba_type, structure_at
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuators import actuate
 from grosmc_mj.loop.delay import send
@@ -130,14 +130,17 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
         """A run's next timesteps."""
         x, u, q, v, w, loop, clock = r.x, r.u, r.q, r.v, r.w, r.loop, r.clock
         n, m, nq = len(x), len(u), len(q)
+        sample = -(-clock[0] // r.stride)
+        due = sample * r.stride
         for i in range(clock[0], clock[1]):
             if looped:
                 remember(i, x, loop)
-            if i >= loop.computer[0].due if looped else i % r.stride == 0:
+                due = int(loop.computer[0].due)
+            if i >= due:
                 if looped:
                     t = observe(i, loop)
                 else:
-                    t = i // r.stride * r.period
+                    t, sample, due = sample * r.period, sample + 1, due + r.stride
                     for j in range(n):
                         r.seen[j] = x[j]
                 said = r.law(t, x, r.seen, r.memory, r.p, r.command)
@@ -195,20 +198,31 @@ def kernel(*, looped: bool) -> Any:
 
 
 class CompiledRun:
-    """A run for compiled code, whose arrays it keeps alive.
+    """Runs for compiled code, one after the other, whose arrays it keeps alive.
 
     Args:
         r: With addresses of functions, model, data and states.
         looped: Whether it has a loop that is not ideal.
+
+    Attributes:
+        r: As it is now.
+        kept_alive: What the law of this run computes in.
     """
 
+    kept_alive: Any = None
+
     def __init__(self, r: KernelRun, *, looped: bool) -> None:
-        self._run, self._block = r, laid_out_as(KernelRun, r)
-        self._place = self._block.ctypes.data
-        self._kernel = kernel(looped=looped).address
+        self.r, self._block = r, laid_out_as(KernelRun, r)
+        self._place, self._kernel = self._block.ctypes.data, kernel(looped=looped).address
+
+    def put(self, **members: Any) -> None:
+        """Put other arrays and addresses into the place of some."""
+        self.r = self.r._replace(**members)
+        for name, member in members.items():
+            self._block[name][0] = laid_out(member)
 
     def advance(self, last: int, guard: Guard) -> bool:
         """Timesteps up to ``last``, without Python's lock; False if the run has ended."""
-        self._run.clock[1] = last
+        self.r.clock[1] = last
         guard.call(self._kernel, self._place)
-        return bool(self._run.clock[2] == ANSWERED)
+        return bool(self.r.clock[2] == ANSWERED)

@@ -13,6 +13,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, compile_c, laid_out_as
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
@@ -22,13 +23,13 @@ from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.guard import c_address, guard
+from grosmc_mj.simulation.guard import Guard, c_address, guard
 from grosmc_mj.simulation.inputs import all_finite, ask
 from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, kernel
 from grosmc_mj.simulation.law_errors import LawError, compiling
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop
-from grosmc_mj.simulation.steppers import Stepper, Steppers, kernel_run
+from grosmc_mj.simulation.steppers import Stepper, Steppers, kernel_run, start
 from grosmc_mj.simulation.trajectory import Status
 
 # What is noted of a law that has raised an error, in place of a ``Status``.
@@ -86,6 +87,7 @@ class _Runs:
                 self._note = _compiled_note(meters.note, *self._dtypes, *meters.kind[1:]).address
         several = dict.fromkeys(problem.controllers)
         self._numbers = {controller: pack(controller.parameters) for controller in several}
+        self._memories: dict[Controller, Array] = {}
         # Plants of one model after each other: a thread has one at a time.
         places = [id(_model_of(plant)) for plant in problem.plants]
         self._order = iter(np.argsort(places, kind="stable").tolist())
@@ -114,25 +116,28 @@ class _Runs:
         return self._record
 
     def _work(self, steppers: Steppers) -> None:
-        """Run one simulation after the other, in one thread."""
+        """Run one simulation after the other, in one thread, in the same room while it fits."""
+        problem, fits, room = self._problem, None, None
         with guard() as thread_guard:
             try:
                 for number in self._order:
                     if self._stopped.is_set():
                         return
-                    self._run_one(number, steppers.of(self._problem.plants[number]), thread_guard)
+                    stepper, loop = steppers.of(problem.plants[number]), problem.loop_of(number)
+                    needed = stepper, loop and loop.sizes
+                    if room is None or needed != fits:
+                        fits, room = needed, self._room(number, stepper)
+                    self._start(room, number, stepper)
+                    self._advance(room, number, thread_guard)
             except BaseException:
                 self._stopped.set()
                 raise
 
-    def _run_one(self, number: int, stepper: Stepper, thread_guard: Any) -> None:
-        """Run one simulation, with a pause now and then."""
-        problem, record = self._problem, self._record
-        controller = problem.controllers[number]
-        memory, _kept_alive = controller.begin()
+    def _room(self, number: int, stepper: Stepper) -> CompiledRun:
+        """Room for runs of this stepper, in a loop of these sizes."""
+        controller = self._problem.controllers[number]
         step, model, data = stepper.addresses()
-        numbers, width = self._numbers[controller], 8 * record.rows.shape[2]
-        first_row = self._rows_at + width * (number * record.rows.shape[1] + 1)
+        p = self._numbers[controller].copy()
 
         def loop_of(seen: Array, predicted: Array, memory: Array) -> Any:
             loop = controller.loop
@@ -142,23 +147,50 @@ class _Runs:
                 return loop.begin(seen, predicted)
             advance = _compiled_advance(loop.model.advance, *self._dtypes).address
             own = loop.model.own.copy()
-            return loop.begin(seen, predicted, advance=advance, memory=memory, p=numbers, own=own)
+            return loop.begin(seen, predicted, advance=advance, memory=memory, p=p, own=own)
 
         r = kernel_run(
-            problem, number, record, stepper, memory, loop_of,
-            p=numbers, law=self._law.address, note=self._note, step=step, model=model, data=data,
-            read=c_address("mj_getState"), width=width if stepper.size else 0,
-            physics=first_row + 8 * problem.width,
+            self._problem, number, self._record, stepper, loop_of,
+            p=p, law=self._law.address, note=self._note, step=step, model=model, data=data,
+            read=c_address("mj_getState"), physics=0,
+            width=8 * self._record.rows.shape[2] * bool(stepper.size),
         )  # fmt: skip
-        compiled = CompiledRun(r, looped=controller.loop is not None)
-        steps = _FIRST
-        while (first := int(r.clock[0])) < problem.steps and not self._stopped.is_set():
-            last, began = min(first + steps, problem.steps), time.perf_counter()
-            if not compiled.advance(last, thread_guard):
+        return CompiledRun(r, looped=controller.loop is not None)
+
+    def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
+        """Bring one simulation to its start."""
+        problem, rows = self._problem, self._record.rows[number]
+        controller, loop, meters = (
+            problem.controllers[number], problem.loop_of(number), problem.meters[number],
+        )  # fmt: skip
+        memory = self._memories.get(controller)
+        if memory is None:
+            begun, room.kept_alive = controller.begin()
+            memory = pack(begun)
+            if room.kept_alive is None:
+                self._memories[controller] = memory
+        start(room.r, problem, number, stepper, memory, rows[0])
+        room.r.p[:] = self._numbers[controller]
+        if loop is not None:
+            loop.restart(room.r.loop)
+        after = rows[1:]
+        room.put(rows=after, physics=after.ctypes.data + 8 * problem.width)
+        if len(problem.pushes) > 1:
+            pushes, values = problem.pushes_of(number)
+            room.put(pushes=pushes, values=values)
+        if meters is not None:
+            room.put(meters=self._record.meters[number], meter_numbers=pack(meters.numbers))
+
+    def _advance(self, room: CompiledRun, number: int, thread_guard: Guard) -> None:
+        """Run one simulation, with a pause now and then."""
+        record, clock, last, steps = self._record, room.r.clock, self._problem.steps, _FIRST
+        while (first := int(clock[0])) < last and not self._stopped.is_set():
+            began = time.perf_counter()
+            if not room.advance(min(first + steps, last), thread_guard):
                 break
             spent = max(time.perf_counter() - began, _PAUSE / 50)
-            steps = max(1, int((last - first) * _PAUSE / spent))
-        record.valid[number], record.status[number] = r.clock[0], r.clock[2] - ANSWERED
+            steps = max(1, int((clock[0] - first) * _PAUSE / spent))
+        record.valid[number], record.status[number] = clock[0], clock[2] - ANSWERED
         if record.status[number] == _FAILED:
             self._stopped.set()
 

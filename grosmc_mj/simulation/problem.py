@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.loop.controllers import AppliedLoop
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
@@ -118,10 +119,18 @@ class Problem:
         bodies, steps = self.system.bodies, range(self.steps)
         return [packed(items, bodies, steps, self.timestep) for items in self.disturbances]
 
+    def loop_of(self, run: int) -> AppliedLoop | None:
+        """The loop that the law of one simulation is in."""
+        return self.controllers[run].loop
+
+    def pushes_of(self, run: int) -> tuple[Array, Array]:
+        """The same of one simulation."""
+        return self.pushes[min(run, len(self.pushes) - 1)]
+
     def wrench(self, run: int, step: int) -> Array:
         """Disturbances of one simulation in one timestep, (6 * bodies,)."""
         w = np.zeros(6 * len(self.system.bodies))
-        push(*self.pushes[min(run, len(self.pushes) - 1)], step, step * self.timestep, w)
+        push(*self.pushes_of(run), step, step * self.timestep, w)
         return w
 
 

@@ -17,7 +17,7 @@ from grosmc_mj.records import pack
 from grosmc_mj.simulation.inputs import ask
 from grosmc_mj.simulation.kernel import ANSWERED, run_of
 from grosmc_mj.simulation.problem import Problem, Record
-from grosmc_mj.simulation.steppers import Steppers, kernel_run
+from grosmc_mj.simulation.steppers import Steppers, kernel_run, start
 from grosmc_mj.simulation.trajectory import Status
 
 
@@ -70,10 +70,11 @@ class ClosedLoop:
             return controller.loop.begin_uncompiled(controller, memory, seen, predicted)
 
         self.run = kernel_run(
-            problem, number, kept, stepper, memory, loop_of,
+            problem, number, kept, stepper, loop_of,
             step=stepper.advance, read=read, law=self._sample, note=note, p=np.zeros(0),
             model=stepper.model, data=stepper.data, physics=0, width=min(1, stepper.size),
         )  # fmt: skip
+        start(self.run, problem, number, stepper, pack(memory), kept.rows[number, 0])
         if record is None:  # as many steps as somebody likes
             self.run = self.run._replace(keep=sys.maxsize)
         self.u = self.run.u

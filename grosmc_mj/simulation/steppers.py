@@ -102,7 +102,7 @@ class EquationStepper(Stepper):
     """
 
     def __init__(self, plant: Plant, timestep: float) -> None:
-        self._system, self.model = plant.system, plant.parameters
+        self._system = plant.system
         self._block = np.zeros(1, _block_dtype(plant.system))
         self._block["h"] = timestep
         parts = {name: self._block[name][0] for name in self._block.dtype.names or ()}
@@ -110,7 +110,13 @@ class EquationStepper(Stepper):
         self.q, self.u, self.v = self.data.x, self.data.u, np.zeros(0)
         self.warnings, self.forces = self.data.warnings, self.data.w.reshape(-1, 6)
         self.bodies, self._step = np.arange(len(self.forces)), _step_of(plant.system)
-        self._dtype, self._numbers = record_dtype(self.model), pack(self.model)
+        self._dtype, self._numbers = record_dtype(plant.parameters), pack(plant.parameters)
+        self.model = plant.parameters
+
+    def write(self, parameters: Any) -> None:
+        """Give the equations other numbers."""
+        if parameters is not self.model:
+            self.model, self._numbers[:] = parameters, pack(parameters)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
@@ -183,12 +189,16 @@ class PhysicsStepper(Stepper):
         self.warnings = np.ctypeslib.as_array(whole)
         self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
         self.forces, self.size = data.xfrc_applied, mujoco.mj_stateSize(model, _FULL)
+        self._more = model.nq > n
 
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
-        qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
-        self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
+        n = len(self.q)
+        self.q[:], self.v[:] = x0[:n], x0[n:]
+        if self._more:
+            qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
+            self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
 
     def advance(self, model: Any, data: Any) -> None:
         """One step of MuJoCo."""
@@ -220,9 +230,10 @@ class Steppers:
     def of(self, plant: Any) -> Stepper:
         """The stepper of a plant, to be restarted first; valid until the next call."""
         if plant.kind != "physics":
-            if plant is not self._plant:
+            if plant.system is not self._of:
                 self._stepper = EquationStepper(plant, self._timestep)
-                self._of, self._plant = None, plant
+                self._of = self._plant = plant.system
+            self._stepper.write(plant.parameters)
             return self._stepper
         changes = plant.changes
         shared = plant.undrawn_model if changes is None else plant.template
@@ -251,35 +262,27 @@ def kernel_run(
     number: int,
     record: Record,
     stepper: Stepper,
-    memory: Any,
     loop_of: Callable[[Array, Array, Array], Any],
     **of_engine: Any,
 ) -> KernelRun:
-    """One run of a problem at its start, for the kernel.
+    """Room for the kernel to compute a run of a problem in, see ``start``.
 
     Args:
         problem: What is run.
         number: Which of its simulations.
         record: Where its rows go.
         stepper: What moves its plant.
-        memory: Of its law.
         loop_of: Its ``LoopRun``, which writes into ``seen`` and ``predicted``, (n,) each, for a law
             with this memory, flat.
         of_engine: The fields of ``KernelRun`` in which the engines differ.
     """
-    x0, meters = problem.x0[number], problem.meters[number]
-    stepper.restart(x0)
-    pushes, values = problem.pushes[min(number, len(problem.pushes) - 1)]
-    now, law_state = np.zeros(problem.width), np.zeros(len(x0))
+    meters = problem.meters[number]
+    pushes, values = problem.pushes_of(number)
+    now, law_state = np.zeros(problem.width), np.zeros(problem.x0.shape[1])
     signals = {name: now[columns] for name, columns in problem.columns.items()}
-    signals["x"][:], signals["memory"][:] = x0, pack(memory)
     loop = loop_of(signals.pop("seen"), law_state, signals["memory"])
-    rows = record.rows[number]
-    rows[0, : len(x0)] = x0
-    if stepper.size:
-        stepper.read(rows[0, problem.width :])
     return KernelRun(
-        clock=np.array([0, problem.steps, ANSWERED]),
+        clock=np.zeros(3, np.int64),
         keep=0 if problem.record else problem.steps - 1,
         stride=problem.stride,
         h=problem.timestep,
@@ -297,7 +300,29 @@ def kernel_run(
         seen=law_state,
         meters=record.meters[number],
         meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
-        rows=rows[1:],
+        rows=record.rows[number, 1:],
         loop=loop,
         **of_engine,
     )
+
+
+def start(
+    r: KernelRun, problem: Problem, number: int, stepper: Stepper, memory: Array, row: Array
+) -> None:
+    """Bring a run to its start.
+
+    Args:
+        r: Room for it.
+        problem: What is run.
+        number: Which of its simulations.
+        stepper: What moves its plant.
+        memory: Of its law, flat.
+        row: The record's first row.
+    """
+    stepper.restart(problem.x0[number])
+    r.clock[:] = 0, problem.steps, ANSWERED
+    r.now[:], r.seen[:] = 0.0, 0.0
+    r.x[:], r.memory[:] = problem.x0[number], memory
+    row[: len(r.x)] = r.x
+    if stepper.size:
+        stepper.read(row[problem.width :])
