@@ -44,11 +44,23 @@ def record_dtype(value: Any) -> np.dtype[np.void]:
 
 def pack(value: Any) -> Array:
     """The numbers of such a dataclass in the order of its fields, flat."""
-    parts: list[Any] = []
-    for item in fields(value):
-        member = getattr(value, item.name)
-        parts.append(pack(member) if is_dataclass(member) else np.ravel(member))
-    return np.concatenate(parts).astype(float) if parts else np.zeros(1)
+    return np.array(_flat(value), float)
+
+
+@cache
+def _names(kind: Any) -> list[str]:
+    return [item.name for item in fields(kind)]
+
+
+def _flat(value: Any) -> list[float]:
+    numbers: list[float] = []
+    for name in _names(type(value)):
+        member = getattr(value, name)
+        if isinstance(member, (int, float, np.floating)):
+            numbers.append(float(member))
+        else:
+            numbers += member.ravel().tolist() if isinstance(member, np.ndarray) else _flat(member)
+    return numbers or [0.0]
 
 
 def extended(value: Any, **extra: Any) -> Any:

@@ -174,12 +174,13 @@ class _Runs:
         if loop is not None:
             loop.restart(room.r.loop)
         after = rows[1:]
-        room.put(rows=after, physics=after.ctypes.data + 8 * problem.width)
+        own: dict[str, Any] = {"rows": after, "physics": after.ctypes.data + 8 * problem.width}
         if len(problem.pushes) > 1:
-            pushes, values = problem.pushes_of(number)
-            room.put(pushes=pushes, values=values)
+            own["pushes"], own["values"] = problem.pushes_of(number)
         if meters is not None:
-            room.put(meters=self._record.meters[number], meter_numbers=pack(meters.numbers))
+            room.r.meter_numbers[:] = pack(meters.numbers)
+            own["meters"] = self._record.meters[number]
+        room.put(**own)
 
     def _advance(self, room: CompiledRun, number: int, thread_guard: Guard) -> None:
         """Run one simulation, with a pause now and then."""
