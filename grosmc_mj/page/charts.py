@@ -1,151 +1,210 @@
-"""What the page's charts are drawn from: curves with their films, claims, maps of studies."""
+"""The page's charts as Plotly's data: curves of cases, and the three forms of charts of results."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
+import html
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from grosmc_mj.page.answers import so_far, standing_text, target_of, tolerance_text
-from grosmc_mj.page.documents import (
-    StoredClaim,
-    StoredCurves,
-    StoredFilm,
-    StoredLadder,
-    StoredPart,
-    StoredTolerances,
-)
-from grosmc_mj.page.reading import Document
-from grosmc_mj.page.sheets import Sheet, cells_chart, told_sheet
-from grosmc_mj.page.studies.sheets import study_sheets
-from grosmc_mj.results.palette import PLANTS
+from grosmc_mj.page.reading import Curve, Curves, Panel
+from grosmc_mj.results.palette import BLUE, GREEN, OTHERS, PLANTS, VERMILION
+from grosmc_mj.results.result import CellChart, Chart, GridChart, LineChart
 
-# Of the redness of what is not kept, and of the tolerance map: decades, and powers of two.
-_MOST, _OCTAVES = 2.0, 6.0
+# Plotly's figure: data, layout, and its height.
+Figure = dict[str, Any]
+_DASHES = {"physics": "solid", "corrected": "dash", "printed": "dot"}
+_SHADES = (BLUE, VERMILION, GREEN, *OTHERS)
+_SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down")
+# Red, neutral and blue of cells; axes whose numbers are further apart are logarithmic.
+_SCALE, _FAR = [[0, "#7ab8e0"], [0.5, "#f4f4f4"], [1, "#f0925a"]], 10.0
 
 
-def curves_data(content: StoredCurves, film: tuple[int, StoredFilm] | None) -> dict[str, Any]:
-    """The curves of a case; with the number and the clock of its film."""
-    case = content.model_dump(include={"system", "case", "title", "duration", "panels", "laws"})
-    plants = dict.fromkeys(each.plant for panel in content.panels for each in panel.curves)
-    clock = None
-    if film is not None:
-        number, beside = film
-        form = beside.configuration.film
-        clock = {"number": number, "start": form.start, "speed": form.speed}
-    return {
-        **case,
-        "disturbances": [each.model_dump() for each in content.disturbances],
-        "plants": {name: PLANTS.get(name, name) for name in plants},
-        "film": clock,
-    }
+def _plain(text: Any) -> str:
+    """A text without the tags that Plotly would read."""
+    return html.escape(str(text), quote=False)
 
 
-def claim_data(claim: StoredClaim) -> dict[str, Any]:
-    """The values of a claim: on each plant, refined, and of each choice that was tried."""
-    rows = []
-    for name, found in claim.plants.items():
-        rows.append({"row": name, "value": found.value, "what": found.verdict})
-        values = found.evidence.get("values")
-        if isinstance(values, list) and len(values) > 1 and _is_number(values[1]):
-            rows.append({"row": name, "value": values[1], "what": "at half the control period"})
-    for name, found in claim.plants.items():
-        rows += [
-            {"row": trial, "value": value, "what": f"tried on {name}"}
-            for trial, value in found.trials.items()
-        ]
-    return {
-        "rows": [each for each in rows if each["value"] is not None],
-        "threshold": claim.threshold,
-        "sense": claim.sense,
-        "unit": "" if claim.unit == "1" else claim.unit,
-    }
+def chart_figure(chart: Chart) -> Figure:
+    """The figure of a chart of a result."""
+    if isinstance(chart, CellChart):
+        return _cells(chart)
+    return _lines(chart) if isinstance(chart, LineChart) else _grid(chart)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, float | int) and math.isfinite(value)
+def _figure(data: Sequence[Any], height: int, *, legend: bool = True, **layout: Any) -> Figure:
+    top = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    margin = {"l": 64, "r": 12, "t": 40, "b": 48}
+    shared = {"height": height, "showlegend": legend, "legend": top, "margin": margin}
+    return {"data": list(data), "layout": shared | layout}
 
 
-def sheets(documents: Iterable[Document]) -> list[Sheet]:
-    """Of each condition of ladders and tolerances a map of laws; and what other studies found."""
-    found: list[Sheet] = []
-    for each in documents:
-        content: StoredPart | Any = each.content
-        if isinstance(content, StoredLadder):
-            found += _ladder(target_of(each), content)
-        elif isinstance(content, StoredTolerances):
-            found += _tolerances(target_of(each), content)
-        found += study_sheets(content)
-    return [each for each in found if each.rows]
+def _axis(title: str, **options: Any) -> dict[str, Any]:
+    return {"title": {"text": _plain(title)}, "automargin": True, **options}
 
 
-def _ladder(target: str, content: StoredLadder) -> Iterator[Sheet]:
-    """Maps of where each law stands, and the rungs on which claims fall."""
-    for condition in dict.fromkeys(row.condition for row in content.standings):
-        for together in (True, False):
-            rows = [
-                row
-                for row in content.standings
-                if row.together is together and row.condition == condition
-            ]
-            title = "each rung on top of the others" if together else "each rung alone"
-            cells = {
-                (row.law, row.rung): (
-                    _redness(row.kept, row.share_of_the_tightest_limit),
-                    standing_text(row),
-                    (row.tightest or "").replace("_", " "),
-                )
-                for row in rows
-                if not row.impossible
-            }
-            named = f"{target}, {condition}: {title}"
-            note = "Of the tightest limit, how much is used; above 1 it is not kept."
-            note += so_far(content.complete)
-            yield _map(named, note, cells, _MOST)
-    stands = "stands" if content.complete else "stands so far"
-    named = {each.claim for each in content.fallen}
-    statements = {each.claim: each.statement for each in content.claims if each.claim in named}
-    yield Sheet(
-        f"{target}: on which rung claims of the chapter fall",
-        " ".join(f"{claim}: {said}." for claim, said in statements.items()),
-        ["law", "condition", "claim", "falls at"],
-        [[each.law, each.condition, each.claim, each.rung or stands] for each in content.fallen],
-    )
+def _cells(chart: CellChart) -> Figure:
+    """Laws by rungs, imperfections or assumptions; blue is kept, red is not."""
+    heat = {
+        "type": "heatmap", "x": [*map(_plain, chart.columns)], "y": [*map(_plain, chart.rows)],
+        "z": chart.values, "zmin": -chart.most, "zmax": chart.most, "colorscale": _SCALE,
+        "text": [[_plain(text or "") for text in row] for row in chart.texts],
+        "customdata": [[_plain(why or "") for why in row] for row in chart.whys],
+        "texttemplate": "%{text}", "textfont": {"color": "#1d2125"}, "showscale": False,
+        "xgap": 2, "ygap": 2,
+        "hovertemplate": "%{y}, %{x}: %{text}<br>%{customdata}<extra></extra>",
+    }  # fmt: skip
+    return _figure(
+        [heat], 134 + 30 * len(chart.rows), legend=False,
+        xaxis={"side": "top", "type": "category", "tickangle": -35, "automargin": True},
+        yaxis={"autorange": "reversed", "type": "category", "automargin": True},
+        margin={"l": 110, "r": 20, "t": 90, "b": 8},
+    )  # fmt: skip
 
 
-def _tolerances(target: str, content: StoredTolerances) -> Iterator[Sheet]:
-    """Maps of how much of each imperfection each law stands."""
-    for condition in dict.fromkeys(row.condition for row in content.tolerances):
-        cells = {
-            (row.law, row.imperfection): (
-                _weakness(row.largest_kept.factor if row.largest_kept else 0.0)
-                if row.kept_ideally
-                else _OCTAVES,
-                tolerance_text(row),
-                f"then breaks: {row.breaks.replace('_', ' ')}" if row.breaks else "",
-            )
-            for row in content.tolerances
-            if row.condition == condition and not row.impossible
+def _kind(values: Iterable[Any]) -> str:
+    """The kind of axis for values."""
+    values = [value for value in values if value is not None]
+    if any(isinstance(value, str) for value in values):
+        return "category"
+    far = bool(values) and min(values) > 0 and max(values) > _FAR * min(values)
+    return "log" if far else "linear"
+
+
+def _lines(chart: LineChart) -> Figure:
+    """One quantity over another; a requirement holds at a circle and not at a cross."""
+    limits = [] if chart.limit is None else [chart.limit]
+    across = _kind(x for line in chart.lines for x in line.x)
+    up = _kind([*(y for line in chart.lines for y in line.y), *limits])
+    data = []
+    for index, line in enumerate(chart.lines):
+        colours: Any = _SHADES[index % len(_SHADES)]
+        symbols: Any = _SYMBOLS[index % len(_SYMBOLS)]
+        if line.good:
+            colours = [BLUE if good else VERMILION for good in line.good]
+            symbols = [{None: "circle-open", True: "circle"}.get(good, "x") for good in line.good]
+        data.append({
+            "type": "scatter", "name": _plain(line.name), "y": line.y,
+            "x": [_plain(x) if isinstance(x, str) else x for x in line.x],
+            "mode": "lines+markers" if line.joined and across != "category" else "markers",
+            "text": [*map(_plain, line.texts)] or None,
+            "line": {"color": "#888888" if line.good else colours},
+            "marker": {"size": 8 if line.joined else 5, "color": colours, "symbol": symbols},
+            "hovertemplate": "%{y:.4g} at %{x} %{text}<extra></extra>",
+        })  # fmt: skip
+    dashed = {"type": "line", "line": {"color": "#888888", "dash": "dash", "width": 1.4}}
+    shapes = [{**dashed, "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y} for y in limits]
+    shapes += [
+        {**dashed, "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x}
+        for x in chart.marks
+        if across != "log" or x > 0
+    ]
+    titles = chart.titles
+    return _figure(
+        data, 380, legend=len(chart.lines) > 1, shapes=shapes, xaxis=_axis(titles[0], type=across),
+        yaxis=_axis(titles[1], type=up, exponentformat="power"),
+    )  # fmt: skip
+
+
+def _grid(chart: GridChart) -> Figure:
+    """A colour for each cell of a plane."""
+    numbers = {each.letter: i for i, each in enumerate(chart.legend)}
+    count = max(1, len(numbers))
+    wide = max(map(len, chart.grid), default=0)
+    (across, right), (up, top) = chart.axes
+
+    def middles(end: float, n: int) -> list[float]:
+        return [end * ((2 * i + 1) / n - 1) for i in range(n)]
+
+    scale = [[(i + j) / count, each.colour] for i, each in enumerate(chart.legend) for j in (0, 1)]
+    heat = {
+        "type": "heatmap", "x": middles(right, wide), "y": middles(top, len(chart.grid)),
+        "z": [[numbers.get(letter) for letter in row.ljust(wide)] for row in chart.grid],
+        "zmin": -0.5, "zmax": count - 0.5, "showscale": False, "colorscale": scale or None,
+        "hovertemplate": "%{x:.4g}, %{y:.4g}<extra></extra>",
+    }  # fmt: skip
+    keys = [
+        {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": _plain(each.name),
+         "marker": {"color": each.colour, "symbol": "square", "size": 12}}
+        for each in chart.legend
+    ]  # fmt: skip
+    return _figure([heat, *keys], 460, xaxis=_axis(across), yaxis=_axis(up))
+
+
+def curves_figure(curves: Curves) -> Figure:
+    """The panels of a case over one time; its last shape is the cursor."""
+    data: list[dict[str, Any]] = []
+    layout: dict[str, Any] = {"annotations": []}
+    count, named = max(1, len(curves.panels)), set[str]()
+    shapes = [
+        {"type": "rect", "xref": "x", "yref": "paper", "x0": window.start, "x1": window.stop,
+         "y0": 0, "y1": 1, "fillcolor": GREEN, "opacity": 0.16, "line": {"width": 0},
+         "layer": "below", "label": {"text": _plain(window.label), "textposition": "bottom left"}}
+        for window in curves.disturbances
+    ]  # fmt: skip
+    for index, panel in enumerate(curves.panels):
+        axis = f"y{index + 1 if index else ''}"
+        top = 1 - index / count - 0.11 / count
+        layout[f"yaxis{axis[1:]}"] = {
+            "domain": [max(0.0, top - 0.8 / count), top],
+            "automargin": True,
         }
-        named = f"{target}, {condition}: how much of it each law stands"
-        note = "Blue: more than the bench has; red: less. no: not kept even without it."
-        yield _map(named, note, cells, _OCTAVES)
+        layout["annotations"].append(
+            {"text": _plain(panel.label), "x": 0, "xref": "paper", "y": top, "yref": "paper",
+             "xanchor": "left", "yanchor": "bottom", "showarrow": False}
+        )  # fmt: skip
+        data += _panel(panel, axis, curves, named)
+        if panel.play:
+            shapes.append(
+                {"type": "rect", "xref": "paper", "yref": axis, "x0": 0, "x1": 1, "opacity": 0.2,
+                 "y0": -panel.play / 2, "y1": panel.play / 2, "fillcolor": "#888888"}
+            )  # fmt: skip
+    cursor = {"color": "#b0006d", "width": 1.5}
+    shapes.append(
+        {"type": "line", "xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0, "y1": 1,
+         "line": cursor}
+    )  # fmt: skip
+    time = _axis("time t [s]", range=[0, curves.duration], anchor=f"y{count if count > 1 else ''}")
+    return _figure(data, 150 * count + 90, shapes=shapes, xaxis=time, **layout)
 
 
-def _redness(kept: bool, share: float | None) -> float:
-    """What is kept is below zero; the further beyond its limit, the redder."""
-    if kept:
-        return -0.5 * _MOST
-    return 0.1 * _MOST + 0.9 * min(math.log10(max(share, 1.0)) if share else _MOST, _MOST)
+def _panel(panel: Panel, axis: str, curves: Curves, named: set[str]) -> list[dict[str, Any]]:
+    """The traces of a panel; a law and a plant stand in the legend once."""
+    traces: list[dict[str, Any]] = []
+    for curve in panel.curves:
+        style, group = curves.laws.get(curve.law), f"{curve.law} {curve.plant} {curve.name}"
+        label = _label(curve, curves)
+        base = {
+            "type": "scatter", "mode": "lines", "yaxis": axis, "name": label, "legendgroup": group,
+        }  # fmt: skip
+        colour = style.colour if style else "#888888"
+        if curve.range is not None:
+            low, high = curve.range
+            traces.append(
+                {**base, "x": [*curve.t, *reversed(curve.t)], "y": [*high, *reversed(low)],
+                 "fill": "toself", "fillcolor": colour + "40", "line": {"width": 0},
+                 "hoverinfo": "skip", "showlegend": False}
+            )  # fmt: skip
+        dash = "dot" if curve.name == "seen" else _DASHES.get(curve.plant, "solid")
+        width = 2.6 if curve.plant == "physics" else 1.4
+        traces.append(
+            {**base, "x": curve.t, "y": curve.y, "showlegend": group not in named,
+             "line": {"color": colour, "width": width, "dash": dash},
+             "hovertemplate": f"%{{y:.4g}} at %{{x:.3f}} s<extra>{label}</extra>"}
+        )  # fmt: skip
+        named.add(group)
+    others = [("reference", panel.reference, "#888888", "dot")] if panel.reference else []
+    others += [(_plain(limit.words), limit, VERMILION, "longdash") for limit in panel.limits]
+    for name, line, colour, dash in others:
+        traces.append(
+            {"type": "scatter", "mode": "lines", "yaxis": axis, "x": line.t, "y": line.y,
+             "name": name, "legendgroup": name, "showlegend": name not in named,
+             "line": {"color": colour, "width": 1.3, "dash": dash}}
+        )  # fmt: skip
+        named.add(name)
+    return traces
 
 
-def _weakness(factor: float) -> float:
-    """Octaves below what the bench has."""
-    return -max(-_OCTAVES, min(_OCTAVES, math.log2(factor))) if factor > 0 else _OCTAVES
-
-
-def _map(
-    title: str, note: str, cells: dict[tuple[str, str], tuple[float, str, str]], most: float
-) -> Sheet:
-    """A cell for each law and column."""
-    return told_sheet(title, note, "law", cells_chart(title, cells, most))
+def _label(curve: Curve, curves: Curves) -> str:
+    style = curves.laws.get(curve.law)
+    parts = (style.label if style else curve.law, PLANTS.get(curve.plant, curve.plant), curve.name)
+    return _plain(", ".join(filter(None, parts)))

@@ -1,4 +1,4 @@
-"""The page as one file: a template, one style, two scripts by their hashes, and the data."""
+"""The page as one file: a template, one style, two scripts by their hashes, and the figures."""
 
 from __future__ import annotations
 
@@ -8,44 +8,27 @@ import gzip
 import hashlib
 import json
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jinja2
 import markupsafe
-import pyarrow as pa
 from plotly.offline import get_plotlyjs
 
-from grosmc_mj.errors import one_line
 from grosmc_mj.files import written_aside
-from grosmc_mj.page.answers import (
-    answers,
-    as_expected,
-    breaks,
-    changed,
-    rate_text,
-    target_of,
-    where,
-)
-from grosmc_mj.page.campaigns import campaign_data
-from grosmc_mj.page.charts import claim_data, curves_data, sheets
-from grosmc_mj.page.documents import (
-    StoredCampaignResults,
-    StoredClaims,
-    StoredCurves,
-    StoredFilm,
-    StoredValidation,
-)
+from grosmc_mj.page.charts import Figure, chart_figure, curves_figure
 from grosmc_mj.page.equations import mathml
-from grosmc_mj.page.reading import Document, Results
-from grosmc_mj.page.verdicts import VERDICTS, Answer
+from grosmc_mj.page.reading import ClaimsResult, Curves, Document, Film, Results
 from grosmc_mj.results.document import plain
+from grosmc_mj.results.palette import label_of
+from grosmc_mj.results.result import KEPT, VERDICTS, Answer, Result, Standing
 from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
-# Bytes of a page, with what its text around the films needs; letters of a configuration.
+# Bytes of a page, and of its text around the films; letters of a configuration.
 LARGEST, _AROUND, _CONFIGURATION = 8_000_000, 20_000, 20_000
 # A film in at most so many bytes; None if that cannot be.
 Shrink = Callable[[Path, int], bytes | None]
@@ -57,7 +40,7 @@ class Page(NamedTuple):
     Attributes:
         path: Its file.
         size: In bytes.
-        answers: What it begins with.
+        answers: Its answers, what is not kept first.
         notices: What is left out, a line each.
     """
 
@@ -67,8 +50,20 @@ class Page(NamedTuple):
     notices: Sequence[str]
 
 
+class _Figures:
+    """The figures of a page by their numbers."""
+
+    def __init__(self) -> None:
+        self.all: list[Figure] = []
+
+    def add(self, figure: Figure) -> int:
+        """Its number."""
+        self.all.append(figure)
+        return len(self.all) - 1
+
+
 def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shrink) -> Page:
-    """Write what was read as one page.
+    """Write results as one page.
 
     Args:
         reading: The results.
@@ -79,158 +74,167 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shri
     Raises:
         SetupError: If it cannot be written.
     """
-    notices = list(reading.notices)
-    # Of two that say something of the same, the newer one counts.
-    documents = sorted(reading.documents, key=lambda each: each.modified)
-    found = answers(documents)
+    notices, documents, figures = list(reading.notices), reading.documents, _Figures()
+    results = [each for each in documents if isinstance(each.content, Result)]
+    answers = sorted(
+        (answer for each in results for answer in _result(each).answers),
+        key=lambda answer: VERDICTS.index(answer.verdict),
+    )
+    laws, cases = _matrix(results)
     content = {
         "title": "Results of grosmc-mj",
-        "headline": _headline(found),
-        "answers": found,
-        "breaks": breaks(documents),
-        "changes": changed(documents),
+        "summary": _summary(answers, laws, cases, results),
+        "answers": answers,
+        "laws": laws,
+        "matrix": cases,
+        "standings": [
+            (each.kind, standing)
+            for each in results
+            if each.kind != "run"
+            for standing in _result(each).standings
+        ],
+        "curves": _cases(documents, figures),
+        "studies": [_study(each, figures) for each in results if _result(each).sheets],
+        "claims": _claims(results),
         "version": __version__,
-        "command": where(Path(shlex.join(["grosmc-mj", "report", *map(str, paths)]))),
-        "origins": [_origin(each) for each in reading.documents],
+        "command": _text(Path(shlex.join(["grosmc-mj", "report", *map(str, paths)]))),
+        "origins": [_origin(each) for each in documents],
         "number": number,
-        "rate_text": rate_text,
-        **_claims(documents),
+        "label_of": label_of,
     }
-    shown, data = _drawn(documents, notices)
     # The rest first: the films have the room that it leaves.
-    text = _render({**content, **shown, "notices": notices, "films": []}, data([]))
+    text = _render({**content, "notices": notices, "films": {}}, figures.all)
     room = LARGEST - len(text.encode("utf-8", "replace")) - _AROUND
-    films = _films(documents, room, shrink, notices)
+    films = dict(_films(documents, room, shrink, notices))
     if films or len(notices) > len(reading.notices):
-        coded = [base64.b64encode(each).decode() for _, each in films]
-        beside = [each for each, _ in films]
-        text = _render({**content, **shown, "notices": notices, "films": coded}, data(beside))
+        text = _render({**content, "notices": notices, "films": films}, figures.all)
     with written_aside(path) as part:
         part.write_text(text, encoding="utf-8", errors="replace")
-    return Page(path, len(text.encode("utf-8", "replace")), found, notices)
+    return Page(path, len(text.encode("utf-8", "replace")), answers, notices)
 
 
-def _headline(found: Sequence[Answer]) -> str:
-    """The answer in a line."""
-    if not found:
-        return "No results here answer anything"
-    counts = [(verdict, [each.verdict for each in found].count(verdict)) for verdict in VERDICTS]
-    said = "1 answer: " if len(found) == 1 else f"{len(found)} answers: "
-    return said + ", ".join(f"{n} {name}" for name, n in counts if n)
+def _result(document: Document) -> Result:
+    assert isinstance(document.content, Result)
+    return document.content
 
 
-def _claims(documents: Sequence[Document]) -> dict[str, Any]:
-    """The claims, each once, and what they can be filtered by."""
-    found = {}
-    for each in documents:
-        if isinstance(each.content, StoredValidation | StoredClaims):
-            found |= {claim.id: claim for claim in each.content.claims}
-    choices = {
-        "verdict": dict.fromkeys(each.verdict for each in found.values()),
-        "system": dict.fromkeys(each.system for each in found.values()),
-        "cause": dict.fromkeys(each.cause for each in found.values() if each.cause),
-    }
-    return {
-        "claims": [(each, mathml(each.equation), as_expected(each)) for each in found.values()],
-        "filters": {name: list(each) for name, each in choices.items()},
-    }
+def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str, Standing]]]:
+    """The laws, and how each stands in each case of a run."""
+    cases: dict[str, dict[str, Standing]] = {}
+    for each in results:
+        if each.kind == "run":
+            for standing in _result(each).standings:
+                cases.setdefault(standing.case, {})[standing.law] = standing
+    laws = dict.fromkeys(law for case in cases.values() for law in case)
+    return list(laws), dict(sorted(cases.items()))
 
 
-def _drawn(
-    documents: Sequence[Document], notices: list[str]
-) -> tuple[dict[str, Any], Callable[[Sequence[Document]], Mapping[str, Any]]]:
-    """What the template says of curves, campaigns and maps; and their data, given the films."""
-    curves = {
+def _summary(
+    answers: Sequence[Answer],
+    laws: Sequence[str],
+    cases: Mapping[str, Mapping[str, Standing]],
+    results: Sequence[Document],
+) -> list[str]:
+    """What was tested and what came out, in sentences."""
+    if not answers:
+        return ["No results here answer anything."]
+    sentences = []
+    if cases:
+        scores = []
+        for law in laws:
+            own = [case[law] for case in cases.values() if law in case]
+            kept = sum(not each.breaks_at for each in own)
+            scores.append(f"{label_of(law)} in {kept} of {len(own)}")
+        sentences.append(
+            f"{len(laws)} control laws were run in {len(cases)} cases and judged by the "
+            f"requirements of each. All requirements are kept by {', '.join(scores)}."
+        )
+    counts = Counter(answer.verdict for answer in answers)
+    verdicts = ", ".join(f"{counts[each]} {each}" for each in VERDICTS if counts[each])
+    sentences.append(f"Of {len(answers)} answers: {verdicts}.")
+    if unfinished := sum(not _result(each).complete for each in results):
+        sentences.append(f"{unfinished} of the results were interrupted and are not complete.")
+    return sentences
+
+
+def _cases(documents: Sequence[Document], figures: _Figures) -> list[dict[str, Any]]:
+    """The curves of each case with the number of its film, and the tables of its run."""
+    newest = {
         (each.content.system, each.content.case): each.content
         for each in documents
-        if isinstance(each.content, StoredCurves) and each.content.panels
+        if isinstance(each.content, Curves) and each.content.panels
     }
-    campaigns, plotted = [], []
-    for each in documents:
-        if isinstance(each.content, StoredCampaignResults):
-            runs = _campaign_data(each, each.content, notices)
-            campaigns.append(_campaign(each, each.content, bool(runs["laws"])))
-            plotted.append(runs)
-    studies = sheets(documents)
-    claims = [each for each, *_ in _claims(documents)["claims"]]
-    shown = {
-        "cases": ["/".join(key) for key in curves],
-        "campaigns": campaigns,
-        "sheets": studies,
-        "sections": [
-            ("curves", "Curves", curves),
-            ("claims", "Claims", claims),
-            ("campaigns", "Campaigns", campaigns),
-            ("studies", "Studies", studies),
-        ],
-    }
-
-    def data(films: Sequence[Document]) -> Mapping[str, Any]:
-        beside: dict[tuple[str, str], tuple[int, StoredFilm]] = {}
-        for index, each in enumerate(films):
-            assert isinstance(each.content, StoredFilm)
-            case = each.content.configuration.case
-            beside.setdefault((case.system, case.case), (index, each.content))
-        return {
-            "cases": [curves_data(each, beside.get(key)) for key, each in curves.items()],
-            "claims": [claim_data(each) for each in claims],
-            "campaigns": plotted,
-            "sheets": [each.charts for each in studies],
+    clocks = {
+        (each.content.configuration.case.system, each.content.configuration.case.case):
+            each.content.configuration.film
+        for each in documents
+        if isinstance(each.content, Film)
+    }  # fmt: skip
+    return [
+        {
+            "name": "/".join(key),
+            "title": curves.title,
+            "film": key if key in clocks else None,
+            "clock": clocks.get(key),
+            "figure": figures.add(curves_figure(curves)),
         }
-
-    return shown, data
-
-
-def _campaign_data(
-    document: Document, content: StoredCampaignResults, notices: list[str]
-) -> dict[str, Any]:
-    """The runs of a campaign; none of one whose parts cannot be read."""
-    try:
-        return campaign_data(document, content)
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, pa.ArrowException) as error:
-        notices.append(one_line(f"runs of {where(document.path)}: {error}")[:300])
-        return {"laws": {}}
+        for key, curves in sorted(newest.items())
+    ]
 
 
-def _campaign(document: Document, content: StoredCampaignResults, plotted: bool) -> dict[str, Any]:
-    """What the template says of a campaign."""
-    margins = {(each.requirement, each.controller): each for each in content.margins}
-    rates = content.pass_rates
-    return {
-        "name": target_of(document),
-        "says": content.says,
-        "rates": [(each, margins.get((each.requirement, each.controller))) for each in rates],
-        "plotted": plotted,
+def _study(document: Document, figures: _Figures) -> dict[str, Any]:
+    """The tables and charts of a result."""
+    content = _result(document)
+    name = content.answers[0].question if content.answers else document.path.stem
+    sheets = [
+        {"table": sheet.table,
+         "charts": [(chart.name, figures.add(chart_figure(chart))) for chart in sheet.charts]}
+        for sheet in content.sheets
+        if sheet.table.rows or sheet.charts
+    ]  # fmt: skip
+    return {"name": name, "kind": document.kind, "sheets": sheets}
+
+
+def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Any, str]]]:
+    """The claims by system, each once and with its equation."""
+    claims = {
+        claim.id: claim
+        for each in results
+        if isinstance(each.content, ClaimsResult)
+        for claim in each.content.claims
     }
+    systems: dict[str, list[tuple[Any, str]]] = {}
+    for claim in claims.values():
+        systems.setdefault(claim.system, []).append((claim, mathml(claim.equation)))
+    return systems
 
 
 def _films(
     documents: Sequence[Document], room: int, shrink: Shrink, notices: list[str]
-) -> list[tuple[Document, bytes]]:
+) -> Iterator[tuple[tuple[str, str], str]]:
     """The films of cases whose curves are there and that fit, made smaller if they must be."""
     cases = {
         (each.content.system, each.content.case)
         for each in documents
-        if isinstance(each.content, StoredCurves)
+        if isinstance(each.content, Curves)
     }
-    wanted: dict[tuple[str, str], Document] = {}
+    newest: dict[tuple[str, str], Document] = {}
     for each in documents:
-        if isinstance(each.content, StoredFilm):
+        if isinstance(each.content, Film):
             case = each.content.configuration.case
             if (case.system, case.case) in cases:
-                wanted[case.system, case.case] = each
+                newest[case.system, case.case] = each
             else:
-                notices.append(f"{where(each.path)}: its case has no curves here")
-    found, left = [], room * 3 // 4
-    for index, each in enumerate(wanted.values()):
-        file, share = each.path.with_suffix(".mp4"), left // (len(wanted) - index)
+                notices.append(f"{_text(each.path)}: its case has no curves here")
+    left = room * 3 // 4
+    for index, (key, each) in enumerate(newest.items()):
+        file, share = each.path.with_suffix(".mp4"), left // (len(newest) - index)
         film = _film(file, each.content, share, shrink)
         if isinstance(film, str):
-            notices.append(f"{where(file)}: {film}")
+            notices.append(f"{_text(file)}: {film}")
         else:
-            found.append((each, film))
             left -= len(film)
-    return found
+            yield key, base64.b64encode(film).decode()
 
 
 def _film(file: Path, beside: Any, share: int, shrink: Shrink) -> bytes | str:
@@ -251,37 +255,45 @@ def _film(file: Path, beside: Any, share: int, shrink: Shrink) -> bytes | str:
 
 def _origin(document: Document) -> dict[str, Any]:
     """Where a document comes from."""
-    said = document.provenance
-    text = json.dumps(plain(said.configuration), indent=1, ensure_ascii=True)
+    configuration = document.content.model_dump(include={"configuration"})["configuration"]
+    text = json.dumps(plain(configuration), indent=1, ensure_ascii=True)
     if len(text) > _CONFIGURATION:
         text = text[:_CONFIGURATION] + "\n..."
     return {
-        "path": where(document.path),
+        "path": _text(document.path),
         "kind": document.kind,
-        "said": said,
+        "content": document.content,
         "sha256": document.sha256,
-        "configuration": "" if said.configuration is None else text,
+        "configuration": "" if configuration is None else text,
     }
 
 
-def _render(content: Mapping[str, Any], data: Mapping[str, Any]) -> str:
+def _text(path: Path) -> str:
+    """A path as text that can be printed."""
+    return str(path).encode("utf-8", "replace").decode()
+
+
+def _render(content: Mapping[str, Any], figures: Sequence[Figure]) -> str:
     """The template with its content; scripts run by their hashes alone."""
     home = files("grosmc_mj.page")
     css, js = (home.joinpath(f"page.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
     plotly = _plotly()
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     template = environment.from_string(home.joinpath("page.html").read_text(encoding="utf-8"))
-    hashes = " ".join(f"'sha256-{_sha256(each)}'" for each in (plotly, js))
+    hashes = " ".join(f"'sha256-{_sha256(script)}'" for script in (plotly, js))
     return template.render(
         **content,
         policy=(
             f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; "
-            "img-src data: blob:; media-src data: blob:; base-uri 'none'; form-action 'none'"
+            "img-src data: blob:; media-src data:; base-uri 'none'; form-action 'none'"
         ),
         css=markupsafe.Markup(css),
         js=js,
         plotly=plotly,
-        data=_packed(data),
+        kept=KEPT,
+        figures=_packed(figures),
     )
 
 
@@ -297,7 +309,7 @@ def _sha256(script: str) -> str:
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
-def _packed(data: Any) -> str:
+def _packed(figures: Sequence[Figure]) -> str:
     """JSON, compressed and in letters that end no element of HTML."""
-    text = json.dumps(plain(data), separators=(",", ":"), allow_nan=False)
+    text = json.dumps(plain(figures), separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()

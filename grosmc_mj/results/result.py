@@ -120,7 +120,7 @@ class LineChart(Part):
 
     form: Literal["lines"] = "lines"
     name: Text
-    titles: Sequence[Text]
+    titles: tuple[Text, Text]
     lines: Sequence[Series]
     limit: Number = None
     marks: Sequence[float] = ()
@@ -183,7 +183,7 @@ class GridChart(Part):
 
     form: Literal["grid"] = "grid"
     name: Text
-    axes: Sequence[tuple[Text, float]]
+    axes: tuple[tuple[Text, float], tuple[Text, float]]
     grid: Sequence[Text]
     legend: Sequence[Letter]
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 from rich import box
 from rich.markup import escape
 from rich.table import Table as RichTable
@@ -86,6 +86,13 @@ class Table(BaseModel):
     styles: Sequence[str] = ()
     grouped: bool = False
     legend: str = ""
+
+    @model_validator(mode="after")
+    def _rows_fit(self) -> Table:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"a row has {len(row)} cells, not {len(self.columns)}")
+        return self
 
     def __rich__(self) -> RichTable:
         """For the terminal."""

@@ -52,8 +52,7 @@ class DiffCommand(Command):
 
     def execute(self) -> int:
         """Compare, write, say."""
-        from grosmc_mj.comparison.comparison import compare, comparison_document
-        from grosmc_mj.comparison.junit import write_junit
+        from grosmc_mj.comparison.comparison import compare, comparison_document, write_junit
         from grosmc_mj.results.document import write_json
 
         comparison = compare(self.old, self.new)
