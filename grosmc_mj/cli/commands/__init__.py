@@ -10,6 +10,7 @@ from grosmc_mj.cli.commands.claims import ClaimsCommand
 from grosmc_mj.cli.commands.diff import DiffCommand
 from grosmc_mj.cli.commands.doctor import DoctorCommand
 from grosmc_mj.cli.commands.film import FilmCommand
+from grosmc_mj.cli.commands.identify import CompareCommand, IdentifyCommand
 from grosmc_mj.cli.commands.list import ListCommand
 from grosmc_mj.cli.commands.new import NewCommand
 from grosmc_mj.cli.commands.report import ReportCommand
@@ -38,6 +39,8 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "validate": ValidateCommand,
     "claims": ClaimsCommand,
     "study": STUDIES,
+    "identify": IdentifyCommand,
+    "compare": CompareCommand,
     "report": ReportCommand,
     "diff": DiffCommand,
     "list": ListCommand,

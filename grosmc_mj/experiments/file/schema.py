@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, create_model, model_validator
 
 from grosmc_mj.errors import shown
 from grosmc_mj.experiments.file.tables.laws import ControllerTable, LawTable, TaskTable
+from grosmc_mj.experiments.file.tables.log import LogTable
 from grosmc_mj.experiments.file.tables.parts import LOOP_PARTS, MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.tables.table import (
     Kilograms,
@@ -325,6 +326,7 @@ class CaseFile(_WithParts):
         claim: What statements of the chapter say of them.
         uncertain: Numbers that a campaign varies; a single run has the others' values.
         correlation: Which of them vary together.
+        log: How the columns of a log of the machine are read.
     """
 
     task: TaskTable = TaskTable()
@@ -334,6 +336,7 @@ class CaseFile(_WithParts):
     claim: list[ClaimTable] = []
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
+    log: LogTable | None = None
 
     def law(self, name: str) -> ControllerTable:
         """A controller of the file by its name, or else a law by its name.

@@ -1,0 +1,132 @@
+"""grosmc-mj identify and compare: logs of a machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command
+from grosmc_mj.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.identify.log import Log
+
+
+@dataclass(frozen=True)
+class _OfLog(Command):
+    """What both commands take.
+
+    Attributes:
+        log: CSV or Parquet: time, inputs and measured states.
+        case: SYSTEM, SYSTEM/CASE or FILE.toml that the log is of.
+        horizon: Length of a prediction, which then begins anew [s].
+        out: Folder for results.
+    """
+
+    log: Annotated[Positional[Path], arg(metavar="LOG")]
+    case: Annotated[Positional[str], arg(metavar="CASE")]
+    horizon: Annotated[float, arg(metavar="S")] = 1.0
+    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+
+    def _read(self) -> tuple[Experiment, Log]:
+        from grosmc_mj.experiments.catalogue import find_experiments
+        from grosmc_mj.identify.log import read_log
+
+        if not 0 < self.horizon < float("inf"):
+            raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
+        experiment = find_experiments(self.case)[0]
+        table = experiment.file.log
+        return experiment, read_log(self.log, experiment.nominal.system, table)
+
+    def _path(self, what: str, experiment: Experiment) -> Path:
+        return self.out / f"{what}_{experiment.case.system}_{self.log.stem}.json"
+
+
+@dataclass(frozen=True)
+class IdentifyCommand(_OfLog):
+    """Fit a case's parameters to a log of the machine, and write the case of that machine.
+
+    Fitted are the numbers of the case's [[uncertain]] tables within their ranges, or those of
+    --fit: masses, lengths, damping, friction, machine parts, delay, a sensor's bias. What the log
+    does not show is named and held at its value. The result is the values with their 95 %
+    intervals, how well the part that was held out is predicted, a figure, and a case file with the
+    fitted values and their joint distribution, for run, campaign, study and film.
+
+    Attributes:
+        fit: Names of [[uncertain]] numbers, or paths such as joint.shaft.damping; all by default.
+        hold_out: Share of the log, its end, that is not fitted but predicted.
+    """
+
+    fit: Annotated[tuple[str, ...], arg(metavar="NAME ...")] = field(default=())
+    hold_out: Annotated[float, arg(metavar="SHARE")] = 0.3
+
+    def execute(self) -> int:
+        """Read, fit, write, say."""
+        from grosmc_mj.identify.case_file import write_case
+        from grosmc_mj.identify.fit import fit, quality
+        from grosmc_mj.identify.parameters import parameters_of
+        from grosmc_mj.identify.replay import require_matching
+        from grosmc_mj.identify.report import draw, identification, quality_table, values_table
+        from grosmc_mj.results.document import write_json
+
+        if not 0 < self.hold_out < 0.9:
+            raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
+        experiment, log = self._read()
+        parameters = parameters_of(experiment, self.fit)
+        plant = experiment.plant(experiment.nominal.truest)
+        how: dict[str, Any] = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
+        require_matching(log, plant, **how)
+        seen, held = log.between(0, 1 - self.hold_out), log.between(1 - self.hold_out, 1)
+        with screen.progress(1) as advance:
+            found = fit(parameters, seen, plant, **how, progress=lambda text: advance(text, 0))
+            rows = quality(found, held, plant, **how)
+            advance("fitted")
+        path = self._path("identify", experiment)
+        files = [path, path.with_suffix(".png"), path.with_suffix(".toml")]
+        document = identification(found, rows, log.name, self.horizon, self.hold_out)
+        write_json(path, document)
+        draw(found, held, plant, self.horizon, experiment.settings.timestep, files[1])
+        write_case(found, log.name, files[2])
+        console = screen.console()
+        white = all(row.white for row in rows)
+        screen.say_verdict(console, document["answers"][0]["words"] + ".", good=white)
+        for unseen in found.unseen:
+            console.print(f"{unseen.words}.")
+        console.print(values_table(found))
+        console.print(quality_table(rows))
+        screen.say_files(console, *files)
+        return screen.DONE
+
+
+@dataclass(frozen=True)
+class CompareCommand(_OfLog):
+    """Put the inputs of a log on every rung, and tell which one explains the machine.
+
+    Printed and corrected equations, physics and the machine as built predict the measured states
+    from many starts along the log; the error is told by the time since the start.
+    """
+
+    def execute(self) -> int:
+        """Read, predict, write, say."""
+        from grosmc_mj.identify.compare import compared, comparison_result, rungs_of
+        from grosmc_mj.results.document import write_json
+        from grosmc_mj.results.result import Sheet
+
+        experiment, log = self._read()
+        how = self.horizon, experiment.settings.timestep
+        rows, notes = compared(rungs_of(experiment), log, *how)
+        path = self._path("compare", experiment)
+        document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
+        write_json(path, document)
+        console = screen.console()
+        screen.say_verdict(console, document["answers"][0]["words"] + ".", good=True)
+        screen.say_lines(console, notes, "dim", all=True)
+        for sheet in document["sheets"]:
+            console.print(Sheet.model_validate(sheet).table)
+        screen.say_files(console, path)
+        return screen.DONE

@@ -1,0 +1,128 @@
+"""The result of an identification: its document, tables and figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.identify.fit import Fit, Quality, residuals
+from grosmc_mj.identify.log import Log
+from grosmc_mj.plants import Plant
+from grosmc_mj.results.figure import figure_written
+from grosmc_mj.results.palette import BLUE, VERMILION
+from grosmc_mj.results.result import MEASURED, OPEN, Answer, Sheet, Value, result
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+
+# A value this near to an end of its range, as a share of that, is at the end.
+_NEAR = 1e-3
+
+
+def values_table(fit: Fit) -> Table:
+    """The parameters with their intervals."""
+    rows, half = [], iter(fit.half.tolist())
+    for quantity, value, free in zip(
+        fit.parameters.quantities, fit.values.tolist(), fit.fitted, strict=True
+    ):
+        within = next(half) if free else None
+        interval = f"{value - within:.4g} to {value + within:.4g}" if within is not None else "-"
+        support = quantity.distribution.support
+        at_end = np.abs(np.array(support) - value).min() < _NEAR * np.ptp(support)
+        note = "at the end of its range: widen it, or check the log" if at_end else ""
+        note = note if free else "held: not visible in this log"
+        rows.append(
+            (
+                quantity.name,
+                f"{value:.4g}",
+                interval,
+                quantity.unit,
+                f"{quantity.nominal:.4g}",
+                note,
+            )
+        )
+    return table(
+        "Parameters",
+        [*names("parameter"), *numbers("value", "95 % interval"), *words("unit"),
+         *numbers("in the case"), *text()],
+        rows,
+    )  # fmt: skip
+
+
+def quality_table(rows: Sequence[Quality]) -> Table:
+    """How well the held-out part is predicted."""
+    cells = [
+        (each.state, f"{number(each.rms)} {each.unit}", number(100 * each.fit),
+         number(each.steps), "white" if each.white else "correlated in time")
+        for each in rows
+    ]  # fmt: skip
+    return table(
+        "Prediction of the held-out part",
+        [*names("state"), *numbers("RMS", "fit %", "RMS in steps"), *words("residual")],
+        cells,
+        legend="Fit: 1 - |residual| / |deviation from the mean|. In steps of the sensor, or in "
+        "standard deviations of its noise. A residual that is correlated in time means that the "
+        "model lacks something, and that the intervals are too narrow.",
+    )
+
+
+def identification(
+    fit: Fit, rows: Sequence[Quality], log: str, horizon: float, hold_out: float
+) -> dict[str, Any]:
+    """The content of the result's JSON file."""
+    experiment, white = fit.parameters.experiment, all(each.white for each in rows)
+    least = min(rows, key=lambda each: each.fit)
+    said = f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
+    said += f"{least.state} of the held-out part predicted to {100 * least.fit:.3g} %"
+    half = iter(fit.half.tolist())
+    values = [
+        {"name": quantity.name, "value": value, "unit": quantity.unit,
+         "in_the_case": quantity.nominal, "half_width": next(half) if free else None}
+        for quantity, value, free in zip(
+            fit.parameters.quantities, fit.values.tolist(), fit.fitted, strict=True
+        )
+    ]  # fmt: skip
+    return result(
+        "identify",
+        {"case": str(experiment.path), "log": log, "horizon": horizon, "hold_out": hold_out},
+        answers=[
+            Answer(
+                question=f"Parameters of {experiment.path.stem} from {log}",
+                verdict=MEASURED if white else OPEN,
+                words=said,
+                more="; ".join(each.words for each in fit.unseen),
+            )
+        ],
+        sheets=[Sheet(table=values_table(fit)), Sheet(table=quality_table(rows))],
+        values=[
+            Value(name=f"{log}: {each['name']}", value=each["value"], unit=each["unit"],
+                  relative=1e-3)
+            for each in values
+        ],
+        parameters=values,
+        covariance=fit.covariance.tolist(),
+        unseen=[each._asdict() for each in fit.unseen],
+        held_out=[each._asdict() for each in rows],
+    )  # fmt: skip
+
+
+def draw(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float, path: Path) -> None:
+    """Draw measured and fitted states of the held-out part, and their difference."""
+    parts = residuals(fit, log, plant, horizon, timestep)
+    units = {state.name: state.unit for state in plant.system.states}
+    size = 9.0, 2.2 * 2 * len(parts) + 0.6
+    with figure_written(path, size, [".png"]) as figure:
+        axes = figure.subplots(2 * len(parts), 1, sharex=True)
+        for row, (name, pieces) in enumerate(parts.items()):
+            above, below = axes[2 * row], axes[2 * row + 1]
+            for index, (samples, error) in enumerate(pieces):
+                time, measured = log.time[samples], log.outputs[name][samples]
+                label = ("measured", "fitted", "residual") if index == 0 else (None, None, None)
+                above.plot(time, measured, color="#888888", lw=2.4, alpha=0.6, label=label[0])
+                above.plot(time, measured - error, color=BLUE, lw=1.0, label=label[1])
+                below.plot(time, error, color=VERMILION, lw=0.8, label=label[2])
+            above.set_ylabel(f"{name} [{units[name]}]")
+            below.set_ylabel(f"residual [{units[name]}]")
+            above.legend(loc="upper right")
+        axes[-1].set_xlabel("time [s]")
