@@ -47,7 +47,8 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     for quantity, value, free in zip(
         fit.parameters.quantities, fit.values.tolist(), fit.fitted, strict=True
     ):
-        _set(content, quantity, value)
+        settings = experiment.settings
+        _set(content, quantity, quantity.as_run(value, settings.timestep, settings.control_period))
         if free:
             kept.append(_uncertain(quantity, value, float(deviations[next(shown)])))
             fitted.append(quantity)

@@ -26,7 +26,7 @@ _SLIPS = (
     (1e3, "be in thousands of its unit"),
 )
 # Inputs that leave this share of the error explain little; without a slip they leave so much less.
-_POOR, _BETTER = 0.7, 2.0
+_POOR, _BETTER = 0.9, 1.2
 
 
 @dataclass(frozen=True, eq=False)

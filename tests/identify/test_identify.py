@@ -1,0 +1,309 @@
+"""From a log to the parameters of its machine: logs, fits, what they do not show, the case file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import coverage
+from grosmc_mj import cli
+from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family.campaign import Campaign
+from grosmc_mj.campaign.family.specification import specification_of
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.experiments.file.reading import parse_case_file
+from grosmc_mj.experiments.file.tables.log import LogTable
+from grosmc_mj.identify.case_file import write_case
+from grosmc_mj.identify.compare import best_rung, compared, rungs_of
+from grosmc_mj.identify.fit import _Residual, _weak, fit, quality
+from grosmc_mj.identify.log import Log, held, read_log
+from grosmc_mj.identify.parameters import parameters_of
+from grosmc_mj.identify.replay import Predictor, require_matching
+from grosmc_mj.plants import find_system
+
+SERVO = find_system("servo")
+HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}
+HEADER = "time [s],current [A],rotor angle [rad]"
+
+
+def short(number: int, seconds: float = 4.0) -> tuple[Array, Log]:
+    """The first seconds of a machine of the coverage benchmark."""
+    true, log = coverage.machine(number)
+    kept = round(seconds / coverage.SAMPLING)
+    return true, Log(
+        log.name, log.time[:kept], log.inputs[:kept],
+        {name: values[:kept] for name, values in log.outputs.items()}, [slice(0, kept)],
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return short(0)[1]
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    return coverage.case(tmp_path_factory.mktemp("case"))
+
+
+def csv(path: Path, rows: Array, header: str = HEADER) -> Path:
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def columns(log: Log) -> Array:
+    return np.column_stack([log.time, log.inputs, log.outputs["rotor angle"]])
+
+
+def test_a_log_is_read_in_the_units_of_its_headers(tmp_path: Path, log: Log) -> None:
+    rows = columns(log)
+    plain = read_log(csv(tmp_path / "a.csv", rows), SERVO, None)
+    rows[:, 0] *= 1e3
+    rows[:, 2] = np.degrees(rows[:, 2])
+    other = csv(tmp_path / "b.csv", rows, "t [ms],i,Rotor_Angle (deg)")
+    for found in (plain, read_log(other, SERVO, None)):
+        assert np.allclose(found.time, log.time, atol=1e-9)
+        assert np.allclose(found.inputs, log.inputs)
+        assert np.allclose(found.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-7)
+
+
+def test_the_case_names_columns_with_sign_scale_and_offset(tmp_path: Path, log: Log) -> None:
+    rows = columns(log)[:, 1:]
+    rows[:, 1] = 100 - rows[:, 1] / 0.01
+    path = csv(tmp_path / "a.csv", rows, "command,counts")
+    table = LogTable.model_validate(
+        {
+            "sampling": "2 ms",
+            "columns": {
+                "current": {"column": "command"},
+                "rotor angle": {"column": "counts", "sign": -1, "scale": 0.01, "offset": 100.0},
+            },
+        }
+    )
+    found = read_log(path, SERVO, table)
+    assert np.allclose(found.time, log.time)
+    assert np.allclose(found.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-6)
+
+
+def test_a_gap_ends_a_piece_and_a_part_is_held_out(tmp_path: Path, log: Log) -> None:
+    rows = np.delete(columns(log), slice(500, 700), axis=0)
+    found = read_log(csv(tmp_path / "a.csv", rows), SERVO, None)
+    assert [(piece.start, piece.stop) for piece in found.pieces] == [(0, 500), (500, 1800)]
+    seen, last = found.between(0, 0.7), found.between(0.7, 1)
+    assert seen.pieces[-1].stop == last.pieces[0].start
+    assert found.time[last.pieces[0].start] == pytest.approx(0.7 * found.time[-1], abs=0.002)
+
+
+def _without_time(rows: Array) -> Array:
+    rows[300, 0] = rows[299, 0]
+    return rows
+
+
+def _constant(rows: Array) -> Array:
+    rows[:, 1] = 0.3
+    return rows
+
+
+def _missing(rows: Array) -> Array:
+    rows[100, 2] = np.nan
+    return rows
+
+
+def _saturated(rows: Array) -> Array:
+    wave = np.sin(np.linspace(0, 40, len(rows)) ** 1.5)
+    rows[:, 1] = np.minimum(wave + 0.8, 0.6)
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("change", "header", "words"),
+    [
+        (lambda rows: rows[:10], HEADER, "has 10 rows of numbers: a log has 50 at least"),
+        (_without_time, HEADER, "the time does not rise at row 301"),
+        (_constant, HEADER, "the input is 0.3 A all the time"),
+        (_missing, HEADER, "is no number in row 102: fill or cut it"),
+        (_saturated, HEADER, "it saturates"),
+        (lambda rows: rows, "time [s],volts,rotor angle", "no column of the input 'current'"),
+        (lambda rows: rows, "time [s],current,x", "no column of a state"),
+        (lambda rows: rows, "a,current,rotor angle", "no column of the time"),
+        (lambda rows: rows, "time [s],current [A],rotor angle [kg]", "cannot be converted to rad"),
+    ],
+)
+def test_a_log_that_is_wrong_is_one_line(
+    tmp_path: Path, log: Log, change: Any, header: str, words: str
+) -> None:
+    path = csv(tmp_path / "log.csv", change(columns(log)), header)
+    with pytest.raises(ArgumentError, match=r"log\.csv") as error:
+        read_log(path, SERVO, None)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ((-1, 1), "rotor angle seems to have the other sign"),
+        ((1, 180 / np.pi), "rotor angle seems to be in degrees"),
+        ((1, 1e3), "rotor angle seems to be in thousandths"),
+    ],
+)
+def test_a_slip_of_sign_or_unit_is_named(
+    experiment: Experiment, log: Log, factors: tuple[float, float], words: str
+) -> None:
+    angle = factors[1] * log.outputs["rotor angle"]
+    slipped = Log(log.name, log.time, factors[0] * log.inputs, {"rotor angle": angle}, log.pieces)
+    plant = experiment.plant("physics")
+    require_matching(log, plant, **HOW)
+    with pytest.raises(ArgumentError, match=words):
+        require_matching(slipped, plant, **HOW)
+
+
+def test_a_held_input_is_late_by_any_delay_without_jumps() -> None:
+    time, values = np.arange(5) * 0.1, np.array([[0.0], [1.0], [1.0], [3.0], [0.0]])
+    grid = np.arange(9) * 0.05
+    assert held(time, values, 0.0, grid)[:, 0].tolist() == pytest.approx([0, 0, 1, 1, 1, 1, 3, 3])
+    late = held(time, values, 0.02, grid)[:, 0]
+    assert late.tolist() == pytest.approx([0, 0, 0.6, 1, 1, 1, 0.4 * 1 + 0.6 * 3, 3])
+    near = held(time, values, 0.02 + 1e-7, grid)[:, 0]
+    assert np.abs(near - late).max() < 1e-5
+
+
+def test_a_prediction_is_that_of_another_integrator(experiment: Experiment) -> None:
+    true, log = short(3)
+    parameters = parameters_of(experiment, coverage.NAMES)
+    predictor = Predictor.of(log, 1.0, 1e-3)
+    plant = parameters.plant(true, experiment.plant("physics"))
+    ((states, *_),) = predictor.states([plant], [np.zeros((len(predictor.windows), 2))], [true[2]])
+    predicted = predictor.at_samples(0, states[:, 0])
+    error = log.outputs["rotor angle"][predictor.windows[0].samples] - predicted
+    assert np.std(error) < 1.1 * coverage.NOISE
+    assert abs(np.mean(error)) < 2e-4
+
+
+def test_a_fit_finds_the_machine_and_predicts_what_was_held_out(
+    experiment: Experiment, tmp_path: Path
+) -> None:
+    true, log = short(0, 6.0)
+    parameters, plant = parameters_of(experiment, coverage.NAMES), experiment.plant("physics")
+    found = fit(parameters, log.between(0, 0.7), plant, **HOW)
+    assert found.fitted.all()
+    assert (np.abs(found.values - true) < 2 * found.half).all()
+    assert found.scales["rotor angle"] == pytest.approx(coverage.NOISE, rel=0.05)
+    (row,) = quality(found, log.between(0.7, 1), plant, **HOW)
+    assert row.rms == pytest.approx(coverage.NOISE, rel=0.1)
+    assert row.white
+    path = tmp_path / "identified.toml"
+    write_case(found, log.name, path)
+    family = Campaign.of(specification_of(str(path), runs=4)).family
+    assert family.nominal == pytest.approx(found.values)
+    assert family.correlation == pytest.approx(found.correlation, abs=1e-9)
+    (upper,) = family.values(np.array([[0.8413447460685429, 0.5, 0.5]]))
+    assert upper[0] - found.values[0] == pytest.approx(found.covariance[0, 0] ** 0.5, rel=1e-3)
+
+
+SENSOR = '[[sensor]]\nof = "rotor angle"\nbias = "0.1 rad"\n'
+HIDDEN = {
+    "mass and armature": (
+        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
+        ' { joint = "shaft", armature = [0, 0.1] }]',
+        {"rotor mass scale", "shaft armature"},
+    ),
+    "mass, armature and damping": (
+        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
+        ' { joint = "shaft", damping = [0.001, 0.1] }, { joint = "shaft", armature = [0, 0.1] }]',
+        {"rotor mass scale", "shaft armature"},
+    ),
+    "a bias": (
+        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
+        ' { sensor = "rotor angle", bias = ["-1 rad", "1 rad"] }]\n' + SENSOR,
+        {"rotor angle bias"},
+    ),
+    "all is visible": (
+        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
+        ' { joint = "shaft", damping = [0.001, 0.1] }]',
+        set(),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_parameters_that_a_log_does_not_show_are_named(tmp_path: Path, log: Log, name: str) -> None:
+    uncertain, hidden = HIDDEN[name]
+    head = coverage.CASE[: coverage.CASE.index("uncertain")]
+    text, path = head + uncertain, tmp_path / "case.toml"
+    path.write_text(text, encoding="utf-8")
+    case = experiment_of(parse_case_file(text, path), path)
+    parameters, plant = parameters_of(case, ()), case.plant("physics")
+    free = np.ones(len(parameters.names), bool)
+    scales = {"rotor angle": coverage.NOISE}
+    residual = _Residual(parameters, free, Predictor.of(log, **HOW), plant, scales)
+    weak = _weak(parameters, free, residual.jacobian(residual.point(parameters.first)))
+    assert ({weak.held, *weak.others} if weak else set()) == hidden
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("rotor mass",), "unknown parameter 'rotor mass'"),
+        (("joint.shaft.armature",), "the case has none: give it a range"),
+        (("body.rotr.mass_scale",), "unknown body 'rotr'"),
+    ],
+)
+def test_a_parameter_that_is_none_is_one_line(
+    experiment: Experiment, names: tuple[str, ...], words: str
+) -> None:
+    with pytest.raises(ArgumentError) as error:
+        parameters_of(experiment, names)
+    assert words in str(error.value)
+
+
+def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> None:
+    true, log = short(1)
+    parameters = parameters_of(experiment, coverage.NAMES)
+    plants = {
+        **rungs_of(experiment),
+        "as it is": parameters.plant(true, experiment.plant("physics")),
+    }
+    rows, _ = compared(plants, log, 1.0, 1e-3)
+    assert best_rung(rows) == {"rotor angle": "as it is"}
+
+
+def run(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(each) for each in arguments])
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def test_the_commands_write_and_say_what_they_found(
+    tmp_path: Path, log: Log, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = csv(tmp_path / "bench.csv", columns(log))
+    asked = ("identify", path, "servo/nominal", "--fit", "body.rotor.mass_scale")
+    assert run(*asked, "--out", tmp_path) == cli.DONE
+    said = capsys.readouterr().out
+    assert "1 of 1 parameters fitted" in said
+    document = json.loads((tmp_path / "identify_servo_bench.json").read_text())
+    assert document["parameters"][0]["name"] == "rotor mass scale"
+    assert (tmp_path / "identify_servo_bench.png").is_file()
+    assert Experiment.load(tmp_path / "identify_servo_bench.toml").case.edits[0].mass_scale > 1.2
+    assert run("compare", path, "servo/nominal", "--out", tmp_path) == cli.DONE
+    assert "has the least error after 1 s" in capsys.readouterr().out
+    assert run("identify", path, "servo/nominal", "--hold-out", 1.5) == cli.WRONG
+    assert "--hold-out 1.5 must be above 0 and below 0.9" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_intervals_of_twenty_machines_contain_the_true_values(experiment: Experiment) -> None:
+    parameters, plant = parameters_of(experiment, coverage.NAMES), experiment.plant("physics")
+    outside = np.zeros(len(coverage.NAMES))
+    for number in range(300, 320):
+        true, log = short(number)
+        found = fit(parameters, log, plant, **HOW)
+        outside += ~(np.abs(found.values - true) <= found.half)
+    assert (outside <= 4).all()
