@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import make_dataclass
 from typing import Any
 
 import sympy as sp
-from sympy.logic.boolalg import Boolean
 
-from grosmc_mj.arguments import real, require, require_known
-from grosmc_mj.errors import ModelError, one_line, shown
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.fields import Finite, Name, checked_call
 from grosmc_mj.plants.analytic import AnalyticPlant
-from grosmc_mj.plants.equations import Equations
+from grosmc_mj.plants.equations import Equations, Expressions
 from grosmc_mj.plants.system import Signal, System
 
 
+@checked_call
 def affine_plant(
-    name: str,
+    name: Name,
     *,
     states: Mapping[str, str],
     inputs: Mapping[str, str],
-    f: Sequence[Any],
-    g: Sequence[Any],
-    h: Sequence[Any],
-    parameters: Mapping[str, float],
+    f: Expressions,
+    g: Any,
+    h: Expressions,
+    parameters: Mapping[str, Finite],
     region: Any = True,
     where: str = "",
-    near: Mapping[str, float] | None = None,
+    near: Mapping[str, Finite] | None = None,
 ) -> AnalyticPlant:
     """An analytic plant x' = f(x) + g(x) u, y = h(x), eq. (20), from sympy expressions.
 
@@ -49,64 +49,36 @@ def affine_plant(
         The plant with these numbers; ``with_parameters`` gives others of its family.
 
     Raises:
-        ModelError: If rows are missing, a symbol has no number or a number no symbol, or a
-            number is not finite.
+        ArgumentError: If an argument is of another kind.
+        ModelError: If rows are missing, or a symbol has no number or a number no symbol.
     """
-    require(f"{name}: where", where, str, "a text", ModelError)
-    require(f"{name}: parameters", parameters, Mapping, "numbers by their symbols", ModelError)
-    for symbol, value in parameters.items():
-        if not (math.isfinite(real(value))):
-            raise ModelError(f"{name}: {symbol} = {shown(value)} must be a finite number")
-    for noun, units in (("states", states), ("inputs", inputs)):
-        if not (isinstance(units, Mapping) and all(isinstance(each, str) for each in units)):
-            raise ModelError(
-                f"{name}: {noun} = {shown(units)} must give a unit by the name of each"
-            )
     try:
-        within = sp.sympify(region)
-        require(f"{name}: region", within, Boolean, "a condition on the states", ModelError)
-        equations = Equations(
-            x=tuple(sp.Symbol(state) for state in states), f=f, g=g, h=h, region=within
-        )
-    except (ModelError, sp.SympifyError, AttributeError, TypeError, ValueError) as error:
-        reason = one_line(str(error))
-        raise ModelError(f"{name}: the equations cannot be read: {reason}") from error
-    if len(equations.h) != equations.inputs or equations.inputs != len(inputs):
+        symbols = tuple(sp.Symbol(state) for state in states)
+        equations = Equations(x=symbols, f=f, g=g, h=h, region=region)
+    except (sp.SympifyError, AttributeError, TypeError, ValueError) as error:
+        raise ModelError(f"{name}: the equations cannot be read: {one_line(str(error))}") from error
+    if not len(equations.h) == equations.inputs == len(inputs):
         raise ModelError(
             f"{name}: {len(inputs)} inputs are named, g has {equations.inputs} columns and h "
             f"{len(equations.h)} outputs: all three must be the same"
         )
-    needed, given = {str(symbol) for symbol in equations.parameters}, set(parameters)
-    assumed = sorted(s.name for s in equations.parameters if s.name in states)
-    if assumed:
-        raise ModelError(
-            f"{name}: {', '.join(assumed)} have assumptions, such as real=True, and so are other "
-            "symbols than the states: make them without"
-        )
-    if needed != given:
-        if driven := sorted((needed - given) & set(inputs)):
-            raise ModelError(
-                f"{name}: {', '.join(driven)}, an input, stands in the equations: they must be "
-                "affine in it, x' = f(x) + g(x) u, with its factors in g; if they are not, make it "
-                "a state and its rate the input"
-            )
-        missing, idle = ", ".join(sorted(needed - given)), ", ".join(sorted(given - needed))
-        raise ModelError(
-            f"{name}: "
-            + (f"no state and no number for {missing}; " if missing else "")
-            + (f"no equation has {idle}; " if idle else "")
-            + f"states: {', '.join(states)}; parameters: {', '.join(parameters)}"
-        )
-    near = {} if near is None else near
-    require("near", near, Mapping, "values by the states' names", ModelError)
-    for state in near:
+    needed = {str(symbol) for symbol in equations.parameters}
+    problems = (
+        (needed & set(states), "another symbol than the state: make it without assumptions"),
+        (needed & set(inputs), "an input outside of g: make it a state and its rate the input"),
+        (needed - {*parameters, *states, *inputs}, f"no number, and none of {', '.join(states)}"),
+        (set(parameters) - needed, "a number that is in no equation"),
+    )
+    if mistakes := [f"{', '.join(sorted(names))}: {text}" for names, text in problems if names]:
+        raise ModelError(f"{name}: {'; '.join(mistakes)}")
+    for state in near or {}:
         require_known("state", state, states, f"{name}: near: ", ModelError)
     # The first state stands for the outputs where none of them is a state.
     system = System(
         name=name,
         title=name,
         states=tuple(Signal(state, state, unit) for state, unit in states.items()),
-        inputs=tuple(Signal(each, each, unit) for each, unit in inputs.items()),
+        inputs=tuple(Signal(symbol, symbol, unit) for symbol, unit in inputs.items()),
         equations=equations,
         region=where or str(region),
         controlled=tuple(i for i, x in enumerate(equations.x) if x in equations.h) or (0,),

@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,10 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, shown
 from grosmc_mj.fields import Known, checked
 from grosmc_mj.plants.plant import Integrator, Kind, Plant
-from grosmc_mj.plants.system import System, Variant
-
-if TYPE_CHECKING:
-    import mujoco
+from grosmc_mj.plants.system import MjModel, System, Variant
 
 
 @checked(ModelError)
@@ -38,7 +35,7 @@ class AnalyticPlant(Plant):
 
     @classmethod
     def from_model(
-        cls, system: System, model: mujoco.MjModel, variant: Variant = "corrected"
+        cls, system: System, model: MjModel, variant: Variant = "corrected"
     ) -> AnalyticPlant:
         """The analytic twin of a compiled model, edited or not.
 
@@ -88,11 +85,9 @@ class AnalyticPlant(Plant):
     ) -> Array:
         """x' = f(x) + g(x) u + d(x, w), (n,)."""
         x, u, w = self.checked(x, u, wrench)
-        p = self.parameters
-        g = np.reshape(self.system.input_matrix(x, p), (len(x), len(u)))
-        return (
-            np.array(self.system.drift(x, p)) + g @ u + np.array(self.system.disturbance(x, w, p))
-        )
+        p, equations = self.parameters, self.system.equations
+        g = np.reshape(equations.input_matrix(x, p), (len(x), len(u)))
+        return np.array(equations.drift(x, p)) + g @ u + np.array(equations.disturbance(x, w, p))
 
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
         """Itself: it is one variant of its equations."""
@@ -110,12 +105,10 @@ class AnalyticPlant(Plant):
             raise ModelError(
                 f"{self.system.name} as equations has no model in MuJoCo: scale a parameter instead"
             )
-        if not scales:
-            return self
-        p = self.parameters
-        return self.with_parameters(
-            **{name: factor * getattr(p, name, math.nan) for name, factor in scales.items()}
-        )
+        numbers = {
+            key: k * getattr(self.parameters, key, math.nan) for key, k in (scales or {}).items()
+        }
+        return self.with_parameters(**numbers) if numbers else self
 
     def with_parameters(self, **changes: float) -> AnalyticPlant:
         """The same equations with other numbers.
@@ -148,4 +141,4 @@ class AnalyticPlant(Plant):
         x, u, _ = self.checked(x, u, None)
         p, n = self.parameters, len(x)
         A = np.reshape(self.system.equations.jacobian(x, u, p), (n, n))
-        return A, np.reshape(self.system.input_matrix(x, p), (n, -1))
+        return A, np.reshape(self.system.equations.input_matrix(x, p), (n, -1))

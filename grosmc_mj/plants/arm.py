@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import sympy as sp
 
@@ -12,15 +10,13 @@ from grosmc_mj.fields import Finite, NotNegative, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
+    MjModel,
     Signal,
     System,
     Variant,
     require_unmodelled_absent,
     wrench_symbols,
 )
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 @checked(ModelError, label="arm")
@@ -48,7 +44,7 @@ class ArmParameters:
     printed: Finite = 0.0
 
     @classmethod
-    def from_model(cls, model: mujoco.MjModel, variant: Variant) -> ArmParameters:
+    def from_model(cls, model: MjModel, variant: Variant) -> ArmParameters:
         """Read m, l, g, J and M_c back from a compiled model.
 
         Raises:
@@ -77,21 +73,20 @@ class ArmParameters:
         )
 
 
-def _equations() -> Equations:
-    """Eq. (57) solved for the acceleration; x = [q, q'], q = 0 horizontal."""
-    q, rate = sp.symbols("q rate")
-    m, l, g, J, M_c, printed = sp.symbols("m l g J M_c printed")
+def _dynamics() -> tuple[Equations, LinearParametrization]:
+    """Eq. (57), x = [q, q'] with q = 0 horizontal, solved for the acceleration and in torques."""
+    q, rate, r, a, m, l, g, J, M_c, printed = sp.symbols("q rate r a m l g J M_c printed")
     s, c = sp.sin(q), sp.cos(q)
     M = J + m * l**2 + M_c * (1 + s)
-    # C: M'(q)/2 as printed; energy needs M'(q) q'/2.
-    C = M_c * c / 2 * (printed + (1 - printed) * rate)
+    # C over M_c: M'(q)/2 as printed; energy needs M'(q) q'/2.
+    C = c / 2 * (printed + (1 - printed) * rate)
     # The joint is along -y, and the payload at (l cos q, l sin q) from it in the x-z plane; the
     # hub's centre of mass is on the axis. The chapter's d(t) is minus a torque about the joint.
     w = wrench_symbols("hub", "link")
     about = l * (c * w[8] - s * w[6]) - w[4] - w[10]
-    return Equations(
+    equations = Equations(
         x=(q, rate),
-        f=(rate, -(C * rate + m * g * l * c) / M),
+        f=(rate, -(M_c * C * rate + m * g * l * c) / M),
         g=(0, 1 / M),
         h=(q,),
         w=w,
@@ -101,17 +96,9 @@ def _equations() -> Equations:
         # Wherever the plant is regular, since 1/M(q) > 0.
         region=sp.And(q < sp.pi / 2, q > -3 * sp.pi / 2),
     )
-
-
-def _parametrization() -> LinearParametrization:
-    """Eq. (57) in the inertia J + m l^2 + M_c, the sine's M_c, gravity's m g l and a load."""
-    q, rate, r, a = sp.symbols("q rate r a")
-    m, l, g, J, M_c, printed = sp.symbols("m l g J M_c printed")
-    s, c = sp.sin(q), sp.cos(q)
-    C = c / 2 * (printed + (1 - printed) * rate)
-    return LinearParametrization(
-        q=(q,),
-        rate=(rate,),
+    # The inertia J + m l^2 + M_c, the sine's M_c, gravity's m g l and a load.
+    return equations, LinearParametrization(
+        x=(q, rate),
         r=(r,),
         a=(a,),
         Y=((a, s * a + C * r, c, 1),),
@@ -119,12 +106,13 @@ def _parametrization() -> LinearParametrization:
     )
 
 
+_EQUATIONS, _PARAMETRIZATION = _dynamics()
 ARM = System(
     name="arm",
     title="1-DOF arm",
     states=(Signal("joint angle", "q", "rad"), Signal("joint rate", "q̇", "rad/s")),
     inputs=(Signal("torque", "τ", "N m"),),
-    equations=_equations(),
+    equations=_EQUATIONS,
     region="q < pi/2",
     singularity="q >= pi/2, where the cable has length zero",
     joints=("joint",),
@@ -134,5 +122,5 @@ ARM = System(
     read_parameters=ArmParameters.from_model,
     uncertain_body="link",
     position_bound=1.5,  # rad; off the singularity at pi/2
-    parametrization=_parametrization(),
+    parametrization=_PARAMETRIZATION,
 )

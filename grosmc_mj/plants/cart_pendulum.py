@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -13,15 +12,13 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Finite, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
+    MjModel,
     Signal,
     System,
     Variant,
     require_unmodelled_absent,
     wrench_symbols,
 )
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 @checked(ModelError, label="cart_pendulum")
@@ -43,7 +40,7 @@ class CartPendulumParameters:
     printed: Finite = 0.0
 
     @classmethod
-    def from_model(cls, model: mujoco.MjModel, variant: Variant) -> CartPendulumParameters:
+    def from_model(cls, model: MjModel, variant: Variant) -> CartPendulumParameters:
         """Read M, m, L and g back from a compiled model.
 
         Raises:

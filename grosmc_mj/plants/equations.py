@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
 import sympy as sp
+from pydantic import PlainValidator
 
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
+from grosmc_mj.fields import refused
 from grosmc_mj.jitable import jitable
 
 Column = tuple[float, ...]
 
 
-def _entries(row: Any) -> Sequence[Any]:
-    """The entries of a row, which may be its one entry."""
-    if isinstance(row, np.ndarray):
-        row = row.tolist()
-    return row if isinstance(row, Sequence) and not isinstance(row, str) else [row]
+def _expressions(value: Any) -> tuple[Any, ...]:
+    """Expressions of sympy; never text, which sympy would execute."""
+    if isinstance(value, (list, tuple)):
+        with suppress(sp.SympifyError):
+            rows = tuple(sp.sympify(row, strict=True) for row in value)
+            if all(isinstance(row, sp.Expr) for row in rows):
+                return rows
+    raise refused("a list of expressions of sympy, or of numbers")
+
+
+Expressions = Annotated[Sequence[Any], PlainValidator(_expressions)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,32 +62,23 @@ class Equations:
 
     def __post_init__(self) -> None:
         n = len(self.x)
-        columns = {
-            "x": tuple(self.x),
-            "f": tuple(sp.sympify(each) for each in self.f),
-            "g": tuple(tuple(sp.sympify(each) for each in _entries(row)) for row in self.g),
-            "h": tuple(sp.sympify(each) for each in self.h),
-            "w": tuple(self.w),
-            "d": tuple(sp.sympify(each) for each in self.d) or (sp.Integer(0),) * n,
-        }
-        for name in ("f", "g", "d"):
-            if len(columns[name]) != n:
+        if len(set(self.x)) != n or not all(isinstance(s, sp.Symbol) for s in self.x):
+            raise ModelError(f"states {list(self.x)} must be {n} different symbols")
+        try:
+            f, g, h, d = (sp.Matrix(rows) for rows in (self.f, self.g, self.h, self.d or [0] * n))
+        except ValueError as error:
+            raise ModelError(f"the equations are no columns of expressions: {error}") from error
+        for name, column in {"f": f, "g": g, "d": d}.items():
+            if column.rows != n or not column.cols:
                 raise ModelError(
-                    f"{name} has {len(columns[name])} rows, must have one for each of {n} states"
+                    f"{name} has {column.rows} rows of {column.cols}, must have one for each of "
+                    f"{n} states"
                 )
-        widths = {len(row) for row in columns["g"]}
-        if len(widths) != 1 or 0 in widths:
-            raise ModelError(
-                f"g has rows of {sorted(widths)} entries, must have one for each input"
-            )
-        if len(set(columns["x"])) != n or not all(isinstance(s, sp.Symbol) for s in columns["x"]):
-            raise ModelError(f"states {list(columns['x'])} must be {n} different symbols")
-        for name, value in columns.items():
-            object.__setattr__(self, name, value)
-        every = [*self.f, *sum(self.g, ()), *self.h, *self.d, self.breaks_down, self.region]
-        free = set().union(*(sp.sympify(each).free_symbols for each in every))
-        own = free - set(self.x) - set(self.w)
-        object.__setattr__(self, "parameters", tuple(sorted(own, key=str)))
+        parts = f, g, h, d, sp.sympify(self.breaks_down), sp.sympify(self.region)
+        free = set().union(*(part.free_symbols for part in parts)) - {*self.x, *self.w}
+        columns = {"f": f.flat(), "g": map(tuple, g.tolist()), "h": h.flat(), "d": d.flat()}
+        columns |= {"x": self.x, "w": self.w, "parameters": sorted(free, key=str)}
+        vars(self).update((name, tuple(column)) for name, column in columns.items())
 
     @property
     def inputs(self) -> int:
@@ -128,33 +127,27 @@ class Equations:
         return generate_condition("linearizable", self.region, self.places())
 
 
-# What a system without equations is defined by: it breaks down nowhere.
-_EVERYWHERE = {"singular": jitable(lambda x: False), "linearizable": jitable(lambda x: True)}
-
-
 class NoEquations(Equations):
-    """For a system without equations in symbols: it is defined everywhere, and asking tells why.
+    """For a system whose dynamics MuJoCo alone knows: it is defined everywhere.
 
     Attributes:
         owner: Name of the system.
     """
 
+    owner: str
+    singular: Any = staticmethod(jitable(lambda x: False))
+    linearizable: Any = staticmethod(jitable(lambda x: True))
+
     def __init__(self, owner: str) -> None:
-        object.__setattr__(self, "_owner", owner)
+        object.__setattr__(self, "owner", owner)
 
-    def __getattribute__(self, name: str) -> Any:
-        """What holds everywhere, or the reason why there is nothing.
-
-        Raises:
-            ModelError: For all that only symbols could give.
-        """
-        if name.startswith("_"):
-            return object.__getattribute__(self, name)
-        if name in _EVERYWHERE:
-            return _EVERYWHERE[name]
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # copying and pickling look for methods that there may not be
+            raise AttributeError(name)
         raise ModelError(
-            f"{self._owner} has no equations in symbols ({name}): MuJoCo computes its dynamics"
+            f"{vars(self).get('owner')} has no equations in symbols ({name}): MuJoCo computes its "
+            "dynamics"
         )
 
     def __repr__(self) -> str:
-        return f"NoEquations({self._owner!r})"
+        return f"NoEquations({self.owner!r})"

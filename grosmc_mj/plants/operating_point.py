@@ -72,10 +72,9 @@ def equilibrium(
     def rates(values: Array) -> Array:
         here = point(values)
         try:
-            slopes = plant.derivative(here.x, here.u)
+            return np.nan_to_num(plant.derivative(here.x, here.u), nan=1e6)
         except (ArithmeticError, ValueError):  # outside a function's domain
-            slopes = np.full(n, np.nan)
-        return np.where(np.isfinite(slopes), slopes, 1e6)
+            return np.full(n, 1e6)
 
     # Here, for it is a part of scipy that little needs.
     import scipy.optimize
@@ -85,12 +84,10 @@ def equilibrium(
     resting, (low, high) = point(solution.x), plant.input_limits
     limited = np.any(resting.u < low) or np.any(resting.u > high)
     if limited or not np.abs(solution.fun).max() <= AT_REST:
-        states = [(system.states[i], value) for i, value in held.items()]
-        where = ", ".join(f"{state.name} = {value:g} {state.unit}" for state, value in states)
+        where = ", ".join(f"{system.states[i].name} = {value:g}" for i, value in held.items())
         raise PremiseError(
-            f"{system.name} rests nowhere near x = {start.tolist()}"
-            + (f" with {where}" if where else "")
-            + f": the least x' found is {solution.fun.tolist()}"
+            f"{system.name} rests nowhere near x = {start.tolist()} with {where or 'any state'}: "
+            f"the least x' is {solution.fun.tolist()}"
             + (f" under inputs cut to {low.tolist()} ... {high.tolist()}" if limited else "")
             + "; hold other states, or begin elsewhere"
         )

@@ -23,16 +23,14 @@ class LinearParametrization:
     are: nominally zero.
 
     Attributes:
-        q: Joint positions, m symbols of the equations.
-        rate: Their rates, m symbols of the equations.
+        x: Joint positions, then their rates: 2 m symbols of the equations.
         r: Reference rates, m symbols.
         a: Reference accelerations, m symbols.
         Y: The regressor, m rows of k expressions.
         theta: The parameters, k expressions in those of the plant.
     """
 
-    q: Sequence[sp.Symbol]
-    rate: Sequence[sp.Symbol]
+    x: Sequence[sp.Symbol]
     r: Sequence[sp.Symbol]
     a: Sequence[sp.Symbol]
     Y: Sequence[Sequence[Any]]
@@ -41,13 +39,12 @@ class LinearParametrization:
     @cached_property
     def regressor(self) -> Callable[[Any, Any, Any, Any], tuple[float, ...]]:
         """Jitable (x, r, a, p) -> Y row by row, m k numbers."""
-        entries = [entry for row in self.Y for entry in row]
-        return generate("regressor", entries, "x, r, a, p", self._places(entries))
+        return generate("regressor", sp.flatten(self.Y), "x, r, a, p", self._places())
 
     @cached_property
     def nominal(self) -> Callable[[Any], tuple[float, ...]]:
         """Jitable p -> theta of a plant's parameters, k numbers."""
-        return generate("nominal", self.theta, "p", self._places(self.theta))
+        return generate("nominal", self.theta, "p", self._places())
 
     def inertia(self, q: Array, p: Any) -> Array:
         """M(q) of a plant's parameters, (m, m), in the unit of the inputs per that of q''.
@@ -57,16 +54,17 @@ class LinearParametrization:
             p: The plant's parameters.
         """
         m, theta, zero = len(q), np.array(self.nominal(p)), np.zeros(len(q))
-        x = np.concatenate([q, zero])
+        x, accelerations = np.concatenate([q, zero]), (zero, *np.eye(m))
+        still, *torques = (
+            np.reshape(self.regressor(x, zero, a, p), (m, -1)) @ theta for a in accelerations
+        )
+        return np.column_stack(torques) - still[:, None]
 
-        def torques(a: Array) -> Array:
-            return np.reshape(self.regressor(x, zero, a, p), (m, -1)) @ theta
-
-        return np.column_stack([torques(a) - torques(zero) for a in np.eye(m)])
-
-    def _places(self, expressions: Sequence[Any]) -> dict[sp.Symbol, str]:
+    def _places(self) -> dict[Any, str]:
         """Where generated functions find each symbol; those of the plant are fields of p."""
-        given = {"x": (*self.q, *self.rate), "r": self.r, "a": self.a}
-        places = {s: f"{name}[{i}]" for name, row in given.items() for i, s in enumerate(row)}
-        free = set().union(*(sp.sympify(each).free_symbols for each in expressions))
-        return {**{symbol: f"p.{symbol}" for symbol in free - set(places)}, **places}
+        rows = {"x": self.x, "r": self.r, "a": self.a}
+        places: dict[Any, str] = {
+            s: f"{name}[{i}]" for name, row in rows.items() for i, s in enumerate(row)
+        }
+        entries = sp.Matrix(sp.flatten([self.Y, self.theta]))
+        return {symbol: f"p.{symbol}" for symbol in entries.free_symbols} | places

@@ -98,8 +98,7 @@ class Plant(ABC):
 
         Args:
             x: The equilibrium, (n,), in the units of ``system.states``; the origin by default.
-            u: The input that holds it there, in the units of ``system.inputs``, (m,) or one
-                number for all.
+            u: The input that holds it there, in the units of ``system.inputs``, (m,).
 
         Raises:
             ArgumentError: If x or u has a wrong shape or is not finite, or the plant does not
@@ -224,15 +223,10 @@ class Plant(ABC):
         Raises:
             ArgumentError: If one has a wrong shape or is not finite.
         """
-        system, n, m = self.system, len(self.system.states), len(self.system.inputs)
-        state = np.zeros(n) if x is None else reals(x)
-        if state.shape != (n,) or not np.all(np.isfinite(state)):
-            names = ", ".join(f"{signal.symbol} [{signal.unit}]" for signal in system.states)
+        state = np.zeros(len(self.system.states)) if x is None else reals(x)
+        state, inputs, _ = self.checked(state, reals(u), None)
+        if not np.all(np.isfinite([*state, *inputs])):
             raise ArgumentError(
-                f"x = {shown(x)} must be {n} finite numbers for {system.name}: {names}"
+                f"{self.system.name}: x = {shown(x)} and u = {shown(u)} must be finite numbers"
             )
-        inputs = reals(u)
-        if inputs.shape not in {(), (m,)} or not np.all(np.isfinite(inputs)):
-            units = ", ".join(signal.unit for signal in system.inputs)
-            raise ArgumentError(f"u = {shown(u)} must be {m} finite numbers [{units}]")
-        return state, np.broadcast_to(inputs, (m,))
+        return state, inputs

@@ -41,7 +41,12 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
 @cache
 def state_derivative(system: System) -> Callable[..., None]:
     """Jitable (x, u, w, p, slope): write x' = f(x) + g(x) u + d(x, w) into slope, (n,)."""
-    drift, input_matrix, disturbance = system.drift, system.input_matrix, system.disturbance
+    equations = system.equations
+    drift, input_matrix, disturbance = (
+        equations.drift,
+        equations.input_matrix,
+        equations.disturbance,
+    )
     n, m = len(system.states), len(system.inputs)
 
     @jitable

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import sympy as sp
 
@@ -12,15 +10,13 @@ from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
+    MjModel,
     Signal,
     System,
     Variant,
     require_unmodelled_absent,
     wrench_symbols,
 )
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 @checked(ModelError, label="servo")
@@ -38,7 +34,7 @@ class ServoParameters:
     Kt: Positive
 
     @classmethod
-    def from_model(cls, model: mujoco.MjModel, _variant: Variant) -> ServoParameters:
+    def from_model(cls, model: MjModel, _variant: Variant) -> ServoParameters:
         """Read J, B and K_t back from a compiled model.
 
         Raises:
@@ -56,40 +52,29 @@ class ServoParameters:
         )
 
 
-def _equations() -> Equations:
-    """Eq. (15) solved for the acceleration, with eq. (16); x = [theta, theta']."""
-    theta, rate = sp.symbols("theta rate")
-    J, B, Kt = sp.symbols("J B Kt")
-    w = wrench_symbols("rotor")
-    return Equations(
-        x=(theta, rate),
-        f=(rate, -B * rate / J),
-        g=(0, Kt / J),
-        h=(theta,),
-        w=w,
-        # The load T_d is minus the wrench's torque about the shaft, which is along -y.
-        d=(0, -w[4] / J),
-    )
-
-
-def _parametrization() -> LinearParametrization:
-    """Eq. (15) in amperes: the inertia, the friction and a load, each over Kt."""
+def _dynamics() -> tuple[Equations, LinearParametrization]:
+    """Eq. (15) with eq. (16), x = [theta, theta'], solved for the acceleration and in amperes."""
     theta, rate, r, a, J, B, Kt = sp.symbols("theta rate r a J B Kt")
-    return LinearParametrization(
-        q=(theta,), rate=(rate,), r=(r,), a=(a,), Y=((a, r, 1),), theta=(J / Kt, B / Kt, 0)
+    w, x = wrench_symbols("rotor"), (theta, rate)
+    # The load T_d is minus the wrench's torque about the shaft, which is along -y.
+    equations = Equations(
+        x=x, f=(rate, -B * rate / J), g=(0, Kt / J), h=(theta,), w=w, d=(0, -w[4] / J)
     )
+    # The inertia, the friction and a load, each over Kt.
+    return equations, LinearParametrization(x, (r,), (a,), ((a, r, 1),), (J / Kt, B / Kt, 0))
 
 
+_EQUATIONS, _PARAMETRIZATION = _dynamics()
 SERVO = System(
     name="servo",
     title="Servo rotor",
     states=(Signal("rotor angle", "θ", "rad"), Signal("rotor speed", "θ̇", "rad/s")),
     inputs=(Signal("current", "i", "A"),),
-    equations=_equations(),
+    equations=_EQUATIONS,
     joints=("shaft",),
     actuators=("current",),
     bodies=("rotor",),
     read_parameters=ServoParameters.from_model,
     uncertain_body="rotor",
-    parametrization=_parametrization(),
+    parametrization=_PARAMETRIZATION,
 )

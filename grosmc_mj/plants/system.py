@@ -12,11 +12,15 @@ import sympy as sp
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Finite, Items, Name, Positive, checked
-from grosmc_mj.plants.equations import Column, Equations, NoEquations
+from grosmc_mj.plants.equations import Equations, NoEquations
 from grosmc_mj.plants.parametrization import LinearParametrization
 
 if TYPE_CHECKING:
     import mujoco
+
+    MjModel = mujoco.MjModel
+else:  # which little here needs
+    MjModel = Any
 
 Variant = Literal["printed", "corrected"]
 
@@ -109,11 +113,6 @@ class System:
         return self.states[: self.degrees_of_freedom]
 
     @property
-    def velocities(self) -> tuple[Signal, ...]:
-        """Their rates."""
-        return self.states[self.degrees_of_freedom :]
-
-    @property
     def output(self) -> int:
         """Index of the first controlled state."""
         return self.controlled[0]
@@ -122,21 +121,6 @@ class System:
     def input(self) -> Signal:
         """The first input."""
         return self.inputs[0]
-
-    @property
-    def drift(self) -> Callable[[Any, Any], Column]:
-        """Jitable (x, p) -> f(x)."""
-        return self.equations.drift
-
-    @property
-    def input_matrix(self) -> Callable[[Any, Any], Column]:
-        """Jitable (x, p) -> g(x), row by row."""
-        return self.equations.input_matrix
-
-    @property
-    def disturbance(self) -> Callable[[Any, Any, Any], Column]:
-        """Jitable (x, w, p) -> d(x, w)."""
-        return self.equations.disturbance
 
     @property
     def singular(self) -> Callable[[Any], bool]:
@@ -156,7 +140,7 @@ def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:
 
 
 def require_unmodelled_absent(
-    owner: str, model: mujoco.MjModel, joints: tuple[str, ...], actuator: str | None = None
+    owner: str, model: MjModel, joints: tuple[str, ...], actuator: str | None = None
 ) -> None:
     """Refuse what the chapter's equations have no term for.
 
@@ -169,9 +153,7 @@ def require_unmodelled_absent(
     if np.any(model.opt.gravity[:2]):
         raise ModelError(f"{owner}: gravity {model.opt.gravity} must point along -z")
     for name in joints:
-        damping = float(model.dof_damping[model.joint(name).dofadr[0]])
-        if damping:
+        if damping := float(model.dof_damping[model.joint(name).dofadr[0]]):
             raise ModelError(f"{owner}: joint {name!r} has damping {damping:g}, must have none")
-    if actuator is not None and float(model.actuator(actuator).gear[0]) != 1:
-        gear = float(model.actuator(actuator).gear[0])
+    if actuator is not None and (gear := float(model.actuator(actuator).gear[0])) != 1:
         raise ModelError(f"{owner}: actuator {actuator!r} has gear {gear:g}, must have 1")

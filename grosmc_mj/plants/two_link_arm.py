@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import sympy as sp
 
@@ -12,15 +10,13 @@ from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
+    MjModel,
     Signal,
     System,
     Variant,
     require_unmodelled_absent,
     wrench_symbols,
 )
-
-if TYPE_CHECKING:
-    import mujoco
 
 _BODIES = ("upper", "lower", "payload")
 
@@ -56,7 +52,7 @@ class TwoLinkParameters:
     g: Positive
 
     @classmethod
-    def from_model(cls, model: mujoco.MjModel, _variant: Variant) -> TwoLinkParameters:
+    def from_model(cls, model: MjModel, _variant: Variant) -> TwoLinkParameters:
         """Read the numbers back from a compiled model.
 
         Raises:
@@ -87,12 +83,12 @@ class TwoLinkParameters:
         )
 
 
-def _equations() -> Equations:
-    """M(q) q'' + c(q, q') + G(q) = tau + Q(w), solved for q''; q1 from horizontal, q2 from link 1.
+def _dynamics() -> tuple[Equations, LinearParametrization]:
+    """M(q) q'' + c(q, q') + G(q) = tau + Q(w); q1 from horizontal, q2 from link 1.
 
     The joints are along -y; both links move in the x-z plane.
     """
-    q1, q2, dq1, dq2 = sp.symbols("q1 q2 dq1 dq2")
+    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
     m1, l1, c1, I1, m2, l2, c2, I2, mp, Ip, g = sp.symbols("m1 l1 c1 I1 m2 l2 c2 I2 mp Ip g")
     # Inertias about the shoulder and the elbow, and first moments about them.
     J1 = I1 + m1 * c1**2 + (m2 + mp) * l1**2
@@ -101,51 +97,38 @@ def _equations() -> Equations:
     h, bend = l1 * b2, l1 * b2 * sp.cos(q2)
     adjugate = sp.Matrix([[J2, -J2 - bend], [-J2 - bend, J1 + J2 + 2 * bend]])
     determinant = J1 * J2 - bend**2
-    c = h * sp.sin(q2) * sp.Matrix([-dq2 * (2 * dq1 + dq2), dq1**2])
-    G = g * sp.Matrix([b1 * sp.cos(q1) + b2 * sp.cos(q1 + q2), b2 * sp.cos(q1 + q2)])
+    s1, k1, s12, k12 = sp.sin(q1), sp.cos(q1), sp.sin(q1 + q2), sp.cos(q1 + q2)
+    s2, k2 = sp.sin(q2), sp.cos(q2)
+    c = h * s2 * sp.Matrix([-dq2 * (2 * dq1 + dq2), dq1**2])
+    G = g * sp.Matrix([b1 * k1 + b2 * k12, b2 * k12])
     w = wrench_symbols(*_BODIES)
     (x1, _, z1, _, t1, _), (x2, _, z2, _, t2, _), (x3, _, z3, _, t3, _) = w[:6], w[6:12], w[12:]
-    s1, k1, s12, k12 = sp.sin(q1), sp.cos(q1), sp.sin(q1 + q2), sp.cos(q1 + q2)
     elbow = c2 * (k12 * z2 - s12 * x2) + l2 * (k12 * z3 - s12 * x3) - t2 - t3
     shoulder = c1 * (k1 * z1 - s1 * x1) + l1 * (k1 * (z2 + z3) - s1 * (x2 + x3)) - t1 + elbow
     free, pushed = (
         adjugate * torque / determinant for torque in (-c - G, sp.Matrix([shoulder, elbow]))
     )
-    inverse = adjugate / determinant
-    return Equations(
+    equations = Equations(
         x=(q1, q2, dq1, dq2),
         f=(dq1, dq2, *free),
-        g=((0, 0), (0, 0), *inverse.tolist()),
+        g=((0, 0), (0, 0), *(adjugate / determinant).tolist()),
         h=(q1, q2),
         w=w,
         d=(0, 0, *pushed),
     )
-
-
-def _parametrization() -> LinearParametrization:
-    """The torques in J1, J2 and l1 b2, in g b1 and g b2, and in a load on each joint."""
-    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
-    m1, l1, c1, I1, m2, l2, c2, I2, mp, Ip, g = sp.symbols("m1 l1 c1 I1 m2 l2 c2 I2 mp Ip g")
-    b1, b2 = m1 * c1 + (m2 + mp) * l1, m2 * c2 + mp * l2
-    s2, k2, k1, k12 = sp.sin(q2), sp.cos(q2), sp.cos(q1), sp.cos(q1 + q2)
+    # The torques in J1, J2 and l1 b2, in g b1 and g b2, and in a load on each joint.
     upper = (2 * a1 + a2) * k2 - s2 * (dq2 * r1 + (dq1 + dq2) * r2)
     lower = a1 * k2 + s2 * dq1 * r1
-    return LinearParametrization(
-        q=(q1, q2),
-        rate=(dq1, dq2),
+    return equations, LinearParametrization(
+        x=(q1, q2, dq1, dq2),
         r=(r1, r2),
         a=(a1, a2),
         Y=((a1, a1 + a2, upper, k1, k12, 1, 0), (0, a1 + a2, lower, 0, k12, 0, 1)),
-        theta=(
-            I1 + m1 * c1**2 + (m2 + mp) * l1**2,
-            I2 + m2 * c2**2 + Ip + mp * l2**2,
-            l1 * b2,
-            g * b1,
-            g * b2,
-            0,
-            0,
-        ),
+        theta=(J1, J2, h, g * b1, g * b2, 0, 0),
     )
+
+
+_EQUATIONS, _PARAMETRIZATION = _dynamics()
 
 
 def tip() -> tuple[sp.Expr, sp.Expr]:
@@ -171,12 +154,12 @@ TWO_LINK_ARM = System(
         Signal("elbow rate", "q̇₂", "rad/s"),
     ),
     inputs=(Signal("shoulder torque", "τ₁", "N m"), Signal("elbow torque", "τ₂", "N m")),
-    equations=_equations(),
+    equations=_EQUATIONS,
     controlled=(0, 1),
     joints=("shoulder", "elbow"),
     actuators=("shoulder_torque", "elbow_torque"),
     bodies=_BODIES,
     read_parameters=TwoLinkParameters.from_model,
     uncertain_body="payload",
-    parametrization=_parametrization(),
+    parametrization=_PARAMETRIZATION,
 )

@@ -126,9 +126,9 @@ def acceleration_difference(
         w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(system.bodies))
         terms = np.array(
             [
-                system.drift(x, p),
-                np.reshape(system.input_matrix(x, p), (2 * n, -1)) @ u,
-                system.disturbance(x, w, p),
+                system.equations.drift(x, p),
+                np.reshape(system.equations.input_matrix(x, p), (2 * n, -1)) @ u,
+                system.equations.disturbance(x, w, p),
             ]
         )[:, n:]
         difference = np.abs(terms.sum(axis=0) - physics.derivative(x, u, w)[n:]).max()

@@ -176,7 +176,7 @@ def test_switching_term_meets_the_input_gain_GB_times_E(system):
 
         n = len(x)
         gradient = [(s(x + d) - s(x - d)) / (2 * step) for d in step * np.eye(n)]
-        g = np.array(plant.system.input_matrix(x, plant.parameters))
+        g = np.array(plant.system.equations.input_matrix(x, plant.parameters))
         E = np.eye(1) if system == "servo" else error.dynamics(t, x, p)[1]
         # s is linear in x, so the difference only rounds: 1e-16 * |s| / step.
         assert gradient @ g == pytest.approx((p.GB @ E).item(), rel=1e-7)

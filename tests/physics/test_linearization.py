@@ -87,7 +87,7 @@ def test_it_is_the_jacobian_in_symbols(
     plant = MujocoPlant.load(name, edits=edits)
     twin, m = plant.analytic(), len(plant.system.inputs)
     drift = twin.derivative(x)
-    g = np.reshape(plant.system.input_matrix(np.array(x), twin.parameters), (len(x), m))
+    g = np.reshape(plant.system.equations.input_matrix(np.array(x), twin.parameters), (len(x), m))
     u = -np.linalg.lstsq(g, drift)[0]
     np.testing.assert_allclose(drift + g @ u, 0, atol=1e-12)
     assert largest_error(linearize(plant, x, u), twin.jacobian(x, u)) < AGREEMENT
@@ -157,11 +157,11 @@ def test_whole_state_of_the_pendulum_is_controllable() -> None:
 @pytest.mark.parametrize(
     ("x", "u", "message"),
     [
-        ([0.0, 0.0], 0.0, r"must be 4 finite numbers for cart_pendulum: p \[m\], θ \[rad\]"),
-        ([[0.0] * 4], 0.0, "must be 4 finite numbers"),
-        ([0.0, math.nan, 0.0, 0.0], 0.0, "must be 4 finite numbers"),
-        (None, math.inf, r"u = inf must be 1 finite numbers \[N\]"),
-        (None, [0.0, 0.0], r"u = \[0\.0, 0\.0\] must be 1 finite numbers"),
+        ([0.0, 0.0], 0.0, r"cart_pendulum: x has shape \(2,\)"),
+        ([[0.0] * 4], 0.0, "cart_pendulum: x "),
+        ([0.0, math.nan, 0.0, 0.0], 0.0, "cart_pendulum: x "),
+        (None, math.inf, "u = inf must be finite"),
+        (None, [0.0, 0.0], r"u \(2,\)"),
         (None, 1.0, r"1\.0\] is no equilibrium: x' = \[0\.0, 0\.0, 0\.952\d*, 1\.42"),
         ([0.0, 0.1, 0.0, 0.0], 0.0, "is no equilibrium"),
         ([0.0, 0.0, 0.2, 0.0], 0.0, "is no equilibrium"),

@@ -63,7 +63,7 @@ def test_equations_and_mujoco_have_the_same_linear_model(system: str) -> None:
 def test_no_plant_is_linearized_where_it_does_not_rest(plant: Plant) -> None:
     with pytest.raises(ArgumentError, match="is no equilibrium"):
         plant.linearization([0.0, 0.3, 0.0, 0.0])
-    with pytest.raises(ArgumentError, match="must be 4 finite numbers"):
+    with pytest.raises(ArgumentError, match=r"x has shape \(2,\)"):
         plant.linearization([0.0, 0.0])
     with pytest.raises(
         ArgumentError, match=r"u \(2,\) and the wrench \(12,\), must be \(4,\), \(1,\)"
@@ -114,7 +114,7 @@ def test_a_robot_is_a_plant_without_equations() -> None:
     assert robot.parameters is None
     assert not robot.system.symbolic
     assert robot.system.equations.linearizable(np.zeros(4))
-    with pytest.raises(ModelError, match=r"has no equations in symbols \(drift\): MuJoCo computes"):
+    with pytest.raises(ModelError, match=r"has no equations in symbols \(f\): MuJoCo computes"):
         _ = robot.system.equations.drift
     n = robot.system.degrees_of_freedom
     np.testing.assert_allclose(robot.derivative(np.zeros(2 * n))[:n], 0)

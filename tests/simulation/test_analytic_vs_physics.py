@@ -65,9 +65,9 @@ def disagreement(
         data.qpos[:], data.qvel[:], data.ctrl[:], data.xfrc_applied[1:] = x[:n], x[n:], u, w
         mujoco.mj_forward(model, data)
         terms = [
-            system.drift(x, p),
-            np.reshape(system.input_matrix(x, p), (2 * n, -1)) @ u,
-            system.disturbance(x, w.ravel(), p),
+            system.equations.drift(x, p),
+            np.reshape(system.equations.input_matrix(x, p), (2 * n, -1)) @ u,
+            system.equations.disturbance(x, w.ravel(), p),
         ]
         difference = twin.derivative(x, u, w.ravel())[n:] - data.qacc
         ratios[i] = np.max(np.abs(difference)) / np.max(np.abs(np.array(terms)[:, n:]))

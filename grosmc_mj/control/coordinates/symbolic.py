@@ -219,7 +219,7 @@ class ErrorCoordinates(OutputCoordinates):
         """
         name, found = self.system.name, self.system.parametrization
         joints = list(self.system.equations.x[: self.inputs]) if found else []
-        if found is None or list(found.q) != joints:
+        if found is None or list(found.x[: self.inputs]) != joints:
             return super().torques(body)
         if body is not None:
             raise ArgumentError(f"adaptive: {name} has no body to choose: all of it is adapted")

@@ -37,7 +37,7 @@ class LinearTorques(NamedTuple):
 def torques_of(found: LinearParametrization) -> LinearTorques:
     """The torques of a plant whose equations are written out: all of them are Y theta."""
     regressor, nominal = found.regressor, found.nominal
-    nothing = (0.0,) * len(found.q)
+    nothing = (0.0,) * len(found.r)
     return LinearTorques(
         size=len(found.theta),
         nominal=jitable(lambda p: nominal(p.plant)),
