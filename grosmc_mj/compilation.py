@@ -35,7 +35,7 @@ from numba.core.caching import (
 )
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
-from numba.np.arrayobj import np_cfarray
+from numba.np.arrayobj import make_array, np_cfarray
 
 from grosmc_mj.files import private_cache
 from grosmc_mj.jitable import OPTIONS
@@ -77,6 +77,22 @@ def _array_at(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
 # Inside compiled code: the C-ordered array of a shape and dtype at an address or pointer. It is
 # ``numba.carray``, of which each use with other types takes a function and 0.05 s to compile.
 array_at: Any = intrinsic(_array_at)
+
+
+def _record_at(typing_context: Any, place: Any, dtype: Any) -> Any:
+    """Type and code of ``record_at``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = context.get_value_type(signature.return_type)
+        if not isinstance(place, types.Array):
+            return builder.inttoptr(arguments[0], pointer)
+        return builder.bitcast(make_array(place)(context, builder, arguments[0]).data, pointer)
+
+    return dtype.dtype(place, dtype), generate
+
+
+# Inside compiled code: the record of a dtype at an address, or where a flat array has its numbers.
+record_at: Any = intrinsic(_record_at)
 
 
 def numba_type(annotation: Any) -> types.Type:

@@ -154,11 +154,11 @@ class Is(Check):
     """A value of one of some classes.
 
     Attributes:
-        kinds: The classes.
+        kinds: The classes, as ``isinstance`` takes them.
         wanted: In words, such as ``a plant, such as MujocoPlant.load(...)``.
     """
 
-    kinds: type | tuple[type, ...]
+    kinds: Any
     wanted: str
 
     def __call__(self, value: Any) -> Any:
@@ -188,14 +188,21 @@ class Items(Check):
         return tuple(value)
 
 
-class _Vector(Check):
-    """Three finite numbers."""
+@dataclass(frozen=True)
+class Numbers(Check):
+    """Some finite numbers, kept as a tuple, which can be compared and hashed.
 
-    def __call__(self, value: Any) -> tuple[float, float, float]:
-        """The numbers as a tuple, which can be compared and hashed."""
+    Attributes:
+        count: How many.
+    """
+
+    count: int
+
+    def __call__(self, value: Any) -> tuple[float, ...]:
+        """The numbers."""
         array = reals(value)
-        if array.shape != (3,) or not np.all(np.isfinite(array)):
-            raise refused("three finite numbers")
+        if array.shape != (self.count,) or not np.all(np.isfinite(array)):
+            raise refused(f"{self.count} finite numbers")
         return tuple(array.tolist())
 
 
@@ -212,7 +219,7 @@ Finite = Annotated[float, Range()]
 Positive = Annotated[float, Range(0, above=True)]
 NotNegative = Annotated[float, Range(0)]
 Seconds = Annotated[float, Range(0, unit="s")]
-Vector = Annotated[tuple[float, float, float], _Vector()]
+Vector = Annotated[tuple[float, float, float], Numbers(3)]
 Name = Annotated[str, _Name()]
 Flag = Annotated[bool, Is((bool, np.bool_), "True or False")]
 

@@ -12,7 +12,7 @@ from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.environments.signals import Observation, seen_state, state_names
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.inputs import ask
+from grosmc_mj.simulation.inputs import write_inputs
 
 
 class LawPolicy:
@@ -50,7 +50,7 @@ class LawPolicy:
         if t == 0:
             self.reset()
         self._check_period(t)
-        ask(self._controller, t, x, self._memory, self._u)
+        write_inputs(self._controller, t, x, self._memory, self._u)
         if self._memory.undefined:
             name = self._controller.name
             raise UndefinedLawError(f"t = {t:g} s: {name} is undefined at this state", t)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
-from grosmc_mj.arguments import real, reals, require, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.fields import Finite, Is, Numbers, Range, checked
 from grosmc_mj.jitable import jitable
 
 # Which course in time: by one of the formulas below, or by its values at all timesteps.
@@ -23,26 +23,12 @@ _INSTANT = 1e-9
 
 
 @jitable
-def pulse(t: float, start: float, stop: float) -> float:
-    """1 for start <= t < stop [s], else 0."""
-    return 1.0 if start - _INSTANT <= t < stop - _INSTANT else 0.0
-
-
-@jitable
-def sine_from(t: float, frequency: float, onset: float, phase: float) -> float:
-    """sin(frequency t + phase) for t >= onset, else 0; in rad/s, s and rad."""
-    if t < onset - _INSTANT:
-        return 0.0
-    return math.sin(frequency * t + phase)
-
-
-@jitable
 def course(kind: float, t: float, a: float, b: float, c: float) -> float:
-    """The value at t [s] of the formula of this kind with its numbers, in their order above."""
+    """The value at t [s] of the formula of this kind with its numbers."""
     if kind == PULSE:
-        return pulse(t, a, b)
+        return 1.0 if a - _INSTANT <= t < b - _INSTANT else 0.0
     if kind == SINE:
-        return sine_from(t, a, b, c)
+        return 0.0 if t < b - _INSTANT else math.sin(a * t + c)
     return 1.0
 
 
@@ -70,35 +56,46 @@ def push(pushes: Array, values: Array, step: int, t: float, wrenches: Array) -> 
 Profile = Callable[[float], float]
 
 
-@dataclass(frozen=True)
-class Constant:
-    """1 at all times."""
+class _Formula:
+    """A profile that compiled code computes by ``course``."""
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Kind of the formula, and its a, b and c."""
+        return CONSTANT, 0.0, 0.0, 0.0
 
     def __call__(self, t: float) -> float:
         """The value at t [s]."""
-        return 1.0
+        kind, a, b, c = self.numbers
+        return course(kind, t, a, b, c)
 
 
-@dataclass(frozen=True)
-class Pulse:
+@checked()
+class Constant(_Formula):
+    """1 at all times."""
+
+
+@checked(label="pulse")
+class Pulse(_Formula):
     """1 for start <= t < stop [s], else 0."""
 
-    start: float
-    stop: float
+    start: Annotated[float, Range(unit="s", infinite=True)]
+    stop: Annotated[float, Range(unit="s", infinite=True)]
 
     def __post_init__(self) -> None:
-        if not real(self.start) < real(self.stop):
+        if not self.start < self.stop:
             raise ArgumentError(
                 f"pulse from {shown(self.start)} to {shown(self.stop)} s never acts"
             )
 
-    def __call__(self, t: float) -> float:
-        """The value at t [s]."""
-        return pulse(t, self.start, self.stop)
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Kind, start, stop."""
+        return PULSE, self.start, self.stop, 0.0
 
 
-@dataclass(frozen=True)
-class SineFrom:
+@checked(label="sine")
+class SineFrom(_Formula):
     """sin(frequency t + phase) from ``onset`` on, 0 before; t counts from the run's start.
 
     Attributes:
@@ -107,20 +104,17 @@ class SineFrom:
         phase: [rad].
     """
 
-    frequency: float
-    onset: float = 0.0
-    phase: float = 0.0
+    frequency: Finite
+    onset: Finite = 0.0
+    phase: Finite = 0.0
 
-    def __post_init__(self) -> None:
-        if not all(math.isfinite(real(x)) for x in (self.frequency, self.onset, self.phase)):
-            raise ArgumentError(f"{shown(self)} must have finite frequency, onset and phase")
-
-    def __call__(self, t: float) -> float:
-        """The value at t [s]."""
-        return sine_from(t, self.frequency, self.onset, self.phase)
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Kind, frequency, onset, phase."""
+        return SINE, self.frequency, self.onset, self.phase
 
 
-@dataclass(frozen=True)
+@checked(label="disturbance")
 class Disturbance:
     """A wrench on a body, times a profile of t.
 
@@ -134,25 +128,12 @@ class Disturbance:
         label: What it is called in figures.
     """
 
-    body: str
-    wrench: tuple[float, float, float, float, float, float]
-    profile: Profile = field(default_factory=Constant)
+    body: Annotated[str, Is(str, "the name of a body")]
+    wrench: Annotated[tuple[float, float, float, float, float, float], Numbers(6)]
+    profile: Annotated[Profile, Is(Callable, "a function of t [s] that returns a number")] = (
+        Constant()
+    )
     label: str = ""
-
-    def __post_init__(self) -> None:
-        require("body", self.body, str, "the name of a body")
-        wrench = reals(self.wrench)
-        if wrench.shape != (6,) or not np.all(np.isfinite(wrench)):
-            raise ArgumentError(
-                f"wrench on {self.body!r} is {shown(self.wrench)}, must be six finite numbers "
-                "[force, torque]"
-            )
-
-        if not callable(self.profile):
-            raise ArgumentError(
-                f"profile of the disturbance on {self.body!r} must take t [s] and return a number, "
-                f"is {shown(self.profile)}"
-            )
 
     @property
     def window(self) -> tuple[float, float]:
@@ -167,7 +148,7 @@ def packed(
 ) -> tuple[Array, Array]:
     """Disturbances as numbers, and their courses that no formula gives, as ``push`` takes them.
 
-    A profile of another kind than the classes above is asked once for each timestep, in order.
+    A profile of another kind than the classes above is called once for each timestep, in order.
 
     Args:
         disturbances: On these bodies.
@@ -183,30 +164,24 @@ def packed(
             a finite number.
     """
     pushes, values = np.zeros((len(disturbances), PUSH)), list[Array]()
-    for row, each in zip(pushes, disturbances, strict=True):
-        profile = each.profile
+    for row, disturbance in zip(pushes, disturbances, strict=True):
+        body, profile = disturbance.body, disturbance.profile
+        if body not in bodies:
+            raise ArgumentError(unknown_name("body", body, bodies))
         # A subclass may compute something else.
-        formula = type(profile) in (Constant, Pulse, SineFrom)
-        if formula and isinstance(profile, Pulse):
-            numbers = PULSE, profile.start, profile.stop, 0.0
-        elif formula and isinstance(profile, SineFrom):
-            numbers = SINE, profile.frequency, profile.onset, profile.phase
+        if isinstance(profile, _Formula) and type(profile) in (Constant, Pulse, SineFrom):
+            # A formula that is finite at both ends is so between them.
+            _values(disturbance, np.array([steps[0], steps[-1]]) * timestep)
+            numbers = profile.numbers
         else:
-            numbers = (CONSTANT if formula else VALUES), len(values), 0.0, 0.0
-        # A formula that is finite at both ends is so between them.
-        asked = (steps[0], steps[-1]) if formula else steps
-        found = _course(each, bodies, np.array(asked) * timestep)
-        if not formula:
-            values.append(found)
-        row[:] = bodies.index(each.body), *numbers, *each.wrench
+            numbers = VALUES, len(values), 0.0, 0.0
+            values.append(_values(disturbance, np.array(steps) * timestep))
+        row[:] = bodies.index(body), *numbers, *disturbance.wrench
     return pushes, np.array(values).reshape(len(values), len(steps))
 
 
-def _course(disturbance: Disturbance, bodies: Sequence[str], time: Array) -> Array:
-    """The values of a profile, all finite, on one of the bodies."""
-    if not bodies:
-        raise ArgumentError("the plant has no bodies that a disturbance could act on")
-    require_known("body", disturbance.body, bodies)
+def _values(disturbance: Disturbance, time: Array) -> Array:
+    """The values of a profile at these instants [s], all finite."""
     try:
         values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
     except (TypeError, ValueError) as error:

@@ -9,7 +9,6 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.law import NoInputsError
 from grosmc_mj.errors import GrosmcError, shown
 from grosmc_mj.jitable import jitable
 from grosmc_mj.simulation.law_errors import LawError, law_error
@@ -24,10 +23,20 @@ def all_finite(u: Any) -> bool:
     return finite
 
 
-def ask(controller: Controller, t: float, x: Array, memory: Any, u: Array) -> bool:
-    """Let a law write its inputs u, (m,), in Python as compiled code would.
+def write_inputs(
+    controller: Controller, t: float, x: Array, memory: Any, u: Array, *, strict: bool = False
+) -> bool:
+    """Let a law write its inputs in Python as compiled code would.
 
     Where C goes on with infinities and NaN, Python raises an error: u is then NaN.
+
+    Args:
+        controller: Law and numbers.
+        t: Time [s].
+        x: State, (n,).
+        memory: Of the run.
+        u: Where the inputs go, (m,).
+        strict: Whether a division by zero or a value outside a function's domain is an error.
 
     Returns:
         Whether all of u is finite.
@@ -36,38 +45,15 @@ def ask(controller: Controller, t: float, x: Array, memory: Any, u: Array) -> bo
         LawError: If the law raises an error or returns something else than m numbers.
     """
     try:
-        write_inputs(controller, t, x, memory, u)
-    except LawError as error:
-        if not error.undefined:
-            raise
-        u[:] = np.nan
-    return all_finite(u)
-
-
-def write_inputs(controller: Controller, t: float, x: Array, memory: Any, u: Array) -> None:
-    """Let a law write its inputs, in Python, once.
-
-    Args:
-        controller: Law and numbers.
-        t: Time [s].
-        x: State, (n,).
-        memory: Of the run.
-        u: Where they go, (m,).
-
-    Raises:
-        LawError: As ``ask``, and where it divides by zero or leaves a function's domain.
-    """
-    try:
         controller.law(t, x, memory, controller.parameters, u)
     except GrosmcError:
         raise
-    except NoInputsError as error:
-        raise LawError(
-            f"{controller.name} returned {shown(error.returned)} at t = {t:g} s, must return "
-            f"{error.wanted}"
-        ) from error
     except Exception as error:
-        raise law_error(controller.name, t, error) from error
+        failure = law_error(controller.name, t, error)
+        if strict or not failure.undefined:
+            raise failure from error
+        u[:] = np.nan
+    return all_finite(u)
 
 
 def require_answer(controller: Controller, x0: Array, m: int) -> None:
@@ -83,9 +69,9 @@ def require_answer(controller: Controller, x0: Array, m: int) -> None:
     """
     (memory, _kept_alive), u = controller.begin(), np.zeros(m)
     with np.errstate(all="ignore"):
-        write_inputs(controller, 0.0, np.array(x0, float), memory, u)
-    if not all_finite(u) and not memory.undefined:
-        returned = u.item() if m == 1 else tuple(u.tolist())
+        finite = write_inputs(controller, 0.0, np.array(x0, float), memory, u, strict=True)
+    if not finite and not memory.undefined:
         raise LawError(
-            f"{controller.name} returned {shown(returned)} at t = 0 s, which is not finite"
+            f"{controller.name} returned {shown(u.item() if m == 1 else tuple(u.tolist()))} at "
+            "t = 0 s, which is not finite"
         )

@@ -2,47 +2,41 @@
 
 from __future__ import annotations
 
-import ast
-import builtins
-import dis
-import inspect
 import re
-import textwrap
 import traceback
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numba
 from numba.core.errors import NumbaError, NumbaWarning
 
-from grosmc_mj.control.controller import Controller, Sampled
+from grosmc_mj.control.controller import Sampled
+from grosmc_mj.control.law import NoInputsError
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.errors import ArgumentError, GrosmcError
-from grosmc_mj.jitable import is_own, source_of
+from grosmc_mj.errors import ArgumentError, GrosmcError, one_line, shown
 
-_PACKAGE = Path(__file__).resolve().parents[1]
-_LIBRARIES = Path(numba.__file__).resolve().parents[1]
-_PYTHON = Path(traceback.__file__).resolve().parent
+# Folders of this package, of other packages and of Python's own library.
+_NOT_OWN = (
+    Path(__file__).resolve().parents[1],
+    Path(numba.__file__).resolve().parents[1],
+    Path(traceback.__file__).resolve().parent,
+)
 # Where numba says that it stopped, and its own reasons, the last of which counts.
 _COMPILED = re.compile(r'File "([^"]+)", line (\d+)')
 _REASON = re.compile(
     r"No implementation of function .* found|Unknown attribute .*|Untyped global .*|.*unsupported.*"
-    r"|.*not supported.*|Cannot .*|Invalid .*"
+    r"|.*not supported.*|Cannot .*|Invalid .*|NameError: .*"
 )
-# Fields of memory that no law of one's own names.
-_OF_THE_RUN = ("v", "undefined", "workspace", "first")
 # What to write instead, by what numba says.
 _INSTEAD = {
-    r"use of yield|generator": "a generator is not compiled: add up in a for loop",
     r"list\.(append|insert|extend)|Cannot unify .*[Ll]ist|[Rr]eflected list": (
         "a list keeps one type: put numbers only into it, or an array into memory"
     ),
-    r"Unknown attribute '(\w+)' of type Record": (
-        "it has no such field: give what a law remembers as memory = {{ {0} = 0 }}, its numbers "
-        "beside it"
+    r"KeyError: '(\w+)'|Unknown attribute '(\w+)' of type Record": (
+        "memory or p has no such field: write memory = {{ {0} = 0 }}, or {0} = 0 for a number, "
+        "beside the law"
     ),
     r"Cannot cast (list|array|tuple|Tuple|UniTuple)": (
         "a field keeps the kind that it begins with: begin it as a list of numbers"
@@ -51,8 +45,7 @@ _INSTEAD = {
     r"Untyped global name '(\w+)'": (
         "{0} is no number, array or function: put it into the law's numbers"
     ),
-    r"_cast|build_map|[Dd]ict": "a dictionary keeps one type: use variables",
-    r"Use of unsupported opcode|not supported|unsupported|No implementation of function": (
+    r"unsupported|not supported|No implementation of function|yield|generator|_cast|[Dd]ict": (
         "use numbers, arrays, loops, conditions, math and numpy functions of them"
     ),
 }
@@ -73,43 +66,34 @@ def law_error(name: str, t: float, error: Exception) -> LawError:
 
     Args:
         name: Of the law.
-        t: When it was asked [s].
+        t: When it was called [s].
         error: What it raised.
     """
-    said = _lacking(error) or " ".join(str(error).split())
-    if not said or not (isinstance(error, ValueError) or _lacking(error)):
-        said = f"{type(error).__name__}: {said}".rstrip(": ")
+    if isinstance(error, NoInputsError):
+        return LawError(
+            f"{name} returned {shown(error.returned)} at t = {t:g} s, must return {error.wanted}"
+        )
     frames = traceback.extract_tb(error.__traceback__)
-    place = _own_place([(frame.filename, frame.lineno or 0) for frame in frames])
-    made = LawError(f"{place}{said} ({name} at t = {t:g} s)")
-    made.undefined = isinstance(error, ArithmeticError) or (
-        isinstance(error, ValueError) and "math domain" in said
-    )
-    return made
+    place = _own_place((frame.filename, frame.lineno) for frame in frames)
+    failure = LawError(f"{place}{_reason(error)} ({name} at t = {t:g} s)")
+    domain = isinstance(error, ValueError) and "math domain" in str(error)
+    failure.undefined = isinstance(error, ArithmeticError) or domain
+    return failure
 
 
-def _lacking(error: Exception) -> str:
-    """What a law reads of its memory or its numbers that is not there; empty for other errors."""
+def _reason(error: Exception) -> str:
+    """What Python says; of a field that memory or the numbers lack, how to give it."""
     owner = getattr(error, "obj", None)
-    if not isinstance(error, AttributeError) or not isinstance(owner, (Memory, Sampled)):
-        return ""
-    what = "memory" if isinstance(owner, Memory) else "p"
-    there = ", ".join(name for name in vars(owner) if name not in _OF_THE_RUN)
-    return f"{_no_field(what, str(error.name))}; it has {there or 'nothing'}"
-
-
-def _no_field(owner: str, field: str) -> str:
-    """What to do about a field that is not there."""
-    how = f"{field} = 0" if owner == "p" else f"memory = {{ {field} = 0 }}"
-    return f"{owner} has no {field!r}: give it as {how} beside the law, or to custom_controller"
+    if not (isinstance(error, AttributeError) and isinstance(owner, (Memory, Sampled))):
+        return f"{type(error).__name__}: {one_line(str(error))}".rstrip(": ")
+    kind = "memory" if isinstance(owner, Memory) else "p"
+    how = f"memory = {{ {error.name} = 0 }}" if kind == "memory" else f"{error.name} = 0"
+    return f"{kind} has no {error.name!r}: give it as {how} beside the law, or to custom_controller"
 
 
 @contextmanager
-def compiling(controller: Controller) -> Iterator[None]:
+def compiling() -> Iterator[None]:
     """Compile a law in this block: without numba's warnings, and its errors in one line.
-
-    Args:
-        controller: Of the law.
 
     Raises:
         LawError: In place of what numba raises.
@@ -121,86 +105,28 @@ def compiling(controller: Controller) -> Iterator[None]:
     except GrosmcError:
         raise
     except Exception as error:
-        # What a record has no field for is all that numba says of it.
-        if isinstance(error, KeyError) and (said := _missing(controller, str(error.args[0]))):
-            raise LawError(said) from error
-        if said := _undefined(controller):
-            raise LawError(said) from error
+        page = re.sub(r"\x1b\[\d*m", "", str(error))
+        # numba tells a reason before its place; what comes after the first place repeats it.
+        before = page[: next((m.start() for m in _COMPILED.finditer(page)), None)]
+        reason = (_REASON.findall(before) or page.splitlines() or [""])[-1].strip()
+        if not isinstance(error, NumbaError):
+            reason = f"{type(error).__name__}: {reason}"
+        advice = ""
+        for pattern, text in _INSTEAD.items():
+            if match := re.search(pattern, reason):
+                advice = f" ({text.format(*filter(None, match.groups()))})"
+                break
         raise LawError(
-            f'{_not_compiled(controller.name, error)}; engine = "python" runs it uncompiled'
+            f"{_own_place(_COMPILED.findall(page))}numba cannot compile the law: {reason}{advice}; "
+            'engine = "python" runs it uncompiled'
         ) from error
 
 
-def _missing(controller: Controller, field: str) -> str:
-    """Where a law reads or writes a field that neither its memory nor its numbers have."""
-    for function in _users_own(controller.law, set()):
-        try:
-            lines, first = inspect.getsourcelines(function)
-            file = Path(inspect.getsourcefile(function) or "").name
-            tree = ast.parse(textwrap.dedent("".join(lines)))
-        except (OSError, TypeError, SyntaxError):
-            continue
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Attribute) and node.attr == field:
-                owner = ast.unparse(node.value)
-                return f"{file}:{first + node.lineno - 1}: {_no_field(owner, field)}"
-    return ""
-
-
-def _undefined(controller: Controller) -> str:
-    """Where a law names what is defined nowhere, which numba's page does not always say."""
-    for function in _users_own(controller.law, set()):
-        for step in dis.get_instructions(function):
-            name, known = str(step.argval), {*vars(builtins), *function.__globals__}
-            if step.opname == "LOAD_GLOBAL" and name not in known:
-                line = step.positions.lineno if step.positions else function.__code__.co_firstlineno
-                file = Path(function.__code__.co_filename).name
-                return f"{file}:{line}: name {name!r} is not defined"
-    return ""
-
-
-def _users_own(function: Any, seen: set[int]) -> Iterator[Any]:
-    """The functions of the user's own that a law is made of, whatever is wrapped around them."""
-    function = source_of(function)
-    if not inspect.isfunction(function) or id(function) in seen:
-        return
-    seen.add(id(function))
-    if is_own(function):
-        yield function
-    for cell in function.__closure__ or ():
-        with suppress(ValueError):  # a cell that is still empty
-            yield from _users_own(cell.cell_contents, seen)
-
-
-def _not_compiled(name: str, error: Exception) -> str:
-    """Where and why numba stopped: of its page the reason before the place."""
-    page = str(error)
-    found = [(file, int(line)) for file, line in _COMPILED.findall(page)]
-    place = _own_place(found)
-    if not isinstance(error, NumbaError) or not place:
-        lines = _REASON.findall(page) or page.splitlines() or [""]
-        said = lines[-1 if isinstance(error, NumbaError) else 0].strip()
-        said = f"{type(error).__name__}: {said} ({name}){_instead(said)}"
-        return f"numba cannot compile the law: {said}"
-    marks = [each for each in _COMPILED.finditer(page) if Path(each[1]).suffix == ".py"]
-    reason = (_REASON.findall(page[: marks[0].start()]) or page.splitlines())[-1].strip()
-    return f"{place}numba cannot compile this: {reason}{_instead(reason)}"
-
-
-def _instead(reason: str) -> str:
-    """What to write instead of what numba cannot compile; empty if nothing is known."""
-    for pattern, advice in _INSTEAD.items():
-        if found := re.search(pattern, reason):
-            return f" ({advice.format(*found.groups())})"
-    return ""
-
-
-def _own_place(places: list[tuple[str, int]]) -> str:
+def _own_place(places: Iterable[tuple[str, object]]) -> str:
     """``file.py:12: `` of the last place that is neither ours nor a library's; empty if none."""
-    for file, line in reversed(places):
+    place = ""
+    for file, line in places:
         path = Path(file)
-        if path.suffix == ".py" and not any(
-            path.resolve().is_relative_to(folder) for folder in (_PACKAGE, _LIBRARIES, _PYTHON)
-        ):
-            return f"{path.name}:{line}: "
-    return ""
+        if path.suffix == ".py" and not any(map(path.resolve().is_relative_to, _NOT_OWN)):
+            place = f"{path.name}:{line}: "
+    return place

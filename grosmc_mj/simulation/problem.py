@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.loop.controllers import AppliedLoop
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
@@ -85,9 +84,9 @@ class Problem:
         return record_dtype(self.controller.memory())
 
     @property
-    def meters_dtype(self) -> np.dtype[np.void] | None:
-        """Layout of the metrics; None without any."""
-        return record_dtype(self.meters[0].start) if self.meters[0] else None
+    def looped(self) -> bool:
+        """Whether the law is in a loop with sensors and actuators."""
+        return self.controller.loop is not None
 
     @property
     def disturbed(self) -> bool:
@@ -97,7 +96,7 @@ class Problem:
     @cached_property
     def columns(self) -> dict[str, slice]:
         """Where the signals are in a row, by their names in ``KernelRun``; ``seen`` of a loop."""
-        n, m, looped = self.x0.shape[1], len(self.system.inputs), bool(self.controller.loop)
+        n, m, looped = self.x0.shape[1], len(self.system.inputs), self.looped
         wrenches = 6 * len(self.system.bodies) if self.disturbed else 0
         sizes = {"x": n, "command": m, "memory": self.memory_dtype.itemsize // 8, "w": wrenches,
                  "given": m * looped, "seen": n * looped}  # fmt: skip
@@ -118,10 +117,6 @@ class Problem:
         """
         bodies, steps = self.system.bodies, range(self.steps)
         return [packed(items, bodies, steps, self.timestep) for items in self.disturbances]
-
-    def loop_of(self, run: int) -> AppliedLoop | None:
-        """The loop that the law of one simulation is in."""
-        return self.controllers[run].loop
 
     def pushes_of(self, run: int) -> tuple[Array, Array]:
         """The same of one simulation."""

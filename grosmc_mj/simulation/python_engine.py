@@ -11,10 +11,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.loop.controllers import ideal_loop
-from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
-from grosmc_mj.simulation.inputs import ask
+from grosmc_mj.simulation.inputs import write_inputs
 from grosmc_mj.simulation.kernel import ANSWERED, run_of
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.steppers import Steppers, kernel_run, start
@@ -49,12 +48,11 @@ class ClosedLoop:
     ) -> None:
         """Put the plant at its start."""
         self._problem, self._controller = problem, problem.controllers[number]
-        self._stepper = stepper = (steppers or Steppers(problem.timestep)).of(
-            problem.plants[number]
-        )
-        self.steps, (self.memory, self._kept_alive) = 0, self._controller.begin()
+        steppers, controller = steppers or Steppers(problem.timestep), self._controller
+        self._stepper = stepper = steppers.of(problem.plants[number])
+        self.steps, (self.memory, self._kept_alive) = 0, controller.begin()
         kept = record or Record.empty(replace(problem, record=False), stepper.size)
-        meters, controller, memory = problem.meters[number], self._controller, self.memory
+        meters, memory = problem.meters[number], self.memory
         self.meters = deepcopy(meters.start) if meters else None
 
         def read(_model: Any, _data: Any, row: int, _which: int) -> None:
@@ -64,20 +62,19 @@ class ClosedLoop:
             assert meters is not None
             meters.note(t, x, u, memory, controller.parameters, self.meters, meters.numbers)
 
-        def loop_of(seen: Array, predicted: Array, _memory: Array) -> LoopRun:
-            if controller.loop is None:
-                return ideal_loop(len(predicted), len(stepper.u))
-            return controller.loop.begin_uncompiled(controller, memory, seen, predicted)
-
-        self.run = kernel_run(
-            problem, number, kept, stepper, loop_of,
+        r = kernel_run(
+            problem, number, kept, stepper,
             step=stepper.advance, read=read, law=self._sample, note=note, p=np.zeros(0),
             model=stepper.model, data=stepper.data, physics=0, width=min(1, stepper.size),
         )  # fmt: skip
+        loop = ideal_loop(len(r.seen), len(stepper.u))
+        if controller.loop is not None:
+            seen = r.now[problem.columns["seen"]]
+            loop = controller.loop.begin_uncompiled(controller, memory, seen, r.seen)
+        # Without a record there may be as many steps as somebody likes.
+        self.run = r._replace(loop=loop, keep=r.keep if record else sys.maxsize)
         start(self.run, problem, number, stepper, pack(memory), kept.rows[number, 0])
-        if record is None:  # as many steps as somebody likes
-            self.run = self.run._replace(keep=sys.maxsize)
-        self.u = self.run.u
+        self.u = r.u
 
     @property
     def x(self) -> Array:
@@ -95,7 +92,7 @@ class ClosedLoop:
             Why the run cannot go on, or ``Status.COMPLETED`` for steps that were completed.
         """
         self.run.clock[1] = self.steps + steps
-        run_of(looped=self._controller.loop is not None)(self.run)
+        run_of(looped=self._problem.looped)(self.run)
         self.steps = int(self.run.clock[0])
         return Status(int(self.run.clock[2]) - ANSWERED)
 
@@ -108,10 +105,10 @@ class ClosedLoop:
     def _sample(
         self, t: float, x: Array, seen: Array, memory: Array, p: Array, u: Array
     ) -> int:  # fmt: skip
-        """Ask the law for the input that is held from now on."""
+        """Sample the law for the input that is held from now on."""
         if self._problem.system.singular(x):
             return ANSWERED + Status.SINGULAR_PLANT.value
-        finite = ask(self._controller, t, seen, self.memory, u)
+        finite = write_inputs(self._controller, t, seen, self.memory, u)
         memory[:] = pack(self.memory)
         if self.memory.undefined:
             return ANSWERED + Status.UNDEFINED_LAW.value

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import DivergenceError, UndefinedLawError
+from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.native_engine import run_native
@@ -21,6 +20,7 @@ from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 
 Engine = Literal["native", "python"]
+_ENGINES = {"native": run_native, "python": run_python}
 
 
 def simulate(
@@ -64,25 +64,21 @@ def simulate(
         DivergenceError: If a single run diverges. In a batch the status says so.
         UndefinedLawError: If a single run reaches a state where its law or plant is undefined.
     """
-    require_known("engine", engine, get_args(Engine))
+    if not isinstance(engine, str) or engine not in _ENGINES:
+        raise ArgumentError(unknown_name("engine", engine, _ENGINES))
     problem, single = prepare(
-        plant,
-        controller,
-        x0,
-        duration=duration,
-        control_period=control_period,
-        timestep=timestep,
-        disturbances=disturbances,
-        meters=meters,
-        record=record,
-        threads=threads,
-    )
-    result = run_native(problem) if engine == "native" else run_python(problem)
+        plant, controller, x0, duration=duration, control_period=control_period, timestep=timestep,
+        disturbances=disturbances, meters=meters, record=record, threads=threads,
+    )  # fmt: skip
+    result = _ENGINES[engine](problem)
     trajectory = _trajectory(problem, result)
     if not single:
         return trajectory
-    _raise_if_ended_early(trajectory, problem)
-    return trajectory[0]
+    run, status, end = trajectory[0], trajectory.status[0], float(trajectory.valid_until[0])
+    if status is not Status.COMPLETED:
+        why = why_ended(status, run.system, problem.controller, end, run.state[-1])
+        raise (DivergenceError if status is Status.DIVERGED else UndefinedLawError)(why, end, run)
+    return run
 
 
 def _trajectory(problem: Problem, record: Record) -> Trajectory:
@@ -94,10 +90,10 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         rows[run, last + 1 :] = rows[run, last]
     held = {name: rows[:, 1:, place] for name, place in columns.items()}
     memory = held["memory"].view(problem.memory_dtype)[..., 0]
-    names, looped = memory.dtype.names or (), bool(problem.controller.loop)
+    names, looped, meters = memory.dtype.names or (), problem.looped, problem.meters[0]
     if "workspace" in names:
         memory["workspace"] = 0.0  # an address, which means nothing after the run
-    time, dtype = np.arange(problem.steps + 1) * problem.timestep, problem.meters_dtype
+    time = np.arange(problem.steps + 1) * problem.timestep
     return Trajectory(
         system=problem.system,
         time=time if problem.record else time[[0, -1]],
@@ -113,7 +109,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
         unseen=tuple(getattr(plant, "hidden_states", ()) for plant in problem.plants),
-        meters=record.meters.view(dtype)[:, 0] if dtype else None,
+        meters=record.meters.view(meters.kind[1])[:, 0] if meters else None,
     )
 
 
@@ -126,13 +122,3 @@ def _applied(problem: Problem, u: Array) -> Array:
     """Commands within the actuator's range, as MuJoCo applies them."""
     low, high = np.stack([plant.input_limits for plant in problem.plants], axis=1)
     return np.clip(u, low[:, None], high[:, None])
-
-
-def _raise_if_ended_early(trajectory: Trajectory, problem: Problem) -> None:
-    """Raise the error of a single run that did not reach its end."""
-    status, end = trajectory.status[0], float(trajectory.valid_until[0])
-    if status is Status.COMPLETED:
-        return
-    run = trajectory[0]
-    why = why_ended(status, trajectory.system, problem.controller, end, run.state[-1])
-    raise (DivergenceError if status is Status.DIVERGED else UndefinedLawError)(why, end, run)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import array_at, compile_c
+from grosmc_mj.compilation import compile_c, record_at
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant, System
@@ -60,6 +59,9 @@ class Stepper(ABC):
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,), with neither input nor wrench."""
 
+    def write(self, plant: Any) -> None:  # noqa: B027  most have one for each plant
+        """Take over the numbers of a plant, which shares this one's model."""
+
     @abstractmethod
     def advance(self, model: Any, data: Any) -> None:
         """One timestep."""
@@ -102,8 +104,7 @@ class EquationStepper(Stepper):
     """
 
     def __init__(self, plant: Plant, timestep: float) -> None:
-        self._system = plant.system
-        self._block = np.zeros(1, _block_dtype(plant.system))
+        self._system, self._block = plant.system, np.zeros(1, _block_dtype(plant.system))
         self._block["h"] = timestep
         parts = {name: self._block[name][0] for name in self._block.dtype.names or ()}
         self.data = SimpleNamespace(**{**parts, "h": timestep})
@@ -113,10 +114,10 @@ class EquationStepper(Stepper):
         self._dtype, self._numbers = record_dtype(plant.parameters), pack(plant.parameters)
         self.model = plant.parameters
 
-    def write(self, parameters: Any) -> None:
-        """Give the equations other numbers."""
-        if parameters is not self.model:
-            self.model, self._numbers[:] = parameters, pack(parameters)
+    def write(self, plant: Any) -> None:
+        """Give the equations the numbers of a plant."""
+        if plant.parameters is not self.model:
+            self.model, self._numbers[:] = plant.parameters, pack(plant.parameters)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,)."""
@@ -166,7 +167,7 @@ def _compiled_step(system: System, numbers_dtype: np.dtype[Any]) -> Any:
     step, block_dtype = _step_of(system), _block_dtype(system)
 
     def at(numbers: int, block: int) -> None:
-        step(array_at(numbers, (1,), numbers_dtype)[0], array_at(block, (1,), block_dtype)[0])
+        step(record_at(numbers, numbers_dtype), record_at(block, block_dtype))
 
     return compile_c(at, *STEP.args)
 
@@ -200,6 +201,11 @@ class PhysicsStepper(Stepper):
             qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
             self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
 
+    def write(self, plant: Any) -> None:
+        """Write the edits of a plant into the model."""
+        if plant.changes is not None:
+            plant.template.write(plant.changes, self.model, self.data)
+
     def advance(self, model: Any, data: Any) -> None:
         """One step of MuJoCo."""
         try:
@@ -216,6 +222,13 @@ class PhysicsStepper(Stepper):
         mujoco.mj_getState(self.model, self.data, state, _FULL)
 
 
+def shared_model(plant: Any) -> Any:
+    """Model or system shared by the plants that one stepper moves."""
+    if plant.kind != "physics":
+        return plant.system
+    return plant.undrawn_model if plant.changes is None else plant.template
+
+
 class Steppers:
     """Steppers of one thread: plants of one model share one mjModel and one mjData.
 
@@ -224,25 +237,21 @@ class Steppers:
     """
 
     def __init__(self, timestep: float) -> None:
-        self._timestep, self._of, self._plant = timestep, None, None
+        self._timestep, self._shared, self._plant = timestep, None, None
         self._stepper: Any = None
 
     def of(self, plant: Any) -> Stepper:
         """The stepper of a plant, to be restarted first; valid until the next call."""
-        if plant.kind != "physics":
-            if plant.system is not self._of:
+        shared = shared_model(plant)
+        if shared is not self._shared:
+            self._shared, self._plant = shared, None
+            if plant.kind != "physics":
                 self._stepper = EquationStepper(plant, self._timestep)
-                self._of = self._plant = plant.system
-            self._stepper.write(plant.parameters)
-            return self._stepper
-        changes = plant.changes
-        shared = plant.undrawn_model if changes is None else plant.template
-        if shared is not self._of:
-            model = shared if changes is None else shared.copy()
-            self._stepper = PhysicsStepper(plant.system, model, mujoco.MjData(model))
-            self._of, self._plant = shared, None
-        if changes is not None and plant is not self._plant:
-            shared.write(changes, self._stepper.model, self._stepper.data)
+            else:
+                model = shared if plant.changes is None else shared.copy()
+                self._stepper = PhysicsStepper(plant.system, model, mujoco.MjData(model))
+        if plant is not self._plant:
+            self._stepper.write(plant)
         self._plant = plant
         return self._stepper
 
@@ -258,29 +267,21 @@ def stepper_of(plant: Plant, timestep: float) -> Stepper:
 
 
 def kernel_run(
-    problem: Problem,
-    number: int,
-    record: Record,
-    stepper: Stepper,
-    loop_of: Callable[[Array, Array, Array], Any],
-    **of_engine: Any,
+    problem: Problem, number: int, record: Record, stepper: Stepper, **of_engine: Any
 ) -> KernelRun:
-    """Room for the kernel to compute a run of a problem in, see ``start``.
+    """Room for the kernel to compute a run of a problem in, see ``start``; its loop comes later.
 
     Args:
         problem: What is run.
         number: Which of its simulations.
         record: Where its rows go.
         stepper: What moves its plant.
-        loop_of: Its ``LoopRun``, which writes into ``seen`` and ``predicted``, (n,) each, for a law
-            with this memory, flat.
         of_engine: The fields of ``KernelRun`` in which the engines differ.
     """
-    meters = problem.meters[number]
-    pushes, values = problem.pushes_of(number)
-    now, law_state = np.zeros(problem.width), np.zeros(problem.x0.shape[1])
+    meters, (pushes, values) = problem.meters[number], problem.pushes_of(number)
+    now = np.zeros(problem.width)
     signals = {name: now[columns] for name, columns in problem.columns.items()}
-    loop = loop_of(signals.pop("seen"), law_state, signals["memory"])
+    loop: Any = None
     return KernelRun(
         clock=np.zeros(3, np.int64),
         keep=0 if problem.record else problem.steps - 1,
@@ -296,8 +297,7 @@ def kernel_run(
         bodies=stepper.bodies,
         forces=stepper.forces,
         now=now,
-        **signals,
-        seen=law_state,
+        **{**signals, "seen": np.zeros(problem.x0.shape[1])},
         meters=record.meters[number],
         meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
         rows=record.rows[number, 1:],

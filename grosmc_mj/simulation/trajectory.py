@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arguments import require
 from grosmc_mj.arrays import Array
-from grosmc_mj.columns import SignalColumn, arrow_table, read_columns, write_columns
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError, SetupError, one_line, shown, unknown_name
+from grosmc_mj.fields import Is, checked_call
+from grosmc_mj.files import written_aside
 from grosmc_mj.physics.hidden_states import HiddenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
@@ -36,11 +37,12 @@ class Status(Enum):
 
 # Of a law's memory: an address, and when it began.
 _NOT_SAVED = ("workspace", "first")
-
-
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
 _INTERVALS = ("command", "input", "sliding", "weighed", "memory", "wrench", "seen")
+# Key of a file's description, and ending of files.
+_ABOUT = "grosmc_mj"
+_FORMATS = (".parquet", ".csv", ".npz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,49 @@ class Trajectory:
         Raises:
             ArgumentError: For a batch.
         """
-        return arrow_table(*self._columns(sliding_unit))
+        if self.state.ndim != 2:
+            raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
+        system, physics = self.system, self.physics
+        unseen = [state.of(physics) for state in self.unseen if physics is not None]
+        tables: list[tuple[str, list[tuple[str, str]], Array | None]] = [
+            ("state", [(state.name, state.unit) for state in system.states], self.state),
+            ("seen", [(f"{state.name} seen", state.unit) for state in system.states], self.seen),
+            ("input", [(signal.name, signal.unit) for signal in system.inputs], self.input),
+            ("command", [(f"{u.name} asked", u.unit) for u in system.inputs], self.command),
+            ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
+            ("weighed", _numbered("v", "", self.weighed), self.weighed),
+            ("wrench", _wrench_labels(system), self.wrench),
+            ("physics", _numbered("mjSTATE_FULLPHYSICS", "", physics), physics),
+            ("unseen", [(state.name, state.unit) for state in self.unseen],
+             np.stack(unseen, axis=1) if unseen else None),
+            *((f"memory {name}", _numbered(f"memory {name}", "", rows), rows)
+              for name in self.memory.dtype.names or () if name not in _NOT_SAVED
+              for rows in [self.memory[name]]),
+        ]  # fmt: skip
+        columns, signals = [("time", "s", self.time)], {}
+        for signal, labels, rows in tables:
+            if rows is None:
+                continue
+            taken = {name for name, _, _ in columns}
+            names = [f"{signal} {name}" if name in taken else name for name, _ in labels]
+            signals[signal] = names, rows.shape[1:]
+            # What is held over intervals has no value at the last instant.
+            held = np.full((len(self.time), len(names)), np.nan)
+            held[: len(rows)] = rows.reshape(len(rows), -1)
+            columns += zip(names, (unit for _, unit in labels), held.T, strict=True)
+        about = {
+            "system": system.name,
+            "states": [astuple(state) for state in system.states],
+            "inputs": [astuple(signal) for signal in system.inputs],
+            "controlled": system.controlled,
+            "bodies": system.bodies,
+            "signals": signals,
+            "unseen": [astuple(state) for state in self.unseen],
+            "status": np.ravel(self.status)[0].name,
+            "valid_until": float(np.ravel(self.valid_until)[0]),
+            "versions": versions(),
+        }
+        return _table(columns, json.dumps(about))
 
     def to_pandas(self) -> Any:
         """The same as a pandas frame, indexed by time; pandas must be installed.
@@ -128,8 +172,9 @@ class Trajectory:
         A column is a signal with its unit: ``time``, each state by its name, the inputs as they
         were applied and as they were asked for, ``s``, ``v``, memory, forces and torques, what of
         a machine no law sees; a unit that nothing here knows is left empty. A row is an instant;
-        what is held over an interval stands at its beginning, and the last row has none. The first
-        two formats keep all of the run, for ``load_trajectory``.
+        what is held over an interval stands at its beginning, and the last row has none. Parquet
+        and NPZ keep all of the run, for ``load_trajectory``; columns of NPZ and CSV are called
+        ``name [unit]``.
 
         Args:
             path: The file.
@@ -142,64 +187,26 @@ class Trajectory:
             ArgumentError: For a batch, or another ending.
             SetupError: If it cannot be written.
         """
-        file, (columns, about) = Path(path), self._columns(sliding_unit)
-        if file.suffix == ".csv":  # which cannot be read again as a run
-            columns = [each for each in columns if each.name not in about["groups"]["physics"]]
-        write_columns(file, columns, about)
-        return file
+        import pyarrow.csv
+        import pyarrow.parquet
 
-    def _columns(self, sliding_unit: str = "") -> tuple[list[SignalColumn], dict[str, Any]]:
-        """The signals, and what else the run is."""
-        if self.state.ndim != 2:
-            raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
-        system = self.system
-        groups: list[tuple[str, list[tuple[str, str]], Array | None]] = [
-            ("state", [(each.name, each.unit) for each in system.states], self.state),
-            ("input", [(each.name, each.unit) for each in system.inputs], self.input),
-            ("command", [(f"{u.name} asked", u.unit) for u in system.inputs], self.command),
-            ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
-            ("weighed", _numbered("v", "", self.weighed), self.weighed),
-            ("wrench", _wrench_names(system) if self.wrench is not None else [], self.wrench),
-            ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
-        ]
-        if self.physics is not None and self.unseen:
-            rows = np.stack([each.of(self.physics) for each in self.unseen], axis=1)
-            groups.append(("unseen", [(each.name, each.unit) for each in self.unseen], rows))
-        if self.seen is not None:
-            names = [(f"{each.name} seen", each.unit) for each in system.states]
-            groups.insert(1, ("seen", names, self.seen))
-        remembered = [each for each in self.memory.dtype.names or () if each not in _NOT_SAVED]
-        for name in remembered:
-            rows = self.memory[name]
-            groups.append((f"memory {name}", _numbered(f"memory {name}", "", rows), rows))
-        columns = [SignalColumn("time", "s", self.time)]
-        named: dict[str, list[str]] = {}
-        for group, names, rows in groups:
-            taken = {each.name for each in columns}
-            named[group] = [f"{group} {n}" if n in taken else n for n, _ in names]
-            for name, (_, unit), values in zip(named[group], names, _by_column(rows), strict=True):
-                columns.append(SignalColumn(name, unit, _lengthened(values, len(self.time))))
-        about = {
-            "system": system.name,
-            "states": [list(astuple(each)) for each in system.states],
-            "inputs": [list(astuple(each)) for each in system.inputs],
-            "controlled": list(system.controlled),
-            "bodies": list(system.bodies),
-            "groups": named,
-            "unseen": [astuple(each) for each in self.unseen],
-            "memory": {
-                name: list(self.memory.dtype[name].shape) for name in self.memory.dtype.names or ()
-            },
-            "one_axis": {
-                "sliding": self.sliding is not None and self.sliding.ndim == 1,
-                "weighed": self.weighed.ndim == 1,
-                "input": self.input.ndim == 1,
-            },
-            "status": np.ravel(self.status)[0].name,
-            "valid_until": float(np.ravel(self.valid_until)[0]),
-            "versions": versions(),
-        }
-        return columns, about
+        file, table = Path(path), self.to_arrow(sliding_unit=sliding_unit)
+        if file.suffix not in _FORMATS:
+            raise ArgumentError(unknown_name("ending", file.suffix, _FORMATS))
+        about = table.schema.metadata[_ABOUT.encode()].decode()
+        labels = [f"{field.name} [{field.metadata[b'unit'].decode()}]" for field in table.schema]
+        labelled = table.rename_columns(labels)
+        with written_aside(file) as part:
+            if file.suffix == ".parquet":
+                pyarrow.parquet.write_table(table, part)
+            elif file.suffix == ".csv":  # which cannot be read again as a run
+                physics = [label for label in labels if label.startswith("mjSTATE")]
+                pyarrow.csv.write_csv(labelled.drop_columns(physics), part)
+            else:
+                arrays = {name: labelled[name].to_numpy() for name in labels}
+                with part.open("wb") as opened:
+                    np.savez_compressed(opened, allow_pickle=False, **arrays, **{_ABOUT: about})
+        return file
 
     def __len__(self) -> int:
         """Number of runs in a batch.
@@ -215,10 +222,9 @@ class Trajectory:
         """One run of a batch, cut where it stopped being valid."""
         end = int(np.searchsorted(self.time, self.valid_until[run] * (1 + 1e-12), side="right"))
         lengths = {**dict.fromkeys(_INSTANTS, end), **dict.fromkeys(_INTERVALS, end - 1)}
-        signals = {name: getattr(self, name) for name in lengths}
         cut = {
-            name: rows if rows is None else rows[run, : lengths[name]]
-            for name, rows in signals.items()
+            name: None if (rows := getattr(self, name)) is None else rows[run, :length]
+            for name, length in lengths.items()
         }
         return replace(
             self,
@@ -232,33 +238,32 @@ class Trajectory:
 
 
 def _numbered(name: str, unit: str, rows: Array | None) -> list[tuple[str, str]]:
-    """Names of the columns of a signal: its own if it has one."""
-    count = _by_column(rows)
-    return [(name if len(count) == 1 else f"{name} {i + 1}", unit) for i in range(len(count))]
+    """Name and unit of each column of a signal, (N,) or (N, ...)."""
+    count = 0 if rows is None else math.prod(rows.shape[1:])
+    return [(name if count == 1 else f"{name} {i + 1}", unit) for i in range(count)]
 
 
-def _wrench_names(system: System) -> list[tuple[str, str]]:
-    """Names of the columns of the wrenches."""
-    kinds = (("force", "N"), ("torque", "N m"))
+def _wrench_labels(system: System) -> list[tuple[str, str]]:
+    """Name and unit of each column of the wrenches."""
     return [
         (f"{kind} {axis} on {body}", unit)
         for body in system.bodies
-        for kind, unit in kinds
+        for kind, unit in (("force", "N"), ("torque", "N m"))
         for axis in "xyz"
     ]
 
 
-def _by_column(rows: Array | None) -> list[Array]:
-    """The columns of (N,) or (N, m); none of None."""
-    return [] if rows is None else list(rows.reshape(len(rows), math.prod(rows.shape[1:])).T)
+def _table(columns: Sequence[tuple[str, str, Array]], about: str) -> Any:
+    """Columns by their names with their units as a ``pyarrow.Table``; NaN is no value."""
+    import pyarrow as pa
+
+    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit, _ in columns]
+    arrays = [pa.array(values, pa.float64(), from_pandas=True) for _, _, values in columns]
+    return pa.table(arrays, schema=pa.schema(fields, metadata={_ABOUT: about}))
 
 
-def _lengthened(values: Array, rows: int) -> Array:
-    """With NaN at the end of what is held over intervals."""
-    return np.append(values, [np.nan] * (rows - len(values)))
-
-
-def load_trajectory(path: str | Path) -> Trajectory:
+@checked_call
+def load_trajectory(path: Annotated[Any, Is((str, Path), "the path of a file")]) -> Trajectory:
     """A run that ``Trajectory.save`` wrote as ``.parquet`` or ``.npz``; nothing is executed.
 
     Its system has the names and units of the run's and, if it is none of the package, no equations.
@@ -266,68 +271,64 @@ def load_trajectory(path: str | Path) -> Trajectory:
     Raises:
         ArgumentError: If there is no such file, or it is another one.
     """
-    require("path", path, (str, Path), "the path of a file")
     file = Path(path)
-    columns, about = read_columns(file)
+    if not file.is_file():
+        raise ArgumentError(f"there is no file {shown(str(path), str)}")
+    if file.suffix == ".csv":
+        raise ArgumentError(f"{file}: a run is read again from .parquet and .npz, not from .csv")
     try:
-        return _restored({column.name: column.values for column in columns}, about)
-    except ArgumentError as error:
-        raise ArgumentError(f"{file}: holds no trajectory: {error}") from None
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise ArgumentError(f"{file}: holds no trajectory: {error!r}") from None
+        return _restored(_read(file))
+    # pyarrow, zipfile and numpy have no common class for what they cannot read.
+    except Exception as error:
+        reason = f"{type(error).__name__}: {one_line(str(error))}"
+        raise ArgumentError(f"{file}: holds no trajectory, or is damaged: {reason}") from None
 
 
-def _restored(found: Mapping[str, Array], about: Mapping[str, Any]) -> Trajectory:
-    """A trajectory from its columns and what is said about them.
+def _read(file: Path) -> Any:
+    """The table that ``save`` wrote."""
+    if file.suffix != ".npz":
+        import pyarrow.parquet
+
+        return pyarrow.parquet.read_table(file)
+    with file.open("rb") as opened, np.load(opened, allow_pickle=False) as arrays:
+        labels = [label.removesuffix("]").rsplit(" [", 1) for label in arrays if label != _ABOUT]
+        columns = [(name, unit, arrays[f"{name} [{unit}]"]) for name, unit in labels]
+        return _table(columns, str(arrays[_ABOUT]))
+
+
+def _restored(table: Any) -> Trajectory:
+    """A trajectory from its table.
 
     Raises:
-        ArgumentError: If the columns are not real numbers at increasing instants, a row for each.
+        Exception: Of any class, if the table is none of a run.
     """
-    groups, time = about["groups"], found["time"]
-    for name, values in found.items():
-        if values.dtype.kind not in "fiu":
-            raise ArgumentError(f"{name} has values of type {values.dtype}, must be real numbers")
-        if values.ndim != 1 or len(values) != len(time):
-            raise ArgumentError(
-                f"{name} has shape {values.shape}, must have a row for each of {len(time)} instants"
-            )
+    about, time = json.loads(table.schema.metadata[_ABOUT.encode()]), table["time"].to_numpy()
     if not (len(time) and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)):
         raise ArgumentError("time must be finite and increasing")
-
-    def rows(group: str) -> Array | None:
-        names = groups[group]
-        held = group not in _INSTANTS
-        if not names:
-            return None
-        made = np.column_stack([found[name][: len(time) - held] for name in names])
-        single = about["one_axis"].get("input" if group == "command" else group, False)
-        return made[:, 0].copy() if single else made
-
-    fields = [(name, np.float64, tuple(shape)) for name, shape in about["memory"].items()]
-    memory = np.zeros(len(time) - 1, np.dtype(fields))
-    for name, _, shape in fields:
-        held = rows(f"memory {name}") if f"memory {name}" in groups else None
-        memory[name] = 0.0 if held is None else held.reshape(-1, *shape)
-    states = tuple(Signal(*each) for each in about["states"])
-    inputs = tuple(Signal(*each) for each in about["inputs"])
-    shipped = SYSTEMS.get(about["system"])
-    if shipped is None or (shipped.states, shipped.inputs) != (states, inputs):
-        shipped = System(
-            about["system"], about["system"], states, inputs, NoEquations(about["system"]),
+    signals: dict[str, Any] = dict.fromkeys(("sliding", "wrench", "physics", "seen"))
+    memory: dict[str, Array] = {}
+    for signal, (names, shape) in about["signals"].items():
+        rows = np.column_stack([table[name].to_numpy() for name in names])
+        rows = np.ascontiguousarray(rows if signal in _INSTANTS else rows[:-1])
+        target = memory if signal.startswith("memory ") else signals
+        target[signal.removeprefix("memory ")] = rows.reshape(len(rows), *shape)
+    signals.pop("unseen", None)  # columns of physics
+    kinds = [(name, np.float64, rows.shape[1:]) for name, rows in memory.items()]
+    remembered = np.zeros(len(time) - 1, np.dtype(kinds))
+    for name, rows in memory.items():
+        remembered[name] = rows
+    states, inputs = (tuple(Signal(*row) for row in about[key]) for key in ("states", "inputs"))
+    system = SYSTEMS.get(name := about["system"])
+    if system is None or (system.states, system.inputs) != (states, inputs):
+        system = System(
+            name, name, states, inputs, NoEquations(name),
             controlled=tuple(about["controlled"]), bodies=tuple(about["bodies"]),
         )  # fmt: skip
-    given: dict[str, Any] = {
-        group: rows(group)
-        for group in ("state", "command", "input", "sliding", "weighed", "wrench", "physics")
-    }
-    given["seen"] = rows("seen") if "seen" in groups else None
-    # Files of earlier versions have none.
-    given["unseen"] = tuple(HiddenState(*each) for each in about.get("unseen", ()))
-    ended: Any = Status[about["status"]]
     until: Any = np.float64(about["valid_until"])
     return Trajectory(
-        system=shipped, time=time, memory=memory, status=ended, valid_until=until, **given
-    )
+        system=system, time=time, memory=remembered, status=Status[about["status"]],  # pyright: ignore[reportArgumentType]
+        valid_until=until, unseen=tuple(HiddenState(*row) for row in about["unseen"]), **signals,
+    )  # fmt: skip
 
 
 def why_ended(status: Status, system: System, controller: Controller, time: float, x: Array) -> str:
@@ -340,20 +341,20 @@ def why_ended(status: Status, system: System, controller: Controller, time: floa
         time: Up to which the run is valid [s].
         x: State there, (n,).
     """
-    where = f"{system.name} under {controller.name} at t = {time:g} s"
     if status is Status.COMPLETED:
         return ""
-    if status is Status.DIVERGED:
-        return f"{where}: the state grew without bound; try a smaller control period or timestep"
-    if status is Status.SINGULAR_PLANT:
-        return f"{where}: the plant is singular at {system.singularity}"
     at = ", ".join(f"{value:.4g}" for value in x)
-    if status is Status.UNDEFINED_INPUT:
-        return f"{where}: the law returned no finite number at x = ({at})"
     linearizing = controller.design is not None and controller.design.linearizing
-    if not (linearizing and system.linearizable(x)):
-        return f"{where}: the law is undefined outside {system.region}"
-    return (
-        f"{where}: the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "
-        "singular there"
-    )
+    outside = f"the law is undefined outside {system.region}"
+    if linearizing and system.linearizable(x):
+        outside = (
+            f"the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "
+            "singular there"
+        )
+    why = {
+        Status.DIVERGED: "the state grew without bound; try a smaller control period or timestep",
+        Status.SINGULAR_PLANT: f"the plant is singular at {system.singularity}",
+        Status.UNDEFINED_INPUT: f"the law returned no finite number at x = ({at})",
+        Status.UNDEFINED_LAW: outside,
+    }[status]
+    return f"{system.name} under {controller.name} at t = {time:g} s: {why}"

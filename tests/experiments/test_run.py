@@ -300,7 +300,7 @@ def test_compiled_law_that_raises_later_points_to_its_line(
     native = CASE.replace('"python"', '"native"')
     assert run("run", own(folder, native, python), "--no-figures") == 2
     error = capfd.readouterr().err
-    assert f"own.py:{line_of(python, 'raise ValueError')}: too late (law at t = 0.101 s)" in error
+    assert f"own.py:{line_of(python, 'raise ValueError')}: ValueError: too late (law at t = 0.101 s)" in error
     assert error.count("\n") == 1
 
 
@@ -328,7 +328,7 @@ def test_law_that_numba_cannot_compile_points_to_its_line(
     native = CASE.replace('"python"', '"native"')
     assert run("run", own(folder, native, python), "--no-figures") == 2
     error = capsys.readouterr().err
-    assert f"own.py:{line_of(python, 'p.a * sum')}: numba cannot compile this" in error
+    assert f"own.py:{line_of(python, 'p.a * sum')}: numba cannot compile the law" in error
     assert 'engine = "python" runs it uncompiled' in error
     assert run("run", own(folder, CASE, python), "--no-figures") == 0
 

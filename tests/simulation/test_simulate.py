@@ -133,14 +133,6 @@ def test_timestep_beyond_every_bound_is_refused(timestep):
         start_servo(plant=physics("servo").analytic(), timestep=timestep)
 
 
-def test_nan_among_a_law_s_numbers_is_refused_by_its_name():
-    ctl = controller("servo", "grosmc")
-    for name, shape in (("K", (1, 2)), ("G", (1, 2))):
-        numbers = replace(ctl.parameters, **{name: np.full(shape, np.nan)})
-        with pytest.raises(ArgumentError, match=rf"grosmc: its number {name} = .* must not be NaN"):
-            start_servo(controller=replace(ctl, parameters=numbers))
-
-
 @dataclass
 class Remembering(Memory):
     last: float = 0.0
@@ -210,7 +202,7 @@ def test_plants_of_a_batch_must_be_alike(other):
 
 
 def test_plants_of_a_batch_must_have_one_timestep():
-    with pytest.raises(ArgumentError, match=r"different timesteps: \[0\.001, 0\.002\] s"):
+    with pytest.raises(ArgumentError, match="must have one timestep"):
         start_servo(plant=[physics("servo"), MujocoPlant.load("servo", timestep=2e-3)])
 
 
