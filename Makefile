@@ -107,13 +107,13 @@ rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 BENCHES := servo cart_pendulum arm
 
 as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
-	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) &&) true
+	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) --rivals &&) true
 	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
 
 MACHINES := servo cart_pendulum arm two_link_arm
 
 ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
-	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --loaded &&) true
+	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
 	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 

@@ -15,10 +15,10 @@ from typing import Any
 from grosmc_mj.chapter.results_table import results_table
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.results.markdown import replace_marked
-from grosmc_mj.studies.ladder.page import ladders_text
+from grosmc_mj.studies.ladder_tables import ladders_text
 from grosmc_mj.studies.rivals.measure import SYSTEMS, rivals
 from grosmc_mj.studies.rivals.report import rivals_table
-from grosmc_mj.studies.tolerance.page import tolerances_text
+from grosmc_mj.studies.tolerance_tables import tolerances_text
 
 
 def _rivals(_: Sequence[Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -71,12 +72,15 @@ def notice(line: str) -> None:
 
 @contextlib.contextmanager
 def kept_on_interrupt(write: Callable[[], Sequence[Path]]) -> Iterator[None]:
-    """Write what is there and say where, if what is done within is interrupted."""
+    """Write what is there and say where, if what is done within is interrupted or terminated."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     except KeyboardInterrupt:
         say_files(console(), *write())
         raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def brief_table(

@@ -1,14 +1,17 @@
-"""What studies ask of: the laws that a case's file knows, and what its plant is put under."""
+"""Laws and load conditions that the tolerance and ladder studies share."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import GrosmcError
+from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import RequirementTable
@@ -16,9 +19,14 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judgeable, limits, required, transient
 from grosmc_mj.loop import Loop
 
+# A number that may be infinite, for which JSON has null.
+Unlimited = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
+UNDER_LOAD = "under load"
+# Laws that GROSMC is compared with, in the variants of a case file; studied on request.
+_RIVALS = ("lqi", "pid", "adrc", "adaptive")
 # Cases whose edits and disturbances a target without any is studied under.
 _LOADED = ("case1", "case2")
-# Switching laws with their surfaces; those of them that are studied predicting, too.
+# Switching laws with their surfaces; those of them that are studied with prediction, too.
 _SWITCHED = (
     ("sign", "printed"),
     ("boundary-layer", "discrete"),
@@ -29,9 +37,9 @@ _SWITCHED = (
 )
 _PREDICTED = ("implicit", "implicit-estimate", "super-twisting")
 _OF_SURFACE = {"sliding_below": None, "no_reaching_phase": False}
-_ASKED = (
+_REQUIRED = (
     "settles_within", "overshoot_below", "stays_within", "rms_below", "final_error_below",
-    "deviation_below", "input_below", "cart_travel_below", "cost_ratio_below",
+    "deviation_below", "input_below", "cart_travel_below", "cost_ratio_below", *_OF_SURFACE,
 )  # fmt: skip
 
 
@@ -42,10 +50,11 @@ class StudiedLaw:
     Attributes:
         name: For people: that of the file, or the switching law's.
         controller: Without a loop.
-        predict: Whether it knows its loop.
+        predict: Whether it predicts over the delay of its loop.
         settings: How it is sampled, in words.
-        base: The law of the file that it is.
+        base: Name of the law in the case file.
         sampled: How it is sampled, as settings of an experiment.
+        rival: Whether GROSMC is compared with it and the case does not run it.
     """
 
     name: str
@@ -54,27 +63,27 @@ class StudiedLaw:
     settings: str = ""
     base: str = ""
     sampled: Mapping[str, str] = field(default_factory=dict)
+    rival: bool = False
 
     @property
     def follows_optimum(self) -> bool:
         """Whether its nominal loop is the optimum's, see ``Design``."""
         return self.controller.designed.follows_optimum
 
-    def made(self, experiment: Experiment, plant: PlantName) -> Controller:
-        """The same law for another plant or control period.
 
-        Raises:
-            GrosmcError: If it cannot be designed.
-        """
-        return experiment.with_settings(**self.sampled).law(plant, self.base)
+class Named(BaseModel):
+    """Name and title of a condition in a result."""
+
+    name: str
+    title: str
 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """What the plant is like, and what acts on it.
+    """Plant and loads of a study.
 
     Attributes:
-        name: ``nominal``, ``under load``, or the case that it is of.
+        name: ``nominal``, ``under load``, or a case of the system.
         title: For people.
         experiment: With its edits and disturbances, without a loop.
     """
@@ -83,12 +92,53 @@ class Condition:
     title: str
     experiment: Experiment
 
+    @property
+    def named(self) -> Named:
+        """It in a result."""
+        return Named(name=self.name, title=self.title)
 
-def limits_of(
-    experiment: Experiment, law: StudiedLaw, condition: Condition, plants: Sequence[PlantName]
-) -> tuple[Limit, ...]:
-    """What a law must keep, whoever the file asks it of, as far as a run tells."""
-    return limits_in(experiment.file.requirement, law, condition, plants)
+
+def case_for(target: str, name: str) -> Experiment:
+    """The case of a target that a study is about: of a system the named one, else its first.
+
+    Raises:
+        ArgumentError: If there is no such target, or it requires nothing.
+    """
+    cases = find_experiments(target)
+    experiment = next((case for case in cases if case.case.name == name), cases[0])
+    if not experiment.file.requirement:
+        raise ArgumentError(f"{experiment.path}: nothing is required: give it a [[requirement]]")
+    return experiment
+
+
+def of_system(experiment: Experiment, case: str) -> Experiment | None:
+    """A case of the system that an experiment is of; None if it has none."""
+    if not experiment.nominal.shipped:
+        return None
+    cases = find_experiments(experiment.nominal.system.name)
+    return next((other for other in cases if other.case.name == case), None)
+
+
+def conditions_of(experiment: Experiment) -> list[Condition]:
+    """The nominal plant without disturbances, then the target's own loads or its system's."""
+    case, nominal = experiment.case, experiment.nominal
+    calm = replace(experiment, nominal=replace(nominal, scales={}))
+    first = Condition("nominal", "the nominal plant", calm.varied(edits=(), disturbances=()))
+    if case.edits or case.disturbances or nominal.scales:
+        return [first, Condition(UNDER_LOAD, case.title, experiment)]
+    others = [other.case for name in _LOADED if (other := of_system(experiment, name))]
+    return [first] + [
+        Condition(
+            load.name,
+            load.title,
+            experiment.varied(
+                edits=load.edits,
+                disturbances=load.disturbances,
+                duration=max(case.duration, load.duration),
+            ),
+        )
+        for load in others
+    ]
 
 
 def limits_in(
@@ -97,15 +147,17 @@ def limits_in(
     condition: Condition,
     plants: Sequence[PlantName],
 ) -> tuple[Limit, ...]:
-    """What tables ask of a law, whoever they name, as far as a run tells."""
-    case, made = condition.experiment.case, law.controller
-    found: list[Limit] = []
-    for table in tables:
-        if asked := _asked_of(table, made):
-            found += limits(asked, [made], plants, case.duration)
-    onsets = [(each.window[0], each.window[0]) for each in case.disturbances]
-    told, _not_told = judgeable(found, transient(case.duration, onsets))
-    return required(told, {made.name})
+    """Limits of some requirements for a law, whichever laws they name, that a run can judge."""
+    case, controller = condition.experiment.case, law.controller
+    changes = {"of": None, "on": None, **({} if controller.designed.sliding_unit else _OF_SURFACE)}
+    own = [table.model_copy(update=changes) for table in tables]
+    every: list[Limit] = []
+    for table in own:
+        if any(getattr(table, name) for name in _REQUIRED):
+            every += limits(table, [controller], plants, case.duration)
+    onsets = [(push.window[0], push.window[0]) for push in case.disturbances]
+    judged, _notes = judgeable(every, transient(case.duration, onsets))
+    return required(judged, {controller.name})
 
 
 def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
@@ -126,99 +178,69 @@ def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tup
 
 def _ranges(loop: Loop) -> dict[str, float]:
     """The actuators of a loop that have a range, with it."""
-    return {each.of: each.limit for each in loop.actuators if math.isfinite(each.limit)}
-
-
-def _asked_of(table: RequirementTable, law: Controller) -> RequirementTable | None:
-    """A table as it is asked of one law; None if it asks nothing of it."""
-    surface = bool(law.designed.sliding_unit)
-    changes = {"of": None, "on": None, **({} if surface else _OF_SURFACE)}
-    asked = table.model_copy(update=changes)
-    names = (*_ASKED, *_OF_SURFACE)
-    return asked if any(getattr(asked, name) for name in names) else None
-
-
-def of_system(experiment: Experiment, case: str) -> Experiment | None:
-    """A case of the system that an experiment is of; None if it has none."""
-    if not experiment.nominal.shipped:
-        return None
-    cases = find_experiments(experiment.nominal.system.name)
-    return next((each for each in cases if each.case.name == case), None)
-
-
-def conditions_of(experiment: Experiment) -> list[Condition]:
-    """The nominal plant at rest from without, and what the target or its system has besides."""
-    case, nominal = experiment.case, experiment.nominal
-    calm = replace(experiment, nominal=replace(nominal, scales={})).varied(
-        edits=(), disturbances=()
-    )
-    found = [Condition("nominal", "the nominal plant", calm)]
-    if case.edits or case.disturbances or nominal.scales:
-        return [*found, Condition("under load", case.title, experiment)]
-    for name in _LOADED:
-        if other := of_system(experiment, name):
-            loads = other.case
-            loaded = experiment.varied(
-                edits=loads.edits,
-                disturbances=loads.disturbances,
-                duration=max(case.duration, loads.duration),
-            )
-            found.append(Condition(name, loads.title, loaded))
-    return found
+    return {part.of: part.limit for part in loop.actuators if math.isfinite(part.limit)}
 
 
 def laws_of(experiment: Experiment) -> list[StudiedLaw]:
     """The file's laws that do not switch, and its law that does with every switching law.
 
-    What its system's other cases share with it may not fit its task, and is left out.
+    Laws that the system's other cases share with it may not fit its task; they are left out.
 
     Raises:
         ArgumentError: If a law that the case runs cannot be designed.
     """
     file, plant = experiment.file, experiment.nominal.truest
-    names = dict.fromkeys([*file.laws, *experiment.controllers])
-    found: list[StudiedLaw] = []
+    studied: list[StudiedLaw] = []
     switching: list[str] = []
     seen: list[dict[str, object]] = []
-    for name in names:
+    for name in dict.fromkeys([*file.laws, *experiment.controllers]):
         table = file.law(name).model_dump(exclude={"name", "predict", "switching", "surface"})
         if table in seen:
             continue
         seen.append(table)
         try:
-            made = experiment.law(plant, name)
+            design = (controller := experiment.law(plant, name)).design
         except GrosmcError:
             if name in experiment.controllers:
                 raise
             continue
-        if made.design is None:
-            continue
-        if made.design.with_reach is None:
-            found.append(StudiedLaw(name, made, base=name))
-        else:
+        if design is not None and design.with_reach is not None:
             switching.append(name)
-    if not switching:
-        return found
-    base, taken = "grosmc" if "grosmc" in switching else switching[0], {law.name for law in found}
-    for predict in (False, True):
-        for law, surface in _SWITCHED:
-            if predict and law not in _PREDICTED:
+        elif design is not None:
+            kind = str(table["law"]).removeprefix("linear-")
+            rival = kind in _RIVALS and name not in experiment.controllers
+            studied.append(StudiedLaw(name, controller, base=name, rival=rival))
+    if switching:
+        base = "grosmc" if "grosmc" in switching else switching[0]
+        studied += _switched(experiment, base, {law.name for law in studied})
+    return studied
+
+
+def _switched(experiment: Experiment, base: str, taken: set[str]) -> list[StudiedLaw]:
+    """A law with every switching law that fits its surface, without and with prediction."""
+    laws = []
+    for predict, ending in ((False, ""), (True, ", predicted")):
+        for switching, surface in _SWITCHED:
+            if predict and switching not in _PREDICTED:
                 continue
-            sampled = {"switching": law, "surface": surface}
+            sampled = {"switching": switching, "surface": surface}
             try:
-                made = experiment.with_settings(**sampled).law(plant, base)
+                controller = experiment.with_settings(**sampled).law(
+                    experiment.nominal.truest, base
+                )
             except GrosmcError:
                 # Not every switching law fits every surface, such as one of several inputs.
                 continue
-            name = f"{base} {law}" if law in taken else law
-            name = f"{name}, predicted" if predict else name
-            words = f"{base}, {law}, {surface} surface"
-            found.append(StudiedLaw(name, made, predict, words, base, sampled))
-    return found
+            name = (f"{base} {switching}" if switching in taken else switching) + ending
+            words = f"{base}, {switching}, {surface} surface"
+            laws.append(StudiedLaw(name, controller, predict, words, base, sampled))
+    return laws
 
 
-def chosen_laws(laws: Sequence[StudiedLaw], names: Sequence[str]) -> list[StudiedLaw]:
-    """The laws of these names.
+def chosen_laws(
+    laws: Sequence[StudiedLaw], names: Sequence[str], *, rivals: bool = False
+) -> list[StudiedLaw]:
+    """The laws of these names; without names all, the rivals only on request.
 
     Raises:
         ArgumentError: If there is none of one of them.
@@ -226,4 +248,6 @@ def chosen_laws(laws: Sequence[StudiedLaw], names: Sequence[str]) -> list[Studie
     known = {law.name: law for law in laws}
     for name in names:
         require_known("law", name, known)
-    return [known[name] for name in dict.fromkeys(names)] if names else list(laws)
+    if names:
+        return [known[name] for name in dict.fromkeys(names)]
+    return [law for law in laws if rivals or not law.rival]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,10 +15,7 @@ from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from grosmc_mj.studies.tolerance.measure import Tolerance
-    from grosmc_mj.studies.tolerance.setting import Setting
+    from grosmc_mj.studies.tolerance import Setting, Tolerance, Tolerances
 
 _MOST_SEEDS = 1000
 
@@ -40,7 +36,9 @@ class ToleranceCommand(Command):
     Attributes:
         target: A system, which means its bench, a case, or a case file; without a loop of its own
             it is studied on its system's bench.
-        laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default.
+        laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default, but for
+            the rivals.
+        rivals: Study lqi, pid, adrc and adaptive, too.
         seeds: Runs that must all keep it where noise, jitter or missed samples are random.
         every_end: Confirm both ends of each answer in MuJoCo, under every condition.
         out: Folder for tolerance_NAME.json and the figure.
@@ -50,6 +48,7 @@ class ToleranceCommand(Command):
     laws: Annotated[
         tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
     ] = ()
+    rivals: Annotated[bool, FlagCreatePairsOff] = False
     seeds: Annotated[int, arg(metavar="N")] = 4
     every_end: Annotated[bool, FlagCreatePairsOff] = False
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
@@ -57,83 +56,64 @@ class ToleranceCommand(Command):
     def execute(self) -> int:
         """Search, write, print, draw."""
         from grosmc_mj.executors import executor_for
-        from grosmc_mj.studies.tolerance.measure import tolerances_of_laws
-        from grosmc_mj.studies.tolerance.setting import setting
+        from grosmc_mj.studies.tolerance import setting, tolerances_of_laws
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
         began = time.perf_counter()
-        studied = setting(self.target, self.laws)
-        found: dict[int, list[Tolerance]] = {}
-        each_has = len(studied.imperfections) * len(studied.conditions)
+        studied = setting(self.target, self.laws, rivals=self.rivals)
+        rows: dict[int, list[Tolerance]] = {}
+        size = len(studied.imperfections) * len(studied.conditions)
+
+        def study() -> Tolerances:
+            return studied.of_rows([row for _, own in sorted(rows.items()) for row in own])
+
         with (
-            screen.kept_on_interrupt(
-                lambda: self._write(studied, _in_order(found), complete=False)
-            ),
-            screen.progress(len(studied.laws) * each_has, "answers") as advance,
+            screen.kept_on_interrupt(lambda: self._write(studied, study(), complete=False)),
+            screen.progress(len(studied.laws) * size, "answers") as advance,
         ):
             executor = executor_for(len(studied.laws))
-            for index, rows in tolerances_of_laws(
+            for index, own in tolerances_of_laws(
                 studied, self.seeds, executor, screen.notice, every=self.every_end
             ):
-                found[index] = rows
-                advance(studied.laws[index].name, each_has)
-        rows = _in_order(found)
-        files = self._write(studied, rows, complete=True)
+                rows[index] = own
+                advance(studied.laws[index].name, size)
+        files = self._write(studied, study(), complete=True)
+        self._answer(study())
         console = screen.console()
-        _answer(console, studied, rows, full=self.verbose)
         console.print(f"In {time.perf_counter() - began:.1f} s", style="dim")
         screen.say_files(console, *files)
         return screen.DONE
 
-    def _write(
-        self, studied: Setting, rows: Sequence[Tolerance], *, complete: bool
-    ) -> tuple[Path, ...]:
+    def _write(self, studied: Setting, study: Tolerances, *, complete: bool) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.tolerance.document import tolerance_document
-        from grosmc_mj.studies.tolerance.figure import write_tolerance_figure
+        from grosmc_mj.studies.tolerance_tables import tolerance_document, write_tolerance_figure
 
-        if not rows:
+        if not study.tolerances:
             return ()
-        base = self.out / f"tolerance_{result_name(studied.experiment.path)}"
-        target = base.with_suffix(".json")
-        write_json(target, tolerance_document(studied, rows, self.seeds, complete=complete))
-        figure = write_tolerance_figure(studied, rows, base.with_suffix(".png"))
-        return target, figure
+        target = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
+        write_json(target, tolerance_document(studied, study, self.seeds, complete=complete))
+        return target, write_tolerance_figure(study, target.with_suffix(".png"))
 
+    def _answer(self, study: Tolerances) -> None:
+        """Print which law breaks first, which keep the bench, and how much each law stands."""
+        from grosmc_mj.studies import tolerance_tables as tables
 
-def _in_order(found: Mapping[int, Sequence[Tolerance]]) -> list[Tolerance]:
-    """What has been found, law by law."""
-    return [row for _, rows in sorted(found.items()) for row in rows]
-
-
-def _answer(console: Console, studied: Setting, rows: Sequence[Tolerance], *, full: bool) -> None:
-    """Which law breaks first, who keeps the bench, and what each law stands."""
-    from grosmc_mj.studies.tolerance import answers
-    from grosmc_mj.studies.tolerance.report import LEGEND, every_answer, tolerance_table
-
-    console.print(answers.verdict(rows), style="bold", markup=False)
-    for line in answers.whole_bench(rows):
-        console.print(line, markup=False)
-    for condition in studied.conditions:
-        if others := answers.never_kept(rows, condition.name):
-            said = f"Not kept even ideally, {condition.name}: {'; '.join(others)}."
-            console.print(said, markup=False)
-    found = answers.least(rows)
-    if found:
-        table, left = tolerance_table("The least over the conditions kept ideally", found)
-        console.print(table)
-        if left:
-            names = "; ".join(left)
-            console.print(f"No room for: {names}; --verbose has all.", style="dim", markup=False)
-        console.print(LEGEND, style="dim", markup=False)
-    asked, differing = answers.disagreements(rows)
-    if asked:
-        console.print(f"MuJoCo was asked about {asked} answers: {differing} differ.")
-    for condition in studied.conditions if full else ():
-        if own := answers.least([row for row in rows if row.condition == condition.name]):
-            title = f"{condition.name}: {condition.title}"
-            screen.wide_console().print(tolerance_table(title, own)[0])
-    if full:
-        screen.wide_console().print(every_answer(rows))
+        console, wide = screen.console(), screen.wide_console()
+        console.print(tables.verdict(study), style="bold", markup=False)
+        for line in tables.notes(study):
+            console.print(line, markup=False)
+        least = tables.least_table(study, "The least over the conditions kept ideally")
+        if self.verbose:
+            wide.print(least)
+            wide.print(tables.every_answer(study))
+        else:
+            table, left = tables.in_width(least)
+            console.print(table)
+            if left:
+                said = f"No room for: {'; '.join(left)}; --verbose has all."
+                console.print(said, style="dim", markup=False)
+        checked, differing = tables.confirmed(study)
+        if checked:
+            console.print(f"MuJoCo was asked about {checked} answers: {differing} differ.")

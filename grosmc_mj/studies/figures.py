@@ -1,0 +1,135 @@
+"""Figures of studies, drawn from the charts of their results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, TwoSlopeNorm
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+
+from grosmc_mj.results.figure import figure_written, in_lines
+from grosmc_mj.results.heat_map import heat_map
+from grosmc_mj.results.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from grosmc_mj.results.result import CellChart, GridChart, LineChart
+
+# Inches: a cell, the names of rows, a panel of curves or of a map.
+_CELL, _NAMES, _PANEL = (1.12, 0.36), 2.8, (3.8, 3.1)
+_LETTERS, _NOTE = 13, {"fontsize": 9, "x": 0.01, "ha": "left", "color": "#444444"}
+_COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY, BLACK, "#888888")
+_MARKERS = "osDv^P"
+# An axis whose largest number is so many times the smallest is logarithmic.
+_FAR = 10.0
+
+
+def write_cells(path: Path, title: str, charts: Sequence[CellChart], note: str) -> Path:
+    """Draw charts of cells below each other.
+
+    Args:
+        path: The PNG; the SVG lies beside it.
+        title: Above all.
+        charts: At least one.
+        note: Below all.
+
+    Raises:
+        SetupError: If a file cannot be written.
+    """
+    widest = max(4, *(len(chart.columns) for chart in charts))
+    headers = [[in_lines(name, _LETTERS) for name in chart.columns] for chart in charts]
+    lines = [1 + max((name.count("\n") for name in names), default=0) for names in headers]
+    heights = [len(chart.rows) + 1.2 + 0.6 * n for chart, n in zip(charts, lines, strict=True)]
+    width, height = _CELL[0] * widest + _NAMES, _CELL[1] * sum(heights) + 1.1
+    with figure_written(path, (width, height)) as figure:
+        figure.suptitle(title, fontsize=14)
+        sizes = [len(chart.rows) for chart in charts]
+        panels = figure.subplots(len(charts), 1, squeeze=False, height_ratios=sizes)[:, 0]
+        for chart, names, panel in zip(charts, headers, panels, strict=True):
+            cells = {
+                (i, j): (math.nan if value is None else value, text)
+                for i, (values, texts) in enumerate(zip(chart.values, chart.texts, strict=True))
+                for j, (value, text) in enumerate(zip(values, texts, strict=True))
+                if text is not None
+            }
+            scale = TwoSlopeNorm(0.0, -chart.most, chart.most)
+            heat_map(panel, cells, chart.rows, names, scale, width=widest)
+            panel.set_xlim(-0.5, max(len(names), 1) - 0.5)
+            panel.set_title(chart.name, loc="left", fontsize=11.5, fontweight="bold")
+        figure.supxlabel(in_lines(note, round(13 * width)), **_NOTE)
+    return path
+
+
+def write_panels(path: Path, title: str, rows: Sequence[Sequence[LineChart | GridChart]]) -> Path:
+    """Draw charts of curves or of maps in rows, with one legend; paths as for `write_cells`."""
+    columns = max(len(row) for row in rows)
+    with figure_written(path, (_PANEL[0] * columns, _PANEL[1] * len(rows) + 0.9)) as figure:
+        figure.suptitle(title, fontsize=14)
+        panels = figure.subplots(len(rows), columns, squeeze=False)
+        handles: dict[str, Artist] = {}
+        for i, row in enumerate(rows):
+            for panel, first, chart in zip(panels[i], rows[0], row, strict=True):
+                panel.set_title(in_lines(chart.name, 40), loc="left", fontsize=11)
+                if isinstance(chart, LineChart):
+                    _curves(panel, chart)
+                    handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+                else:
+                    handles |= _map(
+                        panel, chart, first if i and isinstance(first, GridChart) else None
+                    )
+        figure.legend(
+            list(handles.values()), list(handles), loc="outside lower center",
+            ncols=min(len(handles), 2 * columns),
+        )  # fmt: skip
+    return path
+
+
+def _curves(panel: Axes, chart: LineChart) -> None:
+    """The curves of a chart; one ends where its value has none."""
+    for series, colour, marker in zip(chart.lines, cycle(_COLOURS), cycle(_MARKERS), strict=False):
+        y = [math.nan if value is None else value for value in series.y]
+        every = max(1, len(y) // 10)
+        panel.plot(
+            series.x, y, color=colour, marker=marker, ms=4, lw=1.4, markevery=every,
+            label=series.name,
+        )  # fmt: skip
+    for mark in chart.marks:
+        panel.axvline(mark, color=BLACK, lw=0.9, ls=(0, (2, 2)))
+    if chart.limit is not None:
+        panel.axhline(chart.limit, color=BLACK, lw=0.9, ls=(0, (2, 2)))
+    panel.set_xlabel(chart.titles[0])
+    panel.set_ylabel(chart.titles[1])
+    for axis, numbers in (
+        ("x", [x for series in chart.lines for x in series.x if isinstance(x, float)]),
+        ("y", [y for series in chart.lines for y in series.y if y is not None]),
+    ):
+        low, high = min(numbers, default=0.0), max(numbers, default=0.0)
+        if low > 0 and high > _FAR * low:
+            panel.set(**{f"{axis}scale": "log"})
+        elif low <= 0 and high > _FAR:
+            panel.set_yscale("symlog", linthresh=1e-2)
+
+
+def _map(panel: Axes, chart: GridChart, nominal: GridChart | None) -> dict[str, Artist]:
+    """A map, with the edge of its first letter on the nominal one; returns its legend."""
+    letters = [each.letter for each in chart.legend]
+    index = np.array([[letters.index(letter) for letter in row] for row in chart.grid])
+    (across, end), (down, height) = chart.axes
+    edges = [np.linspace(-limit, limit, len(index) + 1) for limit in (end, height)]
+    colours = ListedColormap([each.colour for each in chart.legend])
+    panel.pcolormesh(
+        *edges, index, cmap=colours, vmin=-0.5, vmax=len(letters) - 0.5, rasterized=True
+    )
+    panel.set_xlabel(across)
+    panel.set_ylabel(down)
+    if nominal is not None:
+        good = np.array([[float(letter == letters[0]) for letter in row] for row in nominal.grid])
+        if 0 < good.mean() < 1:
+            centres = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
+            line = panel.contour(*centres, good, levels=[0.5], colors="white", linewidths=1.6)
+            line.set_path_effects([withStroke(linewidth=3.2, foreground=BLACK)])
+    return {each.name: Patch(facecolor=each.colour, edgecolor="#444444") for each in chart.legend}

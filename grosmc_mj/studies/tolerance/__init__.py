@@ -1,1 +1,0 @@
-"""How far from ideal may the loop be before a law breaks its promise?"""
