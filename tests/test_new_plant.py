@@ -48,7 +48,7 @@ COMMANDS = {
     "run spring_mass/case1 --no-figures": "The requirement is kept",
     "validate spring_mass --no-figures --record": "recorded",
     "validate spring_mass --no-figures": "All 4 runs are as recorded",
-    "claims spring_mass/case1 --premises": "premises of grosmc",
+    "claims premises spring_mass/case1": "premises of grosmc",
 }
 PROGRAM = """
 import contextlib, io, json, sys

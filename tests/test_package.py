@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 import grosmc_mj
-from grosmc_mj.chapter.results_table import results_table
+from grosmc_mj.chapter.validation import results_markdown, results_table
 from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.catalogue import select_experiments
 from grosmc_mj.films.film import Format
 
 README = Path(__file__).parents[1] / "README.md"
@@ -92,28 +93,12 @@ def test_the_readme_s_picture_is_in_the_repository() -> None:
 
 
 def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None:
-    metric = {"value": 0.25, "unit": "rad", "note": ""}
-    never = {"value": None, "unit": "s", "note": "not reached"}
-    run = {
-        "system": "servo",
-        "case": "case1",
-        "plant": "physics",
-        "controller": "lqr",
-        "valid_until": {"value": 4.0, "unit": "s"},
-        "metrics": {
-            "deviation": metric,
-            "settling_time": never,
-            "max_sliding": {"value": None, "unit": "", "note": "no surface"},
-            "cost_continuous": {"value": 2.5, "unit": "1", "note": ""},
-            "cost_whole": {"value": 3.5, "unit": "1", "note": ""},
-            "cost_optimal": {"value": 2.0, "unit": "1", "note": ""},
-            "max_input": {"value": 2.0, "unit": "A", "note": ""},
-        },
-    }
-    document = {"runs": [run, {**run, "plant": "corrected"}]}
-    rows = results_table(document).splitlines()
+    (experiment,) = select_experiments(["servo"], "case1")
+    table = results_table([experiment.run(plant, "lqr") for plant in ("physics", "corrected")])
+    document = {"sheets": [{"table": table.model_dump(), "charts": []}]}
+    rows = results_markdown(document).splitlines()
     assert len(rows) == 3
-    assert rows[2] == "| servo | case1 | lqr | 0.25 rad | not reached |  | 1.25 | 0.125 | 2 A |  |"
+    assert rows[2].startswith("| servo | case1 | lqr | 1.42 rad | 3.99 s |  | 13.4 | ")
     readme, results = tmp_path / "README.md", tmp_path / "validation.json"
     readme.write_text("before\n<!-- results -->\nold\n<!-- /results -->\nafter\n")
     results.write_text(json.dumps(document))

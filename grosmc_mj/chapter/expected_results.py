@@ -1,7 +1,7 @@
 """What the repository records as expected, and how closely a run must repeat it.
 
-``expected.json`` is written by ``grosmc-mj validate --record`` and reviewed like code. It is
-not a source of results: a run is measured first and compared afterwards.
+``expected_results.json`` is written by ``grosmc-mj validate --record`` and reviewed like code. It
+is not a source of results: a run is measured first and compared afterwards.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.metrics.recorded import Metric
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.results.document import write_json
@@ -43,54 +43,43 @@ _OTHER = (0.1, 0.0)
 
 
 def load_expected() -> dict[str, Any]:
-    """The recorded results by the runs' keys, and the settings that they hold for.
-
-    Raises:
-        SetupError: If the record is missing.
-    """
-    if not EXPECTED_FILE.is_file():
-        raise SetupError(f"{EXPECTED_FILE} is missing: install again, or run make record")
+    """The recorded results by the runs' keys, and the settings that they hold for."""
     return json.loads(EXPECTED_FILE.read_text(encoding="utf-8"))
 
 
 def record_expected(results: Iterable[RunResult], settings: Settings) -> None:
     """Record these results as expected; runs that are not among them stay recorded."""
-    runs = load_expected()["runs"] if EXPECTED_FILE.is_file() else {}
+    runs = load_expected()["runs"]
     for result in results:
-        runs[result.key] = {
-            "status": result.status.name.lower(),
-            "metrics": {name: metric.value for name, metric in result.metrics.items()},
-        }
+        values = {name: metric.value for name, metric in result.metrics.items()}
+        runs[result.key] = {"status": result.status.name.lower(), "metrics": values}
     content = {"settings": _comparable(settings), "runs": dict(sorted(runs.items()))}
     write_json(EXPECTED_FILE, content)
 
 
 def differences(results: Sequence[RunResult], settings: Settings) -> list[str] | None:
-    """One line for each result that is not as recorded; None if the settings are other ones.
-
-    Raises:
-        SetupError: If the record is missing.
-    """
+    """One line for each result that is not as recorded; None if the settings are other ones."""
     if other_settings(settings):
         return None
-    expected, found = load_expected(), []
-    for result in results:
-        recorded = expected["runs"].get(result.key)
-        if recorded is None:
-            found.append(f"{result.key}: not recorded")
-            continue
-        status = result.status.name.lower()
-        if status != recorded["status"]:
-            found.append(f"{result.key}: {status}, recorded {recorded['status']}")
-            continue
-        switched = result.trajectory.sliding is not None
-        for name, metric in result.metrics.items():
-            if not _repeats(name, metric, recorded["metrics"].get(name), switched=switched):
-                found.append(
-                    f"{result.key}: {name} is {_words(metric.value)}, recorded "
-                    f"{_words(recorded['metrics'].get(name))} {metric.unit}".rstrip()
-                )
-    return found
+    runs = load_expected()["runs"]
+    return [line for result in results for line in _differences(result, runs.get(result.key))]
+
+
+def _differences(result: RunResult, recorded: dict[str, Any] | None) -> list[str]:
+    """The same of one run and its record."""
+    if recorded is None:
+        return [f"{result.key}: not recorded"]
+    status = result.status.name.lower()
+    if status != recorded["status"]:
+        return [f"{result.key}: {status}, recorded {recorded['status']}"]
+    switched = result.trajectory.sliding is not None
+    lines = []
+    for name, metric in result.metrics.items():
+        value = recorded["metrics"].get(name)
+        if not _repeats(name, metric, value, switched=switched):
+            words = f"{name} is {_words(metric.value)}, recorded {_words(value)} {metric.unit}"
+            lines.append(f"{result.key}: {words}".rstrip())
+    return lines
 
 
 def other_settings(settings: Settings) -> list[str]:
@@ -128,10 +117,4 @@ def _words(value: float | None) -> str:
 
 def _comparable(settings: Settings) -> dict[str, Any]:
     """The settings that change results; the engines agree to the last bit."""
-    return {
-        "control_period": settings.control_period,
-        "timestep": settings.timestep,
-        "integrator": settings.integrator,
-        "switching": settings.switching,
-        "surface": settings.surface,
-    }
+    return {name: value for name, value in asdict(settings).items() if name != "engine"}

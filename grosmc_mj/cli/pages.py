@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.chapter.results_table import results_table
+from grosmc_mj.chapter.validation import results_markdown
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.results.markdown import replace_marked
 from grosmc_mj.studies.ladder_tables import ladders_text
@@ -28,7 +28,7 @@ def _rivals(_: Sequence[Any]) -> str:
 
 # What makes the text between the marks of that name, of the documents that it is given.
 TEXTS: Mapping[str, Callable[[Sequence[Any]], str]] = {
-    "results": lambda documents: results_table(*documents),
+    "results": lambda documents: results_markdown(*documents),
     "rivals": _rivals,
     "tolerances": tolerances_text,
     "ladders": ladders_text,

@@ -14,7 +14,7 @@ import tyro
 from tyro.conf import subcommand
 
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands import ABOUT, COMMANDS, STUDIES, STUDY, Studies
+from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, STUDIES, Studies
 from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen import without_graphics
@@ -25,7 +25,7 @@ _FORMATS = ("parquet", "csv", "npz")
 _RENAMED = {
     "switching": ("study switching", ""),
     "region": ("study region", ""),
-    "premises": ("claims", "--premises"),
+    "premises": ("claims premises", ""),
 }
 
 # What the parser says of an option that another command may have.
@@ -61,7 +61,7 @@ def parse(arguments: Sequence[str]) -> Command:
     """
     if now := _name_now(arguments):
         raise ArgumentError(now)
-    given, said = _with_format(arguments) or ["--help"], io.StringIO()
+    given, said = _with_format(_with_judge(arguments)) or ["--help"], io.StringIO()
     # The first help has a line of each command, not its whole text.
     brief = given[0] in ("-h", "--help")
     try:
@@ -84,11 +84,21 @@ def _one_of(commands: Mapping[str, type[Command] | Studies], *, brief: bool) -> 
     kinds = []
     for name, each in commands.items():
         if isinstance(each, Mapping):
-            kinds.append(Annotated[_one_of(each, brief=False), subcommand(name, description=STUDY)])
+            kinds.append(
+                Annotated[_one_of(each, brief=False), subcommand(name, description=GROUPS[name])]
+            )
         else:
             words = (each.__doc__ or "").partition("\n")[0] if brief else None
             kinds.append(Annotated[each, subcommand(name, description=words)])
     return functools.reduce(operator.or_, kinds)
+
+
+def _with_judge(arguments: Sequence[str]) -> list[str]:
+    """The arguments with the subcommand that ``claims`` alone stands for."""
+    words = list(arguments)
+    if words[:1] == ["claims"] and not {*words[1:2]} & {*CLAIMS, "-h", "--help"}:
+        words.insert(1, "judge")
+    return words
 
 
 def _with_format(arguments: Sequence[str]) -> list[str]:

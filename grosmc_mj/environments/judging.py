@@ -14,7 +14,8 @@ from grosmc_mj.chapter.claims.claim import (
     PlantFinding,
     Verdict,
 )
-from grosmc_mj.chapter.claims.ledger import find_claim, judge, select_claims
+from grosmc_mj.chapter.claims.judging import judge
+from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law
 from grosmc_mj.environments.policy_controllers import Takes, policy_controller

@@ -27,8 +27,7 @@ from grosmc_mj.assumptions.audit import (
 )
 from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.chapter.claims.faults import FAULTS
-from grosmc_mj.chapter.claims_document import audit_document
-from grosmc_mj.chapter.claims_tables import audit_table, worst_points
+from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
@@ -536,7 +535,7 @@ def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
 def test_command_says_where_the_premise_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ("claims", "arm/case1", "--premises", "--out", str(tmp_path))
+    arguments = ("claims", "premises", "arm/case1", "--out", str(tmp_path))
     with pytest.raises(SystemExit) as stop:
         cli.main(arguments)
     assert stop.value.code == cli.DONE

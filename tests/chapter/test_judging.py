@@ -6,8 +6,8 @@ import pytest
 
 from grosmc_mj.chapter.claims.claim import Claim
 from grosmc_mj.chapter.claims.faults import FAULTS
-from grosmc_mj.chapter.claims.judging import judge_claims, parts_of
-from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim, judge
+from grosmc_mj.chapter.claims.judging import judge, judge_claims, parts_of
+from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim
 from grosmc_mj.chapter.claims.self_test import self_test
 from grosmc_mj.executors import make_executor
 from grosmc_mj.executors.batch import Batch

@@ -11,8 +11,8 @@ import scipy.integrate
 import scipy.linalg
 
 from grosmc_mj.chapter.claims.claim import Verdict
-from grosmc_mj.chapter.claims.ledger import find_claim, judge
-from grosmc_mj.chapter.claims.measurements.cart_pendulum import from_two_seconds
+from grosmc_mj.chapter.claims.judging import judge
+from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.chapter.claims.measurements.servo import undercut
 from grosmc_mj.chapter.claims.measurements.theory import (
     reaching_time,
@@ -140,13 +140,13 @@ def test_few_weights_bring_the_pole_to_rest_at_two_seconds_under_both_laws() -> 
     """And those that are declared are none of them: 7 of 81, as the claim's reason says."""
     claim, grid = find_claim("pendulum-rest"), 10.0 ** np.linspace(0, 4, 9)
     found = [
-        from_two_seconds(LAB.varied("task.Q", [a, b]), "corrected", band=2.0)
+        claim.measure(LAB.varied("task.Q", [a, b]), "corrected")
         for a in grid.tolist()
         for b in grid.tolist()
     ]
     holding = sum(claim.holds(measured) for measured in found)
     assert f" {holding} of {len(found)} " in claim.reason
-    assert not claim.holds(from_two_seconds(LAB, "corrected", band=2.0))
+    assert not claim.holds(claim.measure(LAB, "corrected"))
 
 
 @pytest.mark.slow

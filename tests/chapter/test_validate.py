@@ -106,7 +106,7 @@ def test_every_case_runs_on_every_plant_under_every_law(document: dict[str, Any]
 
 
 def test_the_document_says_what_is_needed_to_repeat_it(document: dict[str, Any]) -> None:
-    assert document["schema_version"] == 1
+    assert document["schema_version"] == 2
     assert document["complete"] is True
     assert document["seed"] == 0
     assert {"python", "mujoco", "numpy", "numba"} <= set(document["versions"])

@@ -135,7 +135,7 @@ main(["run", {str(case)!r}])
 # What becomes of the results.
 
 # Of the documents of the commands that judge.
-SCHEMAS = {"run": 1, "premises": 1, "claims": 1, "campaign": 4}
+SCHEMAS = {"run": 1, "premises": 2, "claims": 2, "campaign": 4}
 
 
 def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path, int]]:
@@ -147,12 +147,12 @@ def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path,
     return {
         "run": (("run", case, *out), folder / "out" / "small.json", 0),
         "premises": (
-            ("claims", "servo/nominal", "--premises", *out),
+            ("claims", "premises", "servo/nominal", *out),
             folder / "out" / "premises_servo.json",
             0,
         ),
         "claims": (
-            ("claims", "--explain", "arm-eq57", *out),
+            ("claims", "arm-eq57", *out),
             folder / "out" / "claims" / "arm-eq57.json",
             0,
         ),

@@ -16,7 +16,8 @@ from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Measured, Verdict
-from grosmc_mj.chapter.claims.ledger import find_claim, judge
+from grosmc_mj.chapter.claims.judging import judge
+from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, PolicyError, UndefinedLawError

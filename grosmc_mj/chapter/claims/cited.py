@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from grosmc_mj.chapter.claims.claim import Claim
-from grosmc_mj.errors import ArgumentError, Mistakes
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 
 
@@ -18,12 +18,7 @@ def cited_claims(experiment: Experiment) -> dict[str, Claim]:
     # Here, for it is much to import for a file that names none.
     from grosmc_mj.chapter.claims.ledger import find_claim
 
-    found, mistakes = {}, Mistakes()
-    for index, table in enumerate(experiment.file.claim, start=1):
-        with mistakes.gathered(f"claim {index}: "):
-            found[table.id] = find_claim(table.id)
     try:
-        mistakes.refuse()
+        return {table.id: find_claim(table.id) for table in experiment.file.claim}
     except ArgumentError as error:
         raise ArgumentError(f"{experiment.path}: {error}") from None
-    return found

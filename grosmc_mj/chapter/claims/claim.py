@@ -1,20 +1,24 @@
-"""What a claim is, what it turns on, and what is found about it."""
+"""Claims, the choices that they depend on, and what is measured of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from grosmc_mj.arrays import Array
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass as checked_dataclass
+
 from grosmc_mj.errors import GrosmcError, shown
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 
+_CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+
 
 class Verdict(Enum):
-    """What the measurement says of a claim.
+    """Verdict of a claim.
 
     Undetermined is what turns on a choice that the chapter does not print; a premise is not met
     where a theorem's own condition fails on the case that it is claimed of; inconclusive is what
@@ -42,56 +46,31 @@ class Kind(Enum):
     @property
     def plural(self) -> str:
         """Title of its table."""
-        return {
-            Kind.CLAIM: "sentences of the chapter",
-            Kind.MISPRINT: "equations as printed",
-            Kind.PROOF: "assumptions and proofs",
-            Kind.QUESTION: "questions of this project",
-        }[self]
+        return _PLURALS[self]
 
 
-@dataclass(frozen=True)
-class Choice:
-    """A number or a measure that a claim depends on.
-
-    Attributes:
-        name: What it is called.
-        printed: Whether the chapter prints it.
-        values: What is tried.
-        key: Where it stands in the case files: ``task.Q``; empty for an argument.
-        argument: Of the claim's measurement; empty for a number of the case files.
-        unit: Of the values.
-    """
-
-    name: str
-    printed: bool
-    values: tuple[Any, ...]
-    key: str = ""
-    argument: str = ""
-    unit: str = ""
-
-    def written(self, value: Any) -> str:
-        """A value with the name of what it is one of."""
-        return f"{self.name} = {shown_value(value)}{' ' if self.unit else ''}{self.unit}"
-
-
-def shown_value(value: Any) -> str:
-    """A value of a choice, in short: numbers in lists as short as alone."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(shown_value, value))}]"
-    return shown(value, str)
+_PLURALS = {
+    Kind.CLAIM: "sentences of the chapter",
+    Kind.MISPRINT: "equations as printed",
+    Kind.PROOF: "assumptions and proofs",
+    Kind.QUESTION: "questions of this project",
+}
 
 
 class NeedsSlidingModeError(GrosmcError):
-    """A measurement that asks a controller for what only a sliding mode law has."""
+    """A measurement needs a quantity that only a sliding mode law has."""
+
+
+class NoValueError(GrosmcError):
+    """A measurement has no value, because a run on which it rests ended early or is empty."""
 
 
 class Measured(NamedTuple):
-    """What was measured.
+    """A measured value.
 
     Attributes:
-        value: In the claim's unit; None if there is none to give.
-        note: What to know about it, for instance why there is none.
+        value: In the claim's unit; None if there is none.
+        note: Further numbers, or why there is no value.
         broken: Whether a run that it rests on ended early.
     """
 
@@ -100,31 +79,36 @@ class Measured(NamedTuple):
     broken: bool = False
 
 
-class Curve(NamedTuple):
-    """A line of a claim's figure.
+@checked_dataclass(frozen=True, config=_CHECKED)
+class Choice:
+    """A number or a measure that a claim depends on.
 
     Attributes:
-        label: In the legend.
-        x: Abscissae.
-        y: Ordinates.
-        controller: Whose colour it has; empty for the optimum's.
+        name: For people.
+        values: That are tried.
+        printed: Whether the chapter prints it.
+        key: Its key in the case files, such as ``task.Q``; empty for an argument.
+        argument: Of the claim's measurement; empty for a number of the case files.
+        unit: Of the values.
     """
 
-    label: str
-    x: Array
-    y: Array
-    controller: str = ""
+    name: str
+    values: Annotated[tuple[Any, ...], Field(min_length=1)]
+    printed: bool = False
+    key: str = ""
+    argument: str = ""
+    unit: str = ""
+
+    def written(self, value: Any) -> str:
+        """A value with name and unit."""
+        return f"{self.name} = {_short(value)}{' ' if self.unit else ''}{self.unit}"
 
 
-class Drawing(NamedTuple):
-    """A claim's figure: curves with what their axes mean."""
-
-    x_label: str
-    y_label: str
-    curves: Sequence[Curve]
+def _short(value: Any) -> str:
+    return f"[{', '.join(map(_short, value))}]" if isinstance(value, list) else shown(value, str)
 
 
-@dataclass(frozen=True)
+@checked_dataclass(frozen=True, config=_CHECKED)
 class Claim:
     """One statement of the chapter, and how it is judged.
 
@@ -133,27 +117,27 @@ class Claim:
         system: System that it is about.
         statement: The chapter's words, in short and paraphrased.
         source: Section, figure and equation.
-        quote: The words that it is the statement of; empty for a question of this project's. Claims
-            with the same quote rest on one sentence.
-        criterion: What is measured and what it must be.
-        why: Why this threshold.
-        measure: The measurement, on one plant.
+        criterion: The measured quantity and its limit.
+        why: Reason for this threshold.
+        measure: The measurement on one plant.
         sense: Whether the value must be at most or at least the threshold.
         threshold: In ``unit``.
         unit: Of value and threshold.
-        verdicts: What is expected on each plant that it can be asked of; the last one decides.
-        reason: Why that is expected.
-        untested: What the measurement leaves open.
+        verdicts: Expected on each plant that it can be judged on; the last one decides.
+        reason: Why these are expected.
+        untested: Limits of the measurement.
         kind: Of statement.
+        quote: The words that it is the statement of; empty for a question of this project's. Claims
+            with the same quote rest on one sentence.
         word: The word of the statement that the threshold says in numbers; empty for its own.
-        choices: What it depends on.
+        choices: Numbers and measures that it depends on.
         every: Names of those choices for every value of which the statement is meant.
         some: Names of those for one value of which at least it is meant.
         cause: Why it is not supported, where it is not: one cause may fail several claims.
         exact: Whether no time step enters, so that there is nothing to refine.
-        premise: Says which premise failed, or nothing.
+        premise: Names the premise that failed, or nothing.
         equation: The equation at stake, in LaTeX.
-        drawing: The figure that shows it.
+        drawing: Panel, case and laws of the figure that shows it, see ``figures.claim_panel``.
     """
 
     id: str
@@ -162,11 +146,11 @@ class Claim:
     source: str
     criterion: str
     why: str
-    measure: Callable[[Laboratory, PlantName], Measured]
+    measure: Callable[..., Measured]
     sense: Literal["at most", "at least"]
     threshold: float
     unit: str
-    verdicts: Mapping[PlantName, Verdict]
+    verdicts: Annotated[Mapping[PlantName, Verdict], Field(min_length=1)]
     reason: str
     untested: str
     kind: Kind = Kind.CLAIM
@@ -179,16 +163,16 @@ class Claim:
     exact: bool = False
     premise: Callable[[Laboratory], str] | None = None
     equation: str = ""
-    drawing: Callable[[Laboratory], Drawing] | None = None
+    drawing: Mapping[str, Any] | None = None
 
     @property
     def plants(self) -> tuple[PlantName, ...]:
-        """Plants that it can be asked of; the last one decides."""
+        """Plants that it can be judged on; the last one decides."""
         return tuple(self.verdicts)
 
     @property
     def quantifier(self) -> str:
-        """For which choices it is meant."""
+        """The choices for which it is meant."""
         if self.every or self.some:
             meant = [each.name for each in self.choices if each.name in (*self.every, *self.some)]
             how = "every value" if self.every else "at least one value"
@@ -212,12 +196,12 @@ class Claim:
 
 @dataclass(frozen=True)
 class PlantFinding:
-    """What was found on one plant.
+    """The measurements of a claim on one plant.
 
     Attributes:
-        measured: At the settings asked for.
+        measured: At the laboratory's settings.
         refined: At half the timestep and control period; None for an exact claim.
-        verdict: What both together say.
+        verdict: Of both together.
         finer: Where the time steps were halved.
     """
 
@@ -229,7 +213,7 @@ class PlantFinding:
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found about a claim.
+    """The measurements of a claim on all its plants.
 
     Attributes:
         claim: The claim.
@@ -246,13 +230,37 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """That of the plant that decides: physics, if the claim can be asked of it."""
+        """That of the plant that decides: physics, if the claim can be judged on it."""
         return self.decisive.verdict
 
     @property
     def decisive(self) -> PlantFinding:
-        """What was found on the plant that decides."""
+        """Measurements on the plant that decides."""
         return self.plants[self.claim.plants[-1]]
+
+    @property
+    def unexpected(self) -> dict[PlantName, Verdict]:
+        """The verdicts that are not the expected ones."""
+        return {
+            plant: finding.verdict
+            for plant, finding in self.plants.items()
+            if finding.verdict is not self.claim.verdicts[plant]
+        }
+
+    @property
+    def shown(self) -> Measured:
+        """The measurement that stands for the claim, on the plant that decides.
+
+        Of a claim that is meant for some of its choices, or holds for none, it is the one that is
+        nearest to the criterion; of one that holds for every one of them the worst.
+        """
+        measured = self.decisive.measured
+        valued = [each for each in (measured, *self.trials.values()) if each.value is not None]
+        if not self.trials or self.verdict is Verdict.UNDETERMINED or not valued:
+            return measured
+        worst = bool(self.claim.every) and self.verdict is Verdict.SUPPORTED
+        least = (self.claim.sense == "at most") is not worst
+        return (min if least else max)(valued, key=lambda each: each.value or 0.0)
 
     @property
     def near(self) -> bool:
@@ -275,15 +283,12 @@ class Finding:
         """With which of the choices the statement is true, and with which not; empty if on none."""
         if self.verdict is not Verdict.UNDETERMINED:
             return ""
-        said = []
-        for answer, word in ((True, "true"), (False, "false")):
-            tried = [
-                f"{name} ({measured.value:.3g})"
-                for name, measured in self.trials.items()
-                if measured.value is not None and self.claim.holds(measured) is answer
-            ]
-            said.append(f"{word} with {', '.join(tried)}")
-        return "; ".join(said)
+        trials = [each for each in self.trials.items() if each[1].value is not None]
+        sides = [
+            [f"{name} ({at.value:.3g})" for name, at in trials if self.claim.holds(at) is answer]
+            for answer in (True, False)
+        ]
+        return f"true with {', '.join(sides[0])}; false with {', '.join(sides[1])}"
 
 
 # The first of these that a claim has is its sentence's verdict.
@@ -303,7 +308,7 @@ RULE = (
 
 @dataclass(frozen=True)
 class Sentence:
-    """A sentence of the chapter, with what was found about the claims under it.
+    """A sentence of the chapter with the findings about the claims under it.
 
     Attributes:
         quote: Its words.
@@ -316,7 +321,7 @@ class Sentence:
     @property
     def verdict(self) -> Verdict:
         """The claims' verdicts together, by ``RULE``."""
-        return min((each.verdict for each in self.findings), key=_WEAKEST.index)
+        return min((finding.verdict for finding in self.findings), key=_WEAKEST.index)
 
 
 def sentences_of(findings: Iterable[Finding]) -> list[Sentence]:

@@ -13,7 +13,6 @@ from grosmc_mj.control.law import Law
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.edits import BodyEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
@@ -38,42 +37,33 @@ def _wrong_sign(law: Controller, _experiment: Experiment, _plant: PlantName) -> 
     return replace(law, law=_negated(law.law))
 
 
+def _with(law: Controller, **factors: float) -> Controller:
+    """The law with those of its parameters that it has, times these factors."""
+    p = law.parameters
+    own = {name: value * getattr(p, name) for name, value in factors.items() if hasattr(p, name)}
+    return replace(law, parameters=replace(p, **own))
+
+
 def _no_switching(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    gains = dict.fromkeys(("eta", "gamma0", "gamma1", "k", "epsilon"), 0.0)
-    own: dict[str, Any] = {
-        name: value for name, value in gains.items() if hasattr(law.parameters, name)
-    }
-    if hasattr(law.parameters, "switching"):
-        own["switching"] = replace(law.parameters.switching, gain=0.0)
-    return replace(law, parameters=replace(law.parameters, **own))
+    silent = _with(law, eta=0.0, gamma0=0.0, gamma1=0.0, k=0.0, epsilon=0.0)
+    if not hasattr(law.parameters, "switching"):
+        return silent
+    off = replace(law.parameters.switching, gain=0.0)
+    return replace(silent, parameters=replace(silent.parameters, switching=off))
 
 
 def _no_integral(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    if not hasattr(law.parameters, "S"):
-        return law
-    return replace(law, parameters=replace(law.parameters, S=0 * law.parameters.S))
+    return _with(law, S=0.0)
 
 
 def _small_g(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    p = law.parameters
-    if not hasattr(p, "S"):
-        return law
-    small = replace(
-        p,
-        G=0.01 * p.G,
-        S=0.01 * p.S,
-        GB=0.01 * p.GB,
-        GB_inverse=100 * p.GB_inverse,
-        size_of_GB=0.01 * p.size_of_GB,
-    )
-    return replace(law, parameters=small)
+    return _with(law, G=0.01, S=0.01, GB=0.01, GB_inverse=100.0, size_of_GB=0.01)
 
 
 def _printed_a(law: Controller, experiment: Experiment, _plant: PlantName) -> Controller:
     if experiment.case.system != "cart_pendulum":
         return law
-    printed = experiment.nominal.equations("printed")
-    return experiment.law_for(printed, law.name)
+    return experiment.law_for(experiment.nominal.equations("printed"), law.name)
 
 
 def _knows_the_plant(law: Controller, experiment: Experiment, plant: PlantName) -> Controller:
@@ -88,11 +78,9 @@ def _no_inertia(plant: Plant, experiment: Experiment, _name: PlantName) -> Plant
         return plant
     nominal, edited = compile_spec(plant.spec), apply_edits(plant.spec, experiment.case.edits)
     for edit in experiment.case.edits:
-        if not isinstance(edit, BodyEdit):
-            continue
-        body = edited.body(edit.body)
-        body.inertia = nominal.body(edit.body).inertia
-        body.ipos = nominal.body(edit.body).ipos
+        if isinstance(edit, BodyEdit):
+            body, before = edited.body(edit.body), nominal.body(edit.body)
+            body.inertia, body.ipos = before.inertia, before.ipos
     return replace(plant, spec=edited, edits=())
 
 
@@ -120,14 +108,10 @@ def _printed_physics(plant: Plant, _experiment: Experiment, _name: PlantName) ->
 
 def _tenfold(experiment: Experiment) -> Experiment:
     pushes = [
-        replace(each, wrench=tuple(10 * entry for entry in each.wrench))
-        for each in experiment.case.disturbances
+        replace(push, wrench=tuple(10 * entry for entry in push.wrench))
+        for push in experiment.case.disturbances
     ]
     return experiment.varied(disturbances=tuple(pushes))
-
-
-def _slowly(settings: Settings) -> Settings:
-    return replace(settings, control_period=10 * settings.control_period)
 
 
 FAULTS = (
@@ -147,10 +131,14 @@ FAULTS = (
     Fault(
         "decimal point misplaced",
         "every wrench is ten times as large",
-        experiment=_tenfold,
+        experiment=lambda experiment: _tenfold(experiment),
     ),
     Fault("gravity upside down", "gravity points up in MuJoCo", plant=_gravity_up),
-    Fault("slow sampling", "the law runs every 10 ms", settings=_slowly),
+    Fault(
+        "slow sampling",
+        "the law runs every 10 ms",
+        settings=lambda settings: replace(settings, control_period=10 * settings.control_period),
+    ),
     Fault(
         "laws know the plant",
         "controllers are designed from the perturbed parameters",

@@ -1,50 +1,187 @@
-"""All claims, and how they are judged."""
+"""The chapter's claims: a file of data a system, each claim with the measurement that it names."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import inspect
+import itertools
+import tomllib
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import ValidationError
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.chapter.claims.claim import (
-    Choice,
-    Claim,
-    Finding,
-    Measured,
-    NeedsSlidingModeError,
-    PlantFinding,
-    Verdict,
+from grosmc_mj.chapter.claims.claim import Choice, Claim, Measured, NoValueError
+from grosmc_mj.chapter.claims.measurements import (
+    arm,
+    cart,
+    cart_pendulum,
+    measures,
+    servo,
+    theory,
+    two_link_arm,
 )
-from grosmc_mj.chapter.claims.reading import read_claims
-from grosmc_mj.errors import GrosmcError
+from grosmc_mj.chapter.claims.words import WORDS
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.plants import SYSTEMS, find_system
+from grosmc_mj.fields import translated
+from grosmc_mj.plants import SYSTEMS
 
-# A system that the chapter says nothing of has no file.
-_FILES = [Path(__file__).with_name(f"{system}.toml") for system in SYSTEMS]
+# A claim may name these modules' public functions that take a laboratory.
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    f"{module.__name__.rpartition('.')[2]}.{name}": function
+    for module in (servo, cart_pendulum, cart, arm, two_link_arm, theory, measures)
+    for name, function in inspect.getmembers(module, inspect.isfunction)
+    if function.__module__ == module.__name__
+    and not name.startswith("_")
+    and "lab" in inspect.signature(function).parameters
+}
 
-# Share of the value by which two plants may differ that are taken for one: what rounding leaves
-# after a run of 20 s is a thousandth of it.
-_SAME = 1e-6
 
-CLAIMS = read_claims(path for path in _FILES if path.is_file())
+@dataclass(frozen=True)
+class Measurement:
+    """A measurement with the arguments of its claim.
+
+    Attributes:
+        function: Of a laboratory and a plant.
+        arguments: Its further arguments. ``epsilon`` is the arm's gain instead of the case files'.
+        take: The extreme over all combinations of the arguments that are lists; empty for none.
+        extrapolated: Whether the value is extrapolated to a sampling time of zero.
+    """
+
+    function: Callable[..., Measured]
+    arguments: Mapping[str, Any]
+    take: Literal["", "largest", "least"] = ""
+    extrapolated: bool = False
+
+    def __call__(self, lab: Laboratory, plant: PlantName, **changed: Any) -> Measured:
+        """The value on a plant; broken where a run that it rests on is."""
+        arguments = {**self.arguments, **changed}
+        if "epsilon" in arguments:
+            lab = lab.varied("laws.grosmc.epsilon", arguments.pop("epsilon"))
+        try:
+            if not self.take:
+                return self._at(lab, plant, arguments)
+            return self._extreme(lab, plant, arguments)
+        except NoValueError as error:
+            return Measured(None, str(error), broken=True)
+
+    def _extreme(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
+        lists = [name for name, value in arguments.items() if isinstance(value, list)]
+        found: list[Measured] = []
+        for values in itertools.product(*(arguments[name] for name in lists)):
+            point = dict(zip(lists, values, strict=True))
+            value, note, broken = self._at(lab, plant, {**arguments, **point})
+            where = " ".join(map(str, values))
+            if value is None or broken:
+                return Measured(value, f"{where}: {note}", broken)
+            words = f"{where} {value:.3g}" + (f" ({note})" if note else "")
+            found.append(Measured(value, words))
+        pick = max if self.take == "largest" else min
+        extreme = pick(found, key=lambda measured: measured.value or 0.0)
+        return extreme._replace(note="; ".join(measured.note for measured in found))
+
+    def _at(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
+        first = self.function(lab, plant, **arguments)
+        if not self.extrapolated or first.value is None or first.broken:
+            return first
+        second = self.function(lab.refined, plant, **arguments)
+        if second.value is None or second.broken:
+            return second
+        note = f"{first.value:.3g} at T, {second.value:.3g} at T/2"
+        return Measured(abs(2 * second.value - first.value), note)
 
 
-def select_claims(system: str | None = None) -> list[Claim]:
-    """The claims about a system, or all.
+def read_claims(path: Path) -> list[Claim]:
+    """The claims of a system's file, in its order.
+
+    Args:
+        path: It has the system's name.
 
     Raises:
-        ModelError: If there is no such system.
+        SetupError: If a claim is not as it must be.
     """
-    if system is None:
-        return list(CLAIMS)
-    name = find_system(system).name
-    return [claim for claim in CLAIMS if claim.system == name]
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    shared, causes = content.pop("choices", {}), content.pop("causes", {})
+    claims = []
+    for name, table in content.items():
+        try:
+            choices = {key: Choice(**value) for key, value in shared.items()}
+            values = _values(table, path.stem, choices, causes)
+            claims.append(Claim(id=name, system=path.stem, **values))
+        except ValidationError as error:
+            mistake: Exception = translated(error, [], ArgumentError)
+            raise SetupError(f"{path}: claim {name}: {mistake}") from None
+        except (ArgumentError, TypeError) as error:
+            raise SetupError(f"{path}: claim {name}: {error}") from None
+    return claims
+
+
+def _values(
+    table: Mapping[str, Any], system: str, choices: Mapping[str, Choice], causes: Mapping[str, str]
+) -> dict[str, Any]:
+    """The fields of a claim by its table in the file.
+
+    Raises:
+        ArgumentError: If it names something that does not exist.
+        TypeError: If arguments are not the function's own.
+    """
+    values = dict(table)
+    if "word" in table:
+        values = {**WORDS[_known("word", table["word"], WORDS)], **values}
+    for key in ("choices", "every", "some"):
+        own = [choices[_known("choice", name, choices)] for name in table.get(key, ())]
+        values[key] = own if key == "choices" else [choice.name for choice in own]
+    if "cause" in table:
+        values["cause"] = causes[_known("cause", table["cause"], causes)]
+    for key, called_with in (("measure", (0, 0)), ("premise", (0,))):
+        if key not in table:
+            continue
+        arguments = dict(table[key])
+        function = FUNCTIONS[_known("function", arguments.pop("function", ""), FUNCTIONS)]
+        options = {name: arguments.pop(name) for name in _OPTIONS if name in arguments}
+        if "system" in inspect.signature(function).parameters:
+            arguments["system"] = system
+        own = {name: value for name, value in arguments.items() if name != "epsilon"}
+        inspect.signature(function).bind(*called_with, **own)
+        values[key] = (
+            Measurement(function, arguments, **options)
+            if key == "measure"
+            else partial(function, **arguments)
+        )
+    return values
+
+
+_OPTIONS = ("take", "extrapolated")
+
+
+def _known(kind: str, name: str, valid: Collection[str]) -> str:
+    require_known(kind, name, valid)
+    return name
+
+
+# A system that the chapter says nothing of has no file.
+CLAIMS = tuple(
+    claim
+    for system in SYSTEMS
+    if (path := Path(__file__).with_name(f"{system}.toml")).is_file()
+    for claim in read_claims(path)
+)
+
+
+def select_claims(target: str | None = None) -> list[Claim]:
+    """The claims about a system, one claim by its id, or all.
+
+    Raises:
+        ArgumentError: If there is no such system with claims, and no such claim.
+    """
+    if target is not None:
+        _known("claim", target, [*dict.fromkeys(c.system for c in CLAIMS), *(c.id for c in CLAIMS)])
+    return [claim for claim in CLAIMS if target in (None, claim.system, claim.id)]
 
 
 def find_claim(name: str) -> Claim:
@@ -54,151 +191,4 @@ def find_claim(name: str) -> Claim:
         ArgumentError: If there is none of that name.
     """
     claims = {claim.id: claim for claim in CLAIMS}
-    require_known("claim", name, claims)
-    return claims[name]
-
-
-def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
-    """Measure a claim on every plant, at the laboratory's settings and at half the time steps.
-
-    Where physics gives what the equations give, half the time steps are tried on the equations
-    alone: they are integrated by the same method and cost a twentieth.
-
-    Args:
-        lab: Where it is measured.
-        claim: What is judged.
-        refine: Whether to look at half the time steps too.
-    """
-    plants: dict[PlantName, PlantFinding] = {}
-    for name in claim.plants:
-        equations = plants.get("corrected") if name == "physics" else None
-        plants[name] = _on(lab, claim, name, equations, refine=refine)
-    # What a choice turns it turns on every plant: it is tried on the one that decides.
-    trials = _trials(lab, claim, plants)
-    plants = {name: _with_trials(claim, found, trials) for name, found in plants.items()}
-    finding = Finding(claim, plants, trials=trials)
-    failed = (Verdict.REFUTED, Verdict.UNDETERMINED)
-    if claim.premise is None or finding.verdict not in failed:
-        return finding
-    because = claim.premise(lab)
-    if because:
-        for name, found in plants.items():
-            if found.verdict is Verdict.REFUTED:
-                plants[name] = replace(found, verdict=Verdict.PREMISE_NOT_MET)
-    return replace(finding, because=because)
-
-
-def by_cause(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
-    """What is not supported, by its cause: what most of them fail for first."""
-    causes: dict[str, list[Finding]] = {}
-    for finding in findings:
-        if finding.verdict is not Verdict.SUPPORTED:
-            causes.setdefault(finding.claim.cause, []).append(finding)
-    return dict(sorted(causes.items(), key=lambda each: -len(each[1])))
-
-
-def verdict_differences(findings: Sequence[Finding]) -> list[str]:
-    """One line for each verdict that is not the expected one."""
-    return [
-        f"claim {finding.claim.id} on {plant}: {found.verdict.value}, expected {wanted.value}"
-        for finding in findings
-        for plant, found in finding.plants.items()
-        if found.verdict is not (wanted := finding.claim.verdicts[plant])
-    ]
-
-
-def _trials(
-    lab: Laboratory, claim: Claim, plants: Mapping[PlantName, PlantFinding]
-) -> dict[str, Measured]:
-    """What is measured at the values of the choices that the claim is meant for.
-
-    Where physics gives what the equations give, it confirms only what is nearest to the threshold
-    on either side.
-    """
-    meant = [each for each in claim.choices if each.name in (*claim.every, *claim.some)]
-    tries = {choice.written(value): (choice, value) for choice in meant for value in choice.values}
-    deciding = claim.plants[-1]
-    twins = not claim.exact and deciding == "physics" and "corrected" in plants
-    if twins and _same(plants["physics"].measured, plants["corrected"].measured):
-        screened = {name: tried(lab, claim, "corrected", *each) for name, each in tries.items()}
-        nearest = _nearest(claim, screened)
-        confirmed = {name: tried(lab, claim, deciding, *tries[name]) for name in nearest}
-        if all(_same(each, screened[name]) for name, each in confirmed.items()):
-            return screened | confirmed
-    return {name: tried(lab, claim, deciding, *each) for name, each in tries.items()}
-
-
-def _nearest(claim: Claim, trials: Mapping[str, Measured]) -> list[str]:
-    """Of those that hold and of those that don't, the one nearest to the threshold."""
-    distance = {
-        name: math.inf if each.value is None else abs(each.value - claim.threshold)
-        for name, each in trials.items()
-        if not each.broken
-    }
-    sides = [
-        [name for name in distance if claim.holds(trials[name]) is answer]
-        for answer in (True, False)
-    ]
-    return [min(side, key=distance.__getitem__) for side in sides if side]
-
-
-def _on(
-    lab: Laboratory,
-    claim: Claim,
-    plant: PlantName,
-    equations: PlantFinding | None,
-    *,
-    refine: bool,
-) -> PlantFinding:
-    """What is found on one plant, beside what the equations gave if they may stand in for it."""
-    measured, refined, finer = claim.measure(lab, plant), None, plant
-    if refine and not claim.exact:
-        if equations is not None and _same(measured, equations.measured):
-            refined, finer = equations.refined, "corrected"
-        else:
-            refined = claim.measure(lab.refined, plant)
-    return PlantFinding(measured, refined, _verdict(claim, measured, refined), finer)
-
-
-def _with_trials(claim: Claim, found: PlantFinding, trials: Mapping[str, Measured]) -> PlantFinding:
-    """What is found on one plant, with what the choices make of it."""
-    if found.verdict is Verdict.INCONCLUSIVE:
-        return found
-    answers = {claim.holds(each) for each in (found.measured, *trials.values()) if not each.broken}
-    if len(answers) < 2:
-        return found
-    verdict = Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
-    return replace(found, verdict=verdict)
-
-
-def _same(one: Measured, other: Measured) -> bool:
-    """Whether two plants are one as far as a measurement tells."""
-    if one.value is None or other.value is None:
-        return False
-    same = math.isclose(one.value, other.value, rel_tol=_SAME)
-    return same and one.broken is other.broken is False
-
-
-def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value: Any) -> Measured:
-    """What is measured with another value of a choice; broken where no law can be designed."""
-    try:
-        if choice.argument:
-            return partial(claim.measure, **{choice.argument: value})(lab, plant)
-        return claim.measure(lab.varied(choice.key, value), plant)
-    except NeedsSlidingModeError:
-        raise
-    except GrosmcError as error:
-        return Measured(None, str(error), broken=True)
-
-
-def _verdict(claim: Claim, measured: Measured, refined: Measured | None) -> Verdict:
-    """Supported or refuted if both measurements say so; otherwise there is no telling."""
-    both = [measured] if refined is None else [measured, refined]
-    answers = {claim.holds(measurement) for measurement in both}
-    strange = any(
-        measurement.value is not None and not math.isfinite(measurement.value)
-        for measurement in both
-    )
-    if strange or len(answers) > 1 or any(measurement.broken for measurement in both):
-        return Verdict.INCONCLUSIVE
-    return Verdict.SUPPORTED if answers.pop() else Verdict.REFUTED
+    return claims[_known("claim", name, claims)]

@@ -9,13 +9,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from grosmc_mj.chapter.claims.claim import Choice, Claim, Measured
-from grosmc_mj.chapter.claims.ledger import tried
+from grosmc_mj.chapter.claims.claim import Choice, Claim
+from grosmc_mj.chapter.claims.judging import tried
 from grosmc_mj.experiments.laboratory import Laboratory
 
-# What `claims --sweep --record` has stored.
+# Written by `claims sweep --record`.
 STORED = Path(__file__).resolve().parents[1] / "sweeps.json"
-# How finely the value is told at which an answer changes.
+# How finely the value is found at which an answer changes.
 _HALVINGS = 5
 
 
@@ -24,17 +24,29 @@ class Swept(NamedTuple):
 
     Attributes:
         claim: Its id.
-        choice: Name of the choice.
-        printed: Whether the chapter prints it.
-        values: As written, what was measured with it, and whether the claim holds; None without.
+        choice: The choice.
+        values: The measured value at each of the choice's, and whether the claim holds; None
+            without.
         flips: Where its answer changes; empty if it does not.
     """
 
     claim: str
-    choice: str
-    printed: bool
-    values: tuple[tuple[str, float | None, bool | None], ...]
+    choice: Choice
+    values: tuple[tuple[float | None, bool | None], ...]
     flips: str
+
+    def document(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "claim": self.claim,
+            "choice": self.choice.name,
+            "printed": self.choice.printed,
+            "values": [
+                {"choice": self.choice.written(value), "measured": measured, "holds": holds}
+                for value, (measured, holds) in zip(self.choice.values, self.values, strict=True)
+            ],
+            "flips": self.flips,
+        }
 
 
 def sweep(
@@ -49,57 +61,44 @@ def sweep(
     """
     for claim in claims:
         for choice in claim.choices:
-            found = {repr(value): _at(lab, claim, choice, value) for value in choice.values}
-            answers = [_answer(claim, found[repr(value)]) for value in choice.values]
-            values = tuple(
-                (choice.written(value), found[repr(value)].value, answer)
-                for value, answer in zip(choice.values, answers, strict=True)
-            )
-            flips = _flips(lab, claim, choice, answers)
-            yield Swept(claim.id, choice.name, choice.printed, values, flips)
+            values = tuple(_at(lab, claim, choice, value) for value in choice.values)
+            yield Swept(claim.id, choice, values, _flips(lab, claim, choice, values))
         advance(claim.id)
 
 
-def _at(lab: Laboratory, claim: Claim, choice: Choice, value: Any) -> Measured:
-    """What is measured with a value, on the plant that decides."""
-    return tried(lab, claim, claim.plants[-1], choice, value)
+def _at(
+    lab: Laboratory, claim: Claim, choice: Choice, value: Any
+) -> tuple[float | None, bool | None]:
+    """The measured value on the plant that decides, and whether the claim holds there."""
+    measured = tried(lab, claim, claim.plants[-1], choice, value)
+    return measured.value, None if measured.broken else claim.holds(measured)
 
 
-def _answer(claim: Claim, measured: Measured) -> bool | None:
-    """Whether the claim holds; None where nothing can be told."""
-    return None if measured.broken else claim.holds(measured)
-
-
-def _flips(lab: Laboratory, claim: Claim, choice: Choice, answers: Sequence[bool | None]) -> str:
+def _flips(
+    lab: Laboratory,
+    claim: Claim,
+    choice: Choice,
+    values: Sequence[tuple[float | None, bool | None]],
+) -> str:
     """Where the answer changes."""
-    told = [pair for pair in zip(choice.values, answers, strict=True) if pair[1] is not None]
-    said = []
-    for (low, before), (high, after) in itertools.pairwise(told):
+    answers = [
+        (value, holds)
+        for value, (_, holds) in zip(choice.values, values, strict=True)
+        if holds is not None
+    ]
+    flips = []
+    for (low, before), (high, after) in itertools.pairwise(answers):
         if before is after:
             continue
         if not (isinstance(low, float) and isinstance(high, float)):
-            said.append(f"between {choice.written(low)} and {choice.written(high)}")
+            flips.append(f"between {choice.written(low)} and {choice.written(high)}")
             continue
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
-            same = _answer(claim, _at(lab, claim, choice, middle)) is before
+            same = _at(lab, claim, choice, middle)[1] is before
             low, high = (middle, high) if same else (low, middle)
-        said.append(f"at {choice.written(float(f'{(low + high) / 2:.3g}'))}")
-    return "; ".join(said)
-
-
-def sweep_document(found: Sequence[Swept]) -> list[dict[str, Any]]:
-    """As plain values."""
-    return [
-        {
-            **each._asdict(),
-            "values": [
-                {"choice": written, "measured": value, "holds": holds}
-                for written, value, holds in each.values
-            ],
-        }
-        for each in found
-    ]
+        flips.append(f"at {choice.written(float(f'{(low + high) / 2:.3g}'))}")
+    return "; ".join(flips)
 
 
 def flips_of(claim: Claim) -> list[tuple[Choice, str]]:
@@ -110,11 +109,9 @@ def flips_of(claim: Claim) -> list[tuple[Choice, str]]:
 
 @cache
 def stored_flips() -> dict[str, dict[str, str]]:
-    """By claim, the choices that its answer changes with and where; empty before a record."""
-    if not STORED.is_file():
-        return {}
+    """By claim, the choices that its answer changes with and where."""
     flips: dict[str, dict[str, str]] = {}
-    for each in json.loads(STORED.read_text(encoding="utf-8"))["sweeps"]:
-        if each["flips"]:
-            flips.setdefault(each["claim"], {})[each["choice"]] = each["flips"]
+    for row in json.loads(STORED.read_text(encoding="utf-8"))["sweeps"]:
+        if row["flips"]:
+            flips.setdefault(row["claim"], {})[row["choice"]] = row["flips"]
     return flips

@@ -1,4 +1,4 @@
-"""What the words of the statements mean in numbers."""
+"""The limits that words of the statements mean, and why: one for one word, wherever it is said."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-# The limit of each, and why.
 WORDS: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
 )

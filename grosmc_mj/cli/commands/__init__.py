@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
-from grosmc_mj.cli.commands.claims import ClaimsCommand
+from grosmc_mj.cli.commands.claims import CLAIMS
 from grosmc_mj.cli.commands.diff import DiffCommand
 from grosmc_mj.cli.commands.doctor import DoctorCommand
 from grosmc_mj.cli.commands.film import FilmCommand
@@ -37,7 +37,7 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "film": FilmCommand,
     "view": ViewCommand,
     "validate": ValidateCommand,
-    "claims": ClaimsCommand,
+    "claims": CLAIMS,
     "study": STUDIES,
     "identify": IdentifyCommand,
     "compare": CompareCommand,
@@ -46,7 +46,10 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "list": ListCommand,
     "doctor": DoctorCommand,
 }
-STUDY = "Measure one thing: " + ", ".join(STUDIES) + "."
+GROUPS = {
+    "claims": "Judge the chapter's claims; or " + ", ".join([*CLAIMS][1:]) + ".",
+    "study": "Measure one thing: " + ", ".join(STUDIES) + ".",
+}
 
 ABOUT = (
     "Does a robust controller keep its promise, from equation to physics, and where does it break? "

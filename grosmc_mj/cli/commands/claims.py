@@ -1,4 +1,4 @@
-"""grosmc-mj claims, and the claims of grosmc-mj validate."""
+"""grosmc-mj claims: judge them, vary their choices, try them with faults, check premises."""
 
 from __future__ import annotations
 
@@ -12,291 +12,238 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands.premises import audit_premises
 from grosmc_mj.cli.targets import CASES
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.results.palette import FAILED
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from grosmc_mj.chapter.claims.claim import Claim, Finding
     from grosmc_mj.experiments.laboratory import Laboratory
-    from grosmc_mj.experiments.runs import Settings
-    from grosmc_mj.results.tables import Table
 
-# So many claims that are not supported fit on a screen.
-_MOST = 24
+_Claims = Annotated[
+    Positional[str | None],
+    arg(metavar="[SYSTEM|CLAIM]", name="target", help_behavior_hint="(default: all claims)"),
+]
+_Out = Annotated[Path, arg(metavar="DIR")]
 
 
 @dataclass(frozen=True)
-class ClaimsCommand(Command):
-    """Judge the chapter's claims, each with its number: SUPPORTED, REFUTED, UNDETERMINED, ...
+class JudgeCommand(Command):
+    """Judge the chapter's claims, each with its number: supported, refuted, undetermined, ...
 
     Every claim is measured on each plant that it can be asked of, at the control period and at half
     of it; a verdict that changes in between is inconclusive. What turns on something that the
     chapter does not print is undetermined; a claim that fails because a premise failed says so.
     The chapter's claims are counted by the sentence that they rest on: it is refuted if any of them
-    is, and supported only if all are.
-    Writes claims.json to --out, with --explain claims/CLAIM.json, with --sweep sweeps.json, with
-    --self-test self_test.json. Exit code 1 if a verdict is not the one that the repository expects.
-
-    With --premises those of the theorems are checked instead, for each case: controllability, G B,
-    relative degree, matching, the input-gain ratio, the switching gain required against the one
-    configured (with the input gain's uncertainty counted), s(0), singular states. Over the declared
-    operating region and along the run: the least margin, where it is, how often it is violated, and
-    the smallest gain that restores it. Writes premises_SYSTEM.json.
+    is, and supported only if all are. Of one claim the whole story is told, and drawn.
+    Writes claims.json or, of one claim, claims/CLAIM.json and claims/CLAIM.png. Exit code 1 if a
+    verdict is not the one that the repository expects.
 
     Attributes:
-        target: servo, cart_pendulum, arm or two_link_arm; for --premises one of its cases too.
-        explain: Tell the whole story of this claim, and write its figure to --out.
-        premises: Check the premises of the theorems instead.
-        controller: Whose premises.
-        json: Print JSON instead of tables.
-        sweep: Vary every choice that a claim depends on, and show where its answer turns.
-        record: With --sweep of all claims, keep it as what the package knows.
-        self_test: Put faults into laws and plants, one at a time, and show which claims notice; a
-            claim that has noticed one is asked no more, but with --verbose.
-        page: Write the page on the chapter's defects, with its figures beside it.
-        out: Folder for claims.json and figures.
+        target: servo, cart_pendulum, arm or two_link_arm; or one claim.
+        page: Write the page on all claims too, with its figures beside it.
+        out: Folder for JSON and figures.
     """
 
-    target: Annotated[
-        Positional[str | None],
-        arg(metavar=f"[{CASES}]", name="target", help_behavior_hint="(default: all systems)"),
-    ] = None
-    explain: Annotated[str | None, arg(metavar="CLAIM", help_behavior_hint="")] = None
-    premises: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    controller: Annotated[
-        str | None, arg(metavar="NAME", help_behavior_hint="(default: grosmc)")
-    ] = None
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    sweep: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    self_test: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    target: _Claims = None
     page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    out: _Out = Path("renders")
 
     def execute(self) -> int:
         """Judge, write, print, compare."""
-        from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
-        from grosmc_mj.chapter.claims_document import claims_document
-        from grosmc_mj.experiments.laboratory import Laboratory
-        from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.results.document import json_text, origin, write_json
+        from grosmc_mj.chapter.claims.judging import verdict_differences
+        from grosmc_mj.chapter.claims.ledger import select_claims
+        from grosmc_mj.chapter.claims.page import write_page
+        from grosmc_mj.chapter.claims.picture import write_picture
+        from grosmc_mj.chapter.claims.results import claims_result
+        from grosmc_mj.chapter.claims.story import claim_tables, claims_tables
+        from grosmc_mj.results.document import write_json
 
-        self._check()
-        if self.premises:
-            assert self.target is not None
-            return audit_premises(
-                self.target, self.controller or "grosmc", self.out, full=self.verbose
-            )
-        chosen = select_claims(self.target) if self.explain is None else [find_claim(self.explain)]
-        settings = Settings()
-        if self.self_test:
-            return self._self_test(settings, chosen)
-        lab = Laboratory(settings)
-        if self.sweep:
-            return self._sweep(lab, chosen)
-        findings = judge_with_progress(lab, chosen)
-        content = {**origin(0), **claims_document(findings, lab)}
-        name = "claims" if self.explain is None else f"claims/{findings[0].claim.id}"
-        write_json(self.out / f"{name}.json", content)
-        if self.json:
-            print(json_text(content), end="")
-            return _code(findings)
-        console = screen.console()
-        _say_verdict(console, findings, full=self.verbose)
-        if self.explain is not None:
-            _explain(console, findings[0], lab, self.out)
-        elif self.page is not None:
-            self._write_page(console, findings, lab)
-        else:
-            console.print(verdicts_table(findings))
-            console.print(_unsupported(findings))
-            screen.say_files(console, self.out / "claims.json")
-            if self.verbose:
-                _ledger(console, findings)
-        return _code(findings)
+        if self.page is not None and (self.target or self.page.suffix != ".md"):
+            raise ArgumentError(f"--page {self.page} is about all claims, and ends in .md")
+        lab, console = _laboratory(), screen.console()
+        findings = judge_with_progress(lab, select_claims(self.target))
+        single = findings[0].claim.id == self.target
+        path = self.out / (f"claims/{self.target}.json" if single else "claims.json")
+        write_json(path, claims_result(findings, lab))
+        differing = verdict_differences(findings)
+        words = "All verdicts are as expected."
+        if differing:
+            words = f"{len(differing)} verdicts differ from the expected ones."
+        screen.say_verdict(console, words, good=not differing)
+        screen.say_lines(console, [f"differs: {x}" for x in differing], all=self.verbose)
+        tables = claim_tables(findings[0]) if single else claims_tables(findings)
+        console.print(*(tables if single or self.verbose else tables[:2]))
+        files = [path]
+        if single:
+            files.append(write_picture(findings[0], lab, path.with_suffix(".png")))
+        if self.page is not None:
+            files += write_page(findings, lab, self.page)
+        screen.say_files(console, *files)
+        return screen.DIFFERS if differing else screen.DONE
 
-    def _check(self) -> None:
-        """Refuse options that exclude each other."""
-        if self.premises:
-            if self.explain or self.json or self.self_test or self.page:
-                raise ArgumentError(
-                    "--premises checks premises: leave out --explain, --json, --self-test and "
-                    "--page"
-                )
-            if self.target is None:
-                raise ArgumentError(f"--premises needs a target: {CASES}")
-            return
-        if self.controller is not None:
-            raise ArgumentError("--controller is for --premises: claims say whose they are")
-        if self.explain is not None and self.target is not None:
-            raise ArgumentError("--explain names one claim: leave out the system")
-        if self.page is not None and (self.target or self.explain):
-            raise ArgumentError("--page is about all claims: leave out the system and --explain")
-        if self.page is not None and (self.page.suffix != ".md" or self.page.is_dir()):
-            raise ArgumentError(f"--page {self.page} must be a file that ends in .md")
-        if self.json and (self.explain or self.page or self.self_test):
-            raise ArgumentError(
-                "--json is for the ledger: leave out --explain, --page and --self-test"
-            )
-        if self.sweep and (self.json or self.page or self.self_test):
-            raise ArgumentError("--sweep varies choices: leave out --json, --page and --self-test")
-        if self.record and (not self.sweep or self.target or self.explain):
-            raise ArgumentError("--record keeps --sweep of all claims: give that, and no other")
-        if self.self_test and (self.explain or self.page):
-            raise ArgumentError("--self-test tries claims: leave out --explain and --page")
-        if self.target is not None and "/" in self.target:
-            raise ArgumentError(
-                f"{shown(self.target, str)}: claims are about a SYSTEM; SYSTEM/CASE is for "
-                "--premises"
-            )
 
-    def _write_page(self, console: Console, findings: Sequence[Finding], lab: Laboratory) -> None:
-        """The page on the chapter's defects."""
-        from grosmc_mj.chapter.claims_page import write_page
+@dataclass(frozen=True)
+class SweepCommand(Command):
+    """Vary every choice that a claim depends on, and show where its answer turns.
 
-        assert self.page is not None
-        for path in write_page(findings, lab, self.page):
-            screen.say_files(console, path)
+    Writes sweeps.json.
 
-    def _sweep(self, lab: Laboratory, chosen: Sequence[Claim]) -> int:
-        """What each claim turns on."""
-        from grosmc_mj.chapter.claims.sweep import STORED, sweep, sweep_document
-        from grosmc_mj.chapter.claims_tables import sweep_table
-        from grosmc_mj.results.document import origin, write_json
+    Attributes:
+        target: servo, cart_pendulum, arm or two_link_arm; or one claim.
+        record: Keep the sweeps of all claims as what the package knows.
+        out: Folder for sweeps.json.
+    """
 
+    target: _Claims = None
+    record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    out: _Out = Path("renders")
+
+    def execute(self) -> int:
+        """Vary, write, print."""
+        from grosmc_mj.chapter.claims.ledger import select_claims
+        from grosmc_mj.chapter.claims.results import sweeps_result
+        from grosmc_mj.chapter.claims.story import turning_table
+        from grosmc_mj.chapter.claims.sweep import STORED, sweep
+        from grosmc_mj.results.document import write_json
+
+        if self.record and self.target:
+            raise ArgumentError(f"--record keeps the sweeps of all claims: leave out {self.target}")
+        lab, claims = _laboratory(), select_claims(self.target)
+        with screen.progress(len(claims), "claims") as advance:
+            content = sweeps_result(list(sweep(lab, claims, advance)), lab)
         path = STORED if self.record else self.out / "sweeps.json"
-        with screen.progress(len(chosen), "claims") as advance:
-            found = list(sweep(lab, chosen, advance))
-        write_json(path, {**origin(0), "sweeps": sweep_document(found)})
-        console = screen.console()
-        open_ones = {each.claim for each in found if each.flips and not each.printed}
-        words = f"{len(open_ones)} of {len(chosen)} answers turn on a choice that is not printed."
-        screen.say_verdict(console, words, good=not open_ones)
-        console.print(sweep_table(found))
+        write_json(path, content)
+        console, words = screen.console(), content["answers"][0]["words"]
+        screen.say_verdict(console, f"{words}.", good=words.startswith("0 "))
+        console.print(turning_table(content["sweeps"]))
         screen.say_files(console, path)
         return screen.DONE
 
-    def _self_test(self, settings: Settings, chosen: Sequence[Claim]) -> int:
-        """Faults, and who notices."""
-        from grosmc_mj.chapter.claims.faults import FAULTS
-        from grosmc_mj.chapter.claims.self_test import self_test
-        from grosmc_mj.chapter.claims_tables import caught_table
-        from grosmc_mj.executors import executor_for
-        from grosmc_mj.results.document import origin, write_json
 
-        with screen.progress(len(chosen), "claims") as advance:
-            found = self_test(
-                settings, chosen, FAULTS, executor_for(len(chosen)), advance, thorough=self.verbose
-            )
-        noticed_by = {caught.fault.name: list(caught.claims) for caught in found}
-        write_json(self.out / "self_test.json", {**origin(0), "noticed_by": noticed_by})
-        missed = [caught.fault.name for caught in found if not caught.claims]
-        noticed = {name for caught in found for name in caught.claims}
-        blind = [claim.id for claim in chosen if claim.id not in noticed]
-        console = screen.console()
+@dataclass(frozen=True)
+class SelfTestCommand(Command):
+    """Put faults into laws and plants, one at a time, and show which claims notice.
+
+    A claim that has noticed one is asked no more, but with --verbose. Writes self_test.json. Exit
+    code 1 if a fault is not noticed, or a claim notices none.
+
+    Attributes:
+        target: servo, cart_pendulum, arm or two_link_arm; or one claim.
+        out: Folder for self_test.json.
+    """
+
+    target: _Claims = None
+    out: _Out = Path("renders")
+
+    def execute(self) -> int:
+        """Try, write, print."""
+        from grosmc_mj.chapter.claims.faults import FAULTS
+        from grosmc_mj.chapter.claims.ledger import select_claims
+        from grosmc_mj.chapter.claims.results import self_test_result
+        from grosmc_mj.chapter.claims.self_test import self_test
+        from grosmc_mj.chapter.claims.story import noticed_table
+        from grosmc_mj.executors import executor_for
+        from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.results.document import write_json
+
+        claims, console = select_claims(self.target), screen.console()
+        with screen.progress(len(claims), "claims") as advance:
+            caught = self_test(
+                Settings(), claims, FAULTS, executor_for(len(claims)), advance, screen.notice,
+                thorough=self.verbose,
+            )  # fmt: skip
+        write_json(self.out / "self_test.json", self_test_result(caught))
+        missed = [each.fault.name for each in caught if not each.claims]
+        noticing = {name for each in caught for name in each.claims}
+        blind = [claim.id for claim in claims if claim.id not in noticing]
         if not missed and not blind:
-            screen.say_verdict(
-                console, "Every fault is noticed, and every claim notices one.", good=True
-            )
+            words = "Every fault is noticed, and every claim notices one."
+            screen.say_verdict(console, words, good=True)
         for words, names in (("not noticed by any claim", missed), ("notices no fault", blind)):
             if names:
                 screen.say_verdict(console, f"{', '.join(names)}: {words}", good=False)
-        rows = [
-            (each.fault.name, f"{len(each.claims)} of {each.tried}")
-            for each in sorted(found, key=lambda each: len(each.claims))
-        ]
-        columns = ("fault", "claims that notice it, of those asked")
-        console.print(screen.brief_table("", columns, rows, most=_MOST))
-        if self.verbose:
-            console.print(caught_table(found))
+        console.print(noticed_table(caught))
         return screen.DIFFERS if missed or blind else screen.DONE
 
 
-def judge_with_progress(lab: Laboratory, chosen: Sequence[Claim]) -> list[Finding]:
+@dataclass(frozen=True)
+class PremisesCommand(Command):
+    """Check the premises of the theorems in each case.
+
+    Controllability, G B, relative degree, matching, the input-gain ratio, the switching gain
+    required against the one configured (with the input gain's uncertainty counted), s(0), singular
+    states. Over the declared operating region and along the run: the least margin, where it is, how
+    often it is violated, and the smallest gain that restores it. Writes premises_SYSTEM.json.
+
+    Attributes:
+        target: A system, or one of its cases.
+        controller: Whose premises.
+        out: Folder for premises_SYSTEM.json.
+    """
+
+    target: Annotated[Positional[str], arg(metavar=CASES, name="target")]
+    controller: Annotated[str, arg(metavar="NAME")] = "grosmc"
+    out: _Out = Path("renders")
+
+    def execute(self) -> int:
+        """Check, write, print what fails."""
+        from grosmc_mj.assumptions.robot import audit_of
+        from grosmc_mj.chapter.premises import (
+            audit_table,
+            failures_table,
+            premises_result,
+            premises_words,
+            worst_points,
+        )
+        from grosmc_mj.experiments.catalogue import find_experiments
+        from grosmc_mj.results.document import write_json
+
+        lab, experiments = _laboratory(), find_experiments(self.target)
+        # The theorems know of no loop: of a system its benches are left out.
+        experiments = [one for one in experiments if one.case.loop is None] or experiments
+        audits = [audit_of(lab, experiment, self.controller) for experiment in experiments]
+        file = self.out / f"premises_{experiments[0].case.system}.json"
+        write_json(file, premises_result(audits, lab.settings))
+        console, good = screen.console(), not any(audit.failed() for audit in audits)
+        screen.say_verdict(console, premises_words(audits), good=good)
+        if not good:
+            console.print(failures_table(audits))
+            points = [f"{each.case.name}: {line}" for each in audits for line in worst_points(each)]
+            screen.say_lines(console, points, FAILED, all=self.verbose)
+        screen.say_files(console, file)
+        for audit in audits if self.verbose else ():
+            console.print(audit_table(audit))
+        return screen.DONE
+
+
+CLAIMS = {
+    "judge": JudgeCommand,
+    "sweep": SweepCommand,
+    "self-test": SelfTestCommand,
+    "premises": PremisesCommand,
+}
+
+
+def _laboratory() -> Laboratory:
+    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.runs import Settings
+
+    return Laboratory(Settings())
+
+
+def judge_with_progress(lab: Laboratory, claims: Sequence[Claim]) -> list[Finding]:
     """Judge claims with a progress bar."""
-    with screen.progress(len(chosen), "claims") as advance:
-        return judge_in_processes(lab, chosen, advance)
+    with screen.progress(len(claims), "claims") as advance:
+        return judge_in_processes(lab, claims, advance)
 
 
 def judge_in_processes(
-    lab: Laboratory, chosen: Sequence[Claim], advance: Callable[[str], object]
+    lab: Laboratory, claims: Sequence[Claim], advance: Callable[[str], object]
 ) -> list[Finding]:
     """Judge claims on all cores."""
     from grosmc_mj.chapter.claims.judging import judge_claims
     from grosmc_mj.executors import executor_for
 
     # Of one claim the runs are drawn afterwards: they are made here.
-    return judge_claims(lab, chosen, executor_for(len(chosen)), advance, screen.notice)
-
-
-def verdicts_table(findings: Sequence[Finding]) -> Table:
-    """How many sentences and statements have which verdict."""
-    from grosmc_mj.chapter.claims.claim import Kind, Verdict, verdicts_of
-
-    rows = [
-        (kind.plural, *(str(own.count(each)) for each in Verdict), str(len(own)))
-        for kind in Kind
-        if (own := verdicts_of(findings, kind))
-    ]
-    columns = ("", *(verdict.value for verdict in Verdict), "all")
-    return screen.brief_table("What physics says", columns, rows)
-
-
-def _unsupported(findings: Sequence[Finding]) -> Table:
-    """Why claims are not supported, a line a cause; what most of them fail for first."""
-    from grosmc_mj.chapter.claims.ledger import by_cause
-
-    rows = [
-        (cause, ", ".join(each.claim.id for each in own), str(len(own)))
-        for cause, own in by_cause(findings).items()
-    ]
-    columns = ("not supported since", "statements", "")
-    return screen.brief_table("", columns, rows, words=2, most=_MOST)
-
-
-def _ledger(console: Console, findings: Sequence[Finding]) -> None:
-    """Every sentence and claim, and which premises failed."""
-    from grosmc_mj.chapter.claims.claim import RULE
-    from grosmc_mj.chapter.claims_tables import LEGEND, ledger_tables, sentences_table
-
-    console.print(sentences_table(findings))
-    console.print(RULE, style="dim")
-    for table in ledger_tables(findings):
-        console.print(table)
-    console.print(LEGEND, style="dim")
-    for finding in findings:
-        if finding.because:
-            console.print(f"{finding.claim.id}: a premise failed: {finding.because}", markup=False)
-
-
-def _say_verdict(console: Console, findings: Sequence[Finding], *, full: bool) -> None:
-    """Whether the verdicts are the expected ones, and which are not."""
-    from grosmc_mj.chapter.claims.ledger import verdict_differences
-
-    differing = verdict_differences(findings)
-    words = "All verdicts are as expected."
-    if differing:
-        words = f"{len(differing)} verdicts differ from the expected ones."
-    screen.say_verdict(console, words, good=not differing)
-    screen.say_lines(console, [f"differs: {line}" for line in differing], all=full)
-
-
-def _code(findings: Sequence[Finding]) -> int:
-    """The exit code."""
-    from grosmc_mj.chapter.claims.ledger import verdict_differences
-
-    return screen.DIFFERS if verdict_differences(findings) else screen.DONE
-
-
-def _explain(console: Console, finding: Finding, lab: Laboratory, out: Path) -> None:
-    """The story of one claim, and its figure."""
-    from grosmc_mj.chapter.claims_figures import write_picture
-    from grosmc_mj.chapter.claims_tables import story
-
-    for line in story(finding, lab):
-        console.print(line, soft_wrap=True)
-    path = write_picture(finding, lab, out / "claims" / f"{finding.claim.id}.png")
-    console.print(f"  {'figure':<12}{path}", soft_wrap=True)
+    return judge_claims(lab, claims, executor_for(len(claims)), advance, screen.notice)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
@@ -20,25 +22,12 @@ class DoctorCommand(Command):
 
     def execute(self) -> int:
         """What is missing, then what there is."""
-        from grosmc_mj.films.offscreen import (
-            BACKENDS,
-            find_backend,
-            find_ffmpeg,
-            has_display,
-            probe,
-        )
+        from grosmc_mj.films import offscreen
         from grosmc_mj.results.document import versions
 
         console, problems = screen.console(), list[str]()
-        backend = ffmpeg = None
-        try:
-            backend = find_backend(os.environ.get("MUJOCO_GL"))
-        except SetupError as error:
-            problems.append(str(error))
-        try:
-            ffmpeg = find_ffmpeg()
-        except SetupError as error:
-            problems.append(str(error))
+        backend = _tried(lambda: offscreen.find_backend(os.environ.get("MUJOCO_GL")), problems)
+        ffmpeg = _tried(offscreen.find_ffmpeg, problems)
         words = "Films cannot be made; everything else works." if problems else "Films can be made."
         screen.say_verdict(console, words, good=not problems)
         parts = [problem.partition("; run: ") for problem in problems]
@@ -47,23 +36,32 @@ class DoctorCommand(Command):
         for remedy in (remedy for _, _, remedy in parts if remedy):
             console.print(f"run: {remedy}", style="bold", soft_wrap=True)
         console.print("[bold]OpenGL, off-screen[/]")
-        for name in BACKENDS:
-            trial = probe(name)
-            if trial.works:
-                used = ", films use it" if trial == backend else ""
-                words = f"  {name:<12} [green]works[/]{used}: {trial.renderer}"
-            else:
-                remedy = f"; run: {trial.remedy}" if trial.remedy else ""
-                words = f"  {name:<12} no: {trial.reason}{remedy}"
-            console.print(words, soft_wrap=True)
-        console.print("[bold]ffmpeg[/]")
+        for trial in map(offscreen.probe, offscreen.BACKENDS):
+            used = ", films use it" if trial == backend else ""
+            remedy = f"; run: {trial.remedy}" if trial.remedy else ""
+            works = f"[green]works[/]{used}: {trial.renderer}"
+            words = works if trial.works else f"no: {trial.reason}{remedy}"
+            console.print(f"  {trial.backend:<12} {words}", soft_wrap=True)
         if ffmpeg is not None:
             words = f"  {ffmpeg.origin:<12} [green]works[/]: {ffmpeg.version}, {ffmpeg.path}"
-            console.print(words, soft_wrap=True)
-        console.print(f"[bold]Machine[/]\n  cores        {len(os.sched_getaffinity(0))}")
-        console.print(f"  display      {'yes' if has_display() else 'none (only glfw needs one)'}")
-        console.print(f"  MUJOCO_GL    {os.environ.get('MUJOCO_GL') or 'not set'}")
-        console.print("[bold]Versions[/]")
-        for package, version in versions().items():
-            console.print(f"  {package:<12} {version}")
+            console.print(f"[bold]ffmpeg[/]\n{words}", soft_wrap=True)
+        display = "yes" if offscreen.has_display() else "none (only glfw needs one)"
+        machine = {
+            "cores": len(os.sched_getaffinity(0)),
+            "display": display,
+            "MUJOCO_GL": os.environ.get("MUJOCO_GL") or "not set",
+        }
+        for title, rows in (("Machine", machine), ("Versions", versions())):
+            console.print(f"[bold]{title}[/]")
+            for name, value in rows.items():
+                console.print(f"  {name:<12} {value}")
         return screen.DIFFERS if problems else screen.DONE
+
+
+def _tried(find: Callable[[], Any], problems: list[str]) -> Any:
+    """What is there, or None and one problem more."""
+    try:
+        return find()
+    except SetupError as error:
+        problems.append(str(error))
+        return None

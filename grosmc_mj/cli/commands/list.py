@@ -45,16 +45,8 @@ class ListCommand(Command):
         """Systems, cases, laws; with their titles, plants and names, if asked for."""
         if not self.target:
             _say_everything(screen.console())
-            if self.verbose:
-                _say_more(screen.wide_console())
-            return screen.DONE
-        from grosmc_mj.experiments.catalogue import find_experiments
-
-        experiments, console = find_experiments(self.target), screen.wide_console()
-        title = experiments[0].nominal.system.title
-        console.print(f"{self.target}: {title}", style="bold", markup=False)
-        _say_cases(console, experiments)
-        _say_names(console, experiments[0])
+        if self.target or self.verbose:
+            _say_more(screen.wide_console(), self.target)
         return screen.DONE
 
 
@@ -76,46 +68,40 @@ def _say_everything(console: Console) -> None:
     console.print(f"{len(bases)} systems, {len(files)} case files.")
     for name, base in bases.items():
         cases = sorted(folders[name], key=case_order)
-        console.print(f"[bold]{name}[/]")
-        console.print(f"  cases        {', '.join(each.split('/')[1] for each in cases)}")
-        console.print(f"  laws         {', '.join(content(base)['laws'])}")
+        _say(console, "", name, bold=True)
+        _say(console, "cases", ", ".join(case.split("/")[1] for case in cases))
+        _say(console, "laws", ", ".join(content(base)["laws"]))
         if name in campaigns:
-            console.print(f"  campaign     {content(campaigns[name])['title']}")
+            _say(console, "campaign", content(campaigns[name])["title"])
     others = [name for folder in folders if folder not in bases for name in folders[folder]]
-    console.print("[bold]Other case files[/]")
+    _say(console, "", "Other case files", bold=True)
     console.print(f"  {', '.join(others)}")
     console.print("A target is SYSTEM, SYSTEM/CASE such as servo/case1, or FILE.toml.")
 
 
-def _say_more(console: Console) -> None:
-    """Titles, plants and the names of their parts."""
+def _say_more(console: Console, target: str) -> None:
+    """Titles, plants and the names of their parts, of a target or of all systems."""
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.file.shipped import content, shipped_files
     from grosmc_mj.experiments.laws import FURTHER
     from grosmc_mj.plants import SYSTEMS
 
-    for name, system in SYSTEMS.items():
-        console.print(f"\n[bold]{name}[/]  {system.title}")
+    for name in [target] if target else SYSTEMS:
         experiments = find_experiments(name)
-        _say_cases(console, experiments)
-        _say_names(console, experiments[0])
-        if further := FURTHER.get(name, ()):
-            console.print(f"  further      {', '.join(further)}  [dim](not run by validate)[/]")
-    console.print("\n[bold]Case files of the package[/]")
-    for name, path in shipped_files().items():
-        console.print(f"  {name:<26} {content(path)['title']}", markup=False)
-
-
-def _say_cases(console: Console, experiments: Sequence[Experiment]) -> None:
-    """Cases with their titles, controllers and plants."""
-    from rich.markup import escape
-
-    for case in (one.case for one in experiments):
-        source = f"  [dim]({escape(case.source)})[/]" if case.source else ""
-        console.print(f"  {case.name:<12} {escape(case.title)}{source}")
-    first = experiments[0]
-    console.print(f"  controllers  {', '.join(first.controllers)}", markup=False)
-    console.print(f"  plants       {', '.join(first.plant_names)}", markup=False)
+        first = experiments[0]
+        _say(console, "", f"{name}: {first.nominal.system.title}", bold=True)
+        for case in (one.case for one in experiments):
+            source = f"  ({case.source})" if case.source else ""
+            _say(console, case.name, f"{case.title}{source}")
+        _say(console, "controllers", ", ".join(first.controllers))
+        _say(console, "plants", ", ".join(first.plant_names))
+        _say_names(console, first)
+        if not target and (further := FURTHER.get(name, ())):
+            _say(console, "further", f"{', '.join(further)}  (not run by validate)")
+    if not target:
+        _say(console, "", "Case files of the package", bold=True)
+        for name, path in shipped_files().items():
+            _say(console, f"{name:<26}", content(path)["title"])
 
 
 def _say_names(console: Console, experiment: Experiment) -> None:
@@ -124,26 +110,28 @@ def _say_names(console: Console, experiment: Experiment) -> None:
 
     plant = experiment.plant(experiment.nominal.truest)
     system = plant.system
-    rows = [
-        ("states", _signals(system.states), "start, of [[sensor]] and [[estimator]]"),
-        ("inputs", _signals(system.inputs), "of [[actuator]]"),
+    states, inputs = _signals(system.states), _signals(system.inputs)
+    _say(console, "states", f"{states}  (start, of [[sensor]] and [[estimator]])")
+    _say(console, "inputs", f"{inputs}  (of [[actuator]])")
+    if plant.kind != "physics":
+        names = ", ".join(vars(plant.parameters))
+        _say(console, "parameters", f"{names}  (parameter of [[edit]])")
+        return
+    units = dict(zip(system.joints, system.positions, strict=True))
+    joints = [
+        f"{name} [{units[name].unit}]" if name in units else name
+        for name in joint_names(plant.model)
     ]
-    if plant.kind == "physics":
-        units = {
-            joint: f" [{each.unit}]"
-            for joint, each in zip(system.joints, system.positions, strict=True)
-        }
-        joints = [name + units.get(name, "") for name in joint_names(plant.model)]
-        rows += [
-            ("bodies", ", ".join(body_names(plant.model)), "body of [[edit]]"),
-            ("joints", ", ".join(joints), "joint of [[edit]]"),
-        ]
-    else:
-        rows.append(("parameters", ", ".join(vars(plant.parameters)), "parameter of [[edit]]"))
-    for what, names, asked_by in rows:
-        console.print(f"  {what:<12} {names}  ({asked_by})", markup=False)
+    _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
+    _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+
+
+def _say(console: Console, title: str, words: str, *, bold: bool = False) -> None:
+    """A line with a title, or a heading."""
+    line = words if bold else f"  {title:<12} {words}"
+    console.print(line, style="bold" if bold else None, markup=False)
 
 
 def _signals(signals: Sequence[Signal]) -> str:
     """Names with units."""
-    return ", ".join(f"{each.name} [{each.unit}]" for each in signals)
+    return ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)

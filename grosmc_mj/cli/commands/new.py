@@ -46,11 +46,10 @@ class NewCommand(Command):
             )
         if self.like is not None and self.python:
             raise ArgumentError("--like copies a case, --python writes one: give one of them")
-        files = {f"{name}.toml": starter()}
-        if self.like is not None:
-            files = {f"{name}.toml": _text_of(self.like)}
-        elif self.python:
+        if self.python:
             files = own_plant(name)
+        else:
+            files = {f"{name}.toml": starter() if self.like is None else _text_of(self.like)}
         for file in files:
             if Path(file).exists():
                 raise ArgumentError(f"{file} is there already: take another name or remove it")

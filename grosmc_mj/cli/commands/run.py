@@ -157,7 +157,7 @@ class _JudgedExperiment:
     def run(self) -> None:
         """Run it, judge it, write its JSON."""
         from grosmc_mj.assumptions.robot import audits
-        from grosmc_mj.chapter.claims_document import audit_document
+        from grosmc_mj.chapter.premises import audit_document
         from grosmc_mj.experiments.curves.document import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
@@ -344,7 +344,7 @@ def runs_table(results: Sequence[RunResult]) -> Table:
 
 def _tables(console: Console, done: _JudgedExperiment) -> None:
     """All that was measured."""
-    from grosmc_mj.chapter.claims_tables import audit_table, worst_points
+    from grosmc_mj.chapter.premises import audit_table, worst_points
     from grosmc_mj.experiments import tables
 
     console.print()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,14 +20,10 @@ from grosmc_mj.cli.targets import CASES, recorded_experiments
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from grosmc_mj.chapter.claims.claim import Claim, Finding
-    from grosmc_mj.experiments.case import Case
+    from grosmc_mj.chapter.claims.claim import Claim
+    from grosmc_mj.chapter.validation import Validation
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.runs import RunResult, Settings
-    from grosmc_mj.results.tables import Table
-    from grosmc_mj.studies.agreement import Agreement
 
 
 @dataclass(frozen=True)
@@ -84,72 +80,30 @@ class ValidateCommand(Command):
 
     def execute(self) -> int:
         """Run, write, compare, print."""
-        from grosmc_mj.chapter import expected_results as expected
-        from grosmc_mj.chapter.claims.ledger import CLAIMS, verdict_differences
-        from grosmc_mj.chapter.claims_document import claims_document
-        from grosmc_mj.chapter.document import document
+        from grosmc_mj.chapter.expected_results import record_expected
+        from grosmc_mj.chapter.validation import Validation
         from grosmc_mj.experiments.laboratory import Laboratory
-        from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.physics.mujoco_plant import MujocoPlant
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.agreement import agreements, disagreements
 
-        started, seed = time.perf_counter(), 0
-        settings = Settings(
-            self.engine,  # pyright: ignore[reportArgumentType]  checked by Settings
-            self.control_period,
-            self.timestep,
-            self.integrator,  # pyright: ignore[reportArgumentType]  checked by the plant
-            self.switching,
-            self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
-        )
+        started, settings = time.perf_counter(), self._settings()
         experiments = [one.with_settings(**settings.changes()) for one in self._selected()]
-        selected = [one.case for one in experiments]
-        if self.record and settings != Settings():
-            raise ArgumentError(
-                "--record needs the default settings: leave out --engine, --control-period, "
-                "--timestep, --integrator, --switching and --surface"
-            )
-        systems = list(dict.fromkeys(case.system for case in selected))
-        steps = sum(len(one.laws) for one in experiments)
-        done = _Validation(settings, selected, [], [], [])
-        claims: list[Claim] = []
-        if self.claims and not self.record and settings == Settings():
-            claims = [claim for claim in CLAIMS if claim.system in _whole(selected)]
-        target, complete = self.out / "validation.json", False
+        done = Validation(settings, [one.case for one in experiments])
+        target, claims = self.out / "validation.json", self._claims(done)
+        systems = dict.fromkeys(case.system for case in done.selected)
+        steps = sum(len(one.laws) for one in experiments) + len(systems) + len(claims)
         try:
-            with screen.progress(steps + len(systems) + len(claims)) as advance:
-                for experiment in experiments:
-                    for result in experiment.runs():
-                        done.results.append(result)
-                        advance(result.key)
-                for system in systems:
-                    done.agreements.extend(agreements(MujocoPlant.load(system), seed=seed))
-                    advance(f"{system}: analytic against physics")
-                lab = Laboratory(settings, known=done.results)
-                done.findings = judge_in_processes(lab, claims, advance)
+            with screen.progress(steps) as advance:
+                _compute(done, experiments, claims, advance)
                 if self.record:
-                    expected.record_expected(done.results, settings)
-                done.differing = expected.differences(done.results, settings)
-                done.failed = [
-                    *disagreements(done.agreements),
-                    *verdict_differences(done.findings),
-                ]
-                complete = True
-                content = document(
-                    done.results, done.agreements, settings, selected, seed, done.differing,
-                    done.failed, complete=True,
-                )  # fmt: skip
-                write_json(target, {**content, **claims_document(done.findings, lab)})
+                    record_expected(done.results, settings)
+                done.compare()
         finally:
             # What was computed is kept and shown, whatever happened since.
-            if done.results and not complete:
-                content = document(
-                    done.results, done.agreements, settings, selected, seed, None, complete=False
-                )
-                write_json(target, content)
             if done.results:
-                self._say(done, complete=complete)
+                try:
+                    write_json(target, done.document(Laboratory(settings)))
+                finally:
+                    _say(done, full=self.verbose)
                 self._write_curves(done.results)
         console, figures = screen.console(), self._draw(done)
         console.print(f"{len(figures)} figures; {time.perf_counter() - started:.1f} s", style="dim")
@@ -158,179 +112,114 @@ class ValidateCommand(Command):
             film_results(console, done.results, settings, self.out)
         if self.report:
             report_on(console, [self.out], self.out / REPORT)
-        if done.differing or done.failed:
+        if done.differences:
             return screen.DIFFERS
         return screen.WRONG if done.differing is None else screen.DONE
 
+    def _settings(self) -> Settings:
+        """How the cases are run.
+
+        Raises:
+            ArgumentError: If others than the default ones are to be recorded.
+        """
+        from grosmc_mj.experiments.runs import Settings
+
+        settings = Settings(
+            self.engine,  # pyright: ignore[reportArgumentType]  checked by Settings
+            self.control_period,
+            self.timestep,
+            self.integrator,  # pyright: ignore[reportArgumentType]  checked by the plant
+            self.switching,
+            self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
+        )
+        if self.record and settings != Settings():
+            raise ArgumentError(
+                "--record needs the default settings: leave out --engine, --control-period, "
+                "--timestep, --integrator, --switching and --surface"
+            )
+        return settings
+
     def _selected(self) -> list[Experiment]:
-        """The experiments that are asked for, each once."""
+        """The experiments of the targets, each once."""
         from grosmc_mj.plants import SYSTEMS
 
-        found = [
+        experiments = [
             experiment
             for target in self.targets or tuple(SYSTEMS)
             for experiment in recorded_experiments(target)
         ]
-        return list({one.key: one for one in found}.values())
+        return list({one.key: one for one in experiments}.values())
 
-    def _say(self, done: _Validation, *, complete: bool) -> None:
-        """The answer, and the tables."""
-        from grosmc_mj.chapter.claims.claim import Kind
+    def _claims(self, done: Validation) -> list[Claim]:
+        """The claims about the systems all of whose cases are selected."""
+        from grosmc_mj.chapter.claims.ledger import CLAIMS
+        from grosmc_mj.experiments.runs import Settings
 
-        console = screen.console()
-        if complete:
-            _say_verdict(console, done, full=self.verbose)
-        else:
-            words = f"Not complete: {len(done.results)} runs are done."
-            screen.say_verdict(console, words, good=False)
-        console.print(_systems_table(done))
-        if done.findings:
-            own = sum(each.claim.kind is Kind.QUESTION for each in done.findings)
-            console.print(
-                "Of what the chapter says, one verdict a sentence, its equations and proofs "
-                "included. Refuted: physics does not show it. "
-                f"{own} questions of this project are not counted: grosmc-mj claims names all.",
-                style="dim",
-            )
-        console.print(_deviations_table(done.results))
-        if self.verbose:
-            _tables(screen.wide_console(), done)
+        if not self.claims or self.record or done.settings != Settings():
+            return []
+        systems = dict.fromkeys(case.system for case in done.selected)
+        cases = {name: [one.case for one in recorded_experiments(name)] for name in systems}
+        whole = [name for name in systems if all(case in done.selected for case in cases[name])]
+        return [claim for claim in CLAIMS if claim.system in whole]
 
     def _write_curves(self, results: Sequence[RunResult]) -> None:
         """The curves of each case, for the page."""
         from grosmc_mj.experiments.curves.document import write_curves
 
-        for case in dict.fromkeys(each.case for each in results):
-            own = [each for each in results if each.case == case]
+        for case in dict.fromkeys(result.case for result in results):
+            own = [result for result in results if result.case == case]
             write_curves(own, f"{case.system}_{case.name}", self.out)
 
-    def _draw(self, done: _Validation) -> list[Path]:
+    def _draw(self, done: Validation) -> list[Path]:
         """The figures."""
         from grosmc_mj.chapter.figures import drawable, write_figures
 
+        if not self.figures:
+            return []
         paths: list[Path] = []
-        if self.figures:
-            with screen.progress(len(drawable(done.selected)), "figures") as advance:
-                for path in write_figures(done.results, self.out):
-                    paths.append(path)
-                    advance(path.name)
+        with screen.progress(len(drawable(done.selected)), "figures") as advance:
+            for path in write_figures(done.results, self.out):
+                paths.append(path)
+                advance(path.name)
         return paths
 
 
-@dataclass
-class _Validation:
-    """What has been computed so far.
+def _compute(
+    done: Validation,
+    experiments: Sequence[Experiment],
+    claims: Sequence[Claim],
+    advance: Callable[[str], object],
+) -> None:
+    """Run the cases, compare equations with MuJoCo, judge the claims."""
+    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.physics.mujoco_plant import MujocoPlant
+    from grosmc_mj.studies.agreement import agreements
 
-    Attributes:
-        settings: How.
-        selected: What was asked for.
-        results: Runs.
-        agreements: Analytic plants against physics.
-        findings: Claims.
-        differing: What is not as recorded, a line each; None if it cannot be compared.
-        failed: Equations that differ from MuJoCo, and verdicts that are not the expected ones.
-    """
-
-    settings: Settings
-    selected: list[Case]
-    results: list[RunResult]
-    agreements: list[Agreement]
-    findings: list[Finding]
-    differing: list[str] | None = None
-    failed: list[str] = field(default_factory=list)
-
-
-def _whole(selected: Sequence[Case]) -> list[str]:
-    """The systems all of whose cases are selected."""
-    from grosmc_mj.cli.targets import recorded_experiments
-
-    systems = dict.fromkeys(case.system for case in selected)
-    return [
-        name for name in systems if all(one.case in selected for one in recorded_experiments(name))
-    ]
-
-
-def _say_verdict(console: Console, done: _Validation, *, full: bool) -> None:
-    """Say whether the results are as recorded."""
-    from grosmc_mj.chapter.expected_results import other_settings
-
-    differing = [*(done.differing or ()), *done.failed]
-    if done.differing is None:
-        other = ", ".join(other_settings(done.settings))
-        words = f"Nothing was compared with the recorded results, whose settings differ: {other}."
-        screen.say_verdict(console, words, good=False)
-    elif differing:
-        words = f"{len(differing)} results differ from the recorded ones."
-        screen.say_verdict(console, words, good=False)
-    else:
-        words = f"All {len(done.results)} runs are as recorded."
-        if done.findings:
-            words += f" All {len(done.findings)} verdicts of the ledger are as expected."
-        screen.say_verdict(console, words, good=True)
-    screen.say_lines(console, [f"differs: {line}" for line in differing], all=full)
-
-
-def _systems_table(done: _Validation) -> Table:
-    """Of each system: runs, those that ended early, accelerations against MuJoCo's, verdicts."""
-    from grosmc_mj.chapter.claims.claim import Kind, Verdict, verdicts_of
-
-    rows = []
+    for experiment in experiments:
+        for result in experiment.runs():
+            done.results.append(result)
+            advance(result.key)
     for system in dict.fromkeys(case.system for case in done.selected):
-        runs = [each for each in done.results if each.case.system == system]
-        worst = [
-            each.acceleration
-            for each in done.agreements
-            if each.system == system and each.variant == "corrected"
-        ]
-        own = [each for each in done.findings if each.claim.system == system]
-        verdicts = [
-            verdict
-            for kind in Kind
-            if kind is not Kind.QUESTION
-            for verdict in verdicts_of(own, kind)
-        ]
-        counts = [str(verdicts.count(verdict)) if verdicts else "-" for verdict in Verdict]
-        ended = sum(bool(each.ended) for each in runs)
-        agreement = f"{max(worst):.1e}" if worst else "-"
-        count = f"{len(runs)}" + (f" ({ended} early)" if ended else "")
-        rows.append((system, count, agreement, *counts))
-    columns = ("system", "runs", "to MuJoCo", *(verdict.value for verdict in Verdict))
-    return screen.brief_table("", columns, rows)
+        done.agreements.extend(agreements(MujocoPlant.load(system), seed=done.seed))
+        advance(f"{system}: analytic against physics")
+    lab = Laboratory(done.settings, known=done.results)
+    done.findings = judge_in_processes(lab, claims, advance)
 
 
-def _deviations_table(results: Sequence[RunResult]) -> Table:
-    """How far each law strays from its nominal optimum in MuJoCo."""
-    from grosmc_mj.experiments.tables import metric_cell
-
-    physics = [each for each in results if each.plant == "physics"]
-    found = {
-        (each.case.system, each.case.name, each.controller.name): metric_cell(
-            each.metrics.get("deviation")
-        )
-        + (" (!)" if each.ended else "")
-        for each in physics
-    }
-    laws = list(dict.fromkeys(law for _, _, law in found))
-    rows = []
-    for system, case in dict.fromkeys((system, case) for system, case, _ in found):
-        cells = [found.get((system, case, law), "") for law in laws]
-        rows.append((f"{system}/{case}", *cells))
-    title = "In MuJoCo, max|x1-x1*|: how far each law strays from its nominal optimum"
-    return screen.brief_table(title, ("case", *laws), rows, most=14)
-
-
-def _tables(console: Console, done: _Validation) -> None:
-    """Everything that was measured."""
+def _say(done: Validation, *, full: bool) -> None:
+    """The answer, and the tables."""
+    from grosmc_mj.chapter.validation import deviations_table, systems_table
     from grosmc_mj.experiments import tables
     from grosmc_mj.studies.agreement import agreement_table
 
-    for table in tables.results_tables(done.results):
-        console.print()
-        console.print(table)
-    console.print()
-    console.print(tables.LEGEND, style="dim")
-    for line in tables.endings(done.results):
-        console.print(line, style="red", soft_wrap=True)
-    console.print(tables.gains_table(done.results))
-    if done.agreements:
-        console.print(agreement_table(done.agreements))
+    console = screen.console()
+    good = done.complete and done.differing is not None and not done.differences
+    screen.say_verdict(console, done.words, good=good)
+    screen.say_lines(console, [f"differs: {line}" for line in done.differences], all=full)
+    console.print(systems_table(done), deviations_table(done.results))
+    if full:
+        console = screen.wide_console()
+        console.print(*tables.results_tables(done.results), tables.LEGEND)
+        for line in tables.endings(done.results):
+            console.print(line, style="red", soft_wrap=True)
+        console.print(tables.gains_table(done.results), agreement_table(done.agreements))

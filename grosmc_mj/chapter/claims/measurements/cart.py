@@ -9,14 +9,14 @@ sampling time then tests the same realization as in the rest of the ledger.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.cases.cart_pendulum.cart import LEAN, holding_ism, holding_lqr
-from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured
+from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
+from grosmc_mj.chapter.claims.measurements.theory import varied
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign, lqr
@@ -24,13 +24,12 @@ from grosmc_mj.control.reaching import mismatch, sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory, trial
+from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics.definitions import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.results.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status
 
 SYSTEM = "cart_pendulum"
@@ -45,13 +44,15 @@ UNCERTAINTIES = {
     "4m, 4L": BodyEdit("pole", mass_scale=4.0, length_scale=4.0),
 }
 ALONE = "LQR alone"
-# A run is judged by what it does in its last part [s].
+# A run is judged by its last part [s].
 _LAST = 5.0
 # What is largest in the first second or two is looked at for this long [s].
 _SHORT = 8.0
 _STARTS = range(5, 65, 5)
-# A cart that is held stiffly: what makes the unmatched length cost most.
+# A cart that is held stiffly: with it the unmatched length costs most.
 _STIFF = np.diag([10.0, 100.0, 1.0, 1.0])
+
+Model = tuple[Array, Array]
 
 
 def holding_case(name: str) -> Experiment:
@@ -88,13 +89,13 @@ def projected_law(G: Array | None, realization: Realization) -> Controller:
     return realized(holding_ism(physics.analytic(), linearize(physics), G=G), realization)
 
 
-def uncertainty(optimum: LqrDesign, model: tuple[Array, Array]) -> tuple[Array, Array]:
+def uncertainty(optimum: LqrDesign, model: Model) -> tuple[Array, Array]:
     """The matched and the unmatched part of dA - dB K, (n, n) each."""
     added, matched = mismatch(optimum, *model)
     return matched, added - matched
 
 
-def amplification(optimum: LqrDesign, G: Array | None, model: tuple[Array, Array]) -> float | None:
+def amplification(optimum: LqrDesign, G: Array | None, model: Model) -> float | None:
     """|(I - B (G B)^-1 G) phi_u| / |phi_u| in the spectral norm; None if nothing is unmatched.
 
     On s = 0 the switching input answers phi_u with -(G B)^-1 G phi_u, which adds to it.
@@ -107,44 +108,40 @@ def amplification(optimum: LqrDesign, G: Array | None, model: tuple[Array, Array
     return float(np.linalg.norm(answered, 2) / size)
 
 
-def slowest_pole(optimum: LqrDesign, G: Array | None, model: tuple[Array, Array]) -> float:
+def _slowest_pole(optimum: LqrDesign, G: Array | None, model: Model) -> float:
     """Largest real part of the sliding dynamics or, without G, of A_t - B_t K [1/s]."""
     A_t, B_t = model
     loop = A_t - B_t @ optimum.K if G is None else sliding_dynamics(optimum, G, A_t, B_t)
     return float(np.linalg.eigvals(loop).real.max())
 
 
-def distance_from_hold(lab: Laboratory, plant: PlantName, *, controller: str) -> Measured:
-    """The worse of cart and angle at the end of cases 1 and 2, in units of their bands."""
-    worst, notes = 0.0, []
+def distance_from_hold(
+    lab: Laboratory, plant: PlantName, *, case: str, controller: str
+) -> Measured:
+    """The worse of cart and angle at the end of a case, in units of their bands."""
+    result = lab.run(holding_case(case), plant, controller)
     rail = rail_half_length(MujocoPlant.load(SYSTEM))
-    for name in ("case1", "case2"):
-        result = lab.run(holding_case(name), plant, controller)
-        x, time = result.trajectory.state, result.trajectory.time
-        if result.status is not Status.COMPLETED:
-            return of(result, None)
-        late = within(time, result.case.duration - _LAST)
-        cart, angle = (float(np.abs(x[late, i]).max()) for i in (0, 1))
-        travel = float(np.abs(x[:, 0]).max())
-        band = SETTLING_BAND * abs(result.case.x0[1])
-        # Off the rail it is not held, wherever it ends.
-        off = travel if travel > rail else cart
-        worst = max(worst, off / CART_BAND, angle / band)
-        notes.append(
-            f"{name}: |p| {1e3 * cart:.2g} mm, |θ| {1e3 * angle:.2g} mrad, travel {travel:.3g} "
-            f"of {rail:g} m"
-        )
-    return Measured(worst, "; ".join(notes))
+    if result.status is not Status.COMPLETED:
+        return of(result, None)
+    x = np.abs(result.trajectory.state)
+    late = within(result.trajectory.time, result.case.duration - _LAST)
+    cart, angle, travel = x[late, 0].max(), x[late, 1].max(), x[:, 0].max()
+    # Off the rail it is not held, wherever it ends.
+    off = travel if travel > rail else cart
+    note = f"|p| {1e3 * cart:.2g} mm, |θ| {1e3 * angle:.2g} mrad, travel {travel:.3g} of {rail:g} m"
+    band = SETTLING_BAND * abs(result.case.x0[1])
+    return Measured(float(max(off / CART_BAND, angle / band)), note)
 
 
-def _trial(edit: BodyEdit) -> Experiment:
-    """The chapter's start with one edit of the pole."""
-    return trial(SYSTEM, "pole", find_experiment(SYSTEM, "nominal").case.x0, _SHORT, (edit,))
+def _pole(what: str) -> Experiment:
+    """The chapter's start with one change of the pole."""
+    edit = UNCERTAINTIES[what]
+    return varied(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
 
 
 def deviation(lab: Laboratory, plant: PlantName, *, what: str) -> Measured:
     """max |θ - θ*| of cart-ism under one uncertainty, in percent of the start."""
-    result = lab.run(_trial(UNCERTAINTIES[what]), plant, "cart-ism")
+    result = lab.run(_pole(what), plant, "cart-ism")
     return of(result, from_optimum(result.comparison))
 
 
@@ -153,106 +150,72 @@ def _optimum(lab: Laboratory, plant: PlantName) -> LqrDesign:
     return lab.controller(holding_case("case1"), plant, "cart-ism").designed.lqr
 
 
-def amplification_by_pseudoinverse(lab: Laboratory, plant: PlantName) -> Measured:
-    """What B+ adds to the unmatched uncertainty, in percent of it."""
-    return _unmatched(lab, plant, _amplified)
+def _unmatched_model(lab: Laboratory, plant: PlantName) -> tuple[LqrDesign, Model]:
+    """The optimum, and the linear model of case 1.
 
-
-def slowest_pole_loss(lab: Laboratory, plant: PlantName) -> Measured:
-    """How far the sliding dynamics' pole lies right of LQR's, with the stiff weights [1/s]."""
-    return _unmatched(lab, plant, _worse)
-
-
-def _unmatched(
-    lab: Laboratory,
-    plant: PlantName,
-    measure: Callable[[LqrDesign, tuple[np.ndarray, np.ndarray]], Measured],
-) -> Measured:
-    """A measurement on the linear model of case 1; there is none where all of it is matched."""
+    Raises:
+        NoValueError: If all of its uncertainty is matched.
+    """
     model = lab.plant(holding_case("case1"), plant).linearization()
     optimum = _optimum(lab, plant)
-    if amplification(optimum, projections_of(optimum)["B+"], model) is None:
-        return Measured(None, "nothing is unmatched here", broken=True)
-    return measure(optimum, model)
+    if amplification(optimum, np.linalg.pinv(optimum.B), model) is None:
+        raise NoValueError("nothing is unmatched here")
+    return optimum, model
 
 
-def _amplified(optimum: LqrDesign, model: tuple[np.ndarray, np.ndarray]) -> Measured:
-    """The factors of all projections, and what that of B+ adds."""
+def amplification_by_pseudoinverse(lab: Laboratory, plant: PlantName) -> Measured:
+    """By how much B+ enlarges the unmatched uncertainty, in percent of it."""
+    optimum, model = _unmatched_model(lab, plant)
     factors = {
         name: amplification(optimum, G, model) for name, G in projections_of(optimum).items()
     }
     words = ", ".join(f"{name} {value:.3f}" for name, value in factors.items() if value is not None)
-    value = factors["B+"]
-    return Measured(None if value is None else 100 * (value - 1), f"amplification: {words}")
+    return Measured(100 * ((factors["B+"] or 0.0) - 1), f"amplification: {words}")
 
 
-def _worse(optimum: LqrDesign, model: tuple[np.ndarray, np.ndarray]) -> Measured:
-    """The slowest poles with the stiff and with the declared weights."""
+def slowest_pole_loss(lab: Laboratory, plant: PlantName) -> Measured:
+    """How far the sliding dynamics' pole lies right of LQR's, with the stiff weights [1/s]."""
+    optimum, model = _unmatched_model(lab, plant)
     stiff = lqr(optimum.A, optimum.B, _STIFF, 1.0)
-    declared, poles = (
-        {name: slowest_pole(design, G, model) for name, G in projections_of(design).items()}
-        for design in (optimum, stiff)
+    (ours, alone), declared = (
+        [_slowest_pole(design, G, model) for G in (np.linalg.pinv(design.B), None)]
+        for design in (stiff, optimum)
     )
     note = (
-        f"poles at {poles['B+']:.3g} and, LQR alone, {poles[ALONE]:.3g} 1/s; with the declared "
-        f"weights {declared['B+']:.3g} and {declared[ALONE]:.3g} 1/s"
+        f"poles at {ours:.3g} and, LQR alone, {alone:.3g} 1/s; with the declared weights "
+        f"{declared[0]:.3g} and {declared[1]:.3g} 1/s"
     )
-    return Measured(poles["B+"] - poles[ALONE], note)
+    return Measured(ours - alone, note)
 
 
 def deviation_over_least(lab: Laboratory, plant: PlantName) -> Measured:
     """Deviation with G = B+ over the least of the others', in case 1."""
     case = holding_case("case1").varied(duration=_SHORT)
-    away, worst = {}, None
-    for name, G in projections_of(_optimum(lab, plant)).items():
-        if name == "B+":
-            result = lab.run(case, plant, "cart-ism")
-        else:
-            law = projected_law(G, case.with_settings(**lab.settings.changes()).realization)
-            result = lab.run_with(case, plant, law)
-        if result.status is not Status.COMPLETED:
-            worst = result
-        away[name] = from_optimum(result.comparison)
-    words = ", ".join(f"{name} {value:.3g} %" for name, value in away.items())
+    realization = case.with_settings(**lab.settings.changes()).realization
+    results = {
+        name: lab.run(case, plant, "cart-ism")
+        if name == "B+"
+        else lab.run_with(case, plant, projected_law(G, realization))
+        for name, G in projections_of(_optimum(lab, plant)).items()
+    }
+    away = {name: from_optimum(result.comparison) for name, result in results.items()}
     ratio = away["B+"] / min(value for name, value in away.items() if name != "B+")
-    return Measured(ratio, words) if worst is None else of(worst, ratio)
+    for result in results.values():
+        if result.status is not Status.COMPLETED:
+            return of(result, ratio)
+    return Measured(ratio, ", ".join(f"{name} {value:.3g} %" for name, value in away.items()))
 
 
 def lean_excess(lab: Laboratory, plant: PlantName) -> Measured:
     """How far |θ| under cart-pfl goes beyond its start or the lean asked for, in percent."""
-    cases = [
-        _trial(UNCERTAINTIES["4m, 4L"]).varied(x0=(0.0, -math.radians(angle), 0.0, 0.0))
-        for angle in _STARTS
-    ]
+    cases = [_pole("4m, 4L").varied(x0=(0.0, -math.radians(a), 0.0, 0.0)) for a in _STARTS]
     _, runs = lab.batch(cases, plant, "cart-pfl")
-    worst, note = -math.inf, ""
+    worst = (-math.inf, "")
     for index, angle in enumerate(_STARTS):
         if runs.status[index] is not Status.COMPLETED:
-            return Measured(None, f"not from {angle} degrees", broken=True)
+            raise NoValueError(f"not from {angle} degrees")
         largest = float(np.abs(runs.state[index, :, 1]).max())
         beyond = 100 * (largest / max(math.radians(angle), LEAN) - 1)
-        if beyond > worst:
-            worst = beyond
-            note = f"from {angle} degrees |θ| <= {largest:.4g} rad; asked for: {LEAN:g} rad"
-    return Measured(worst, note)
-
-
-def paths(lab: Laboratory) -> Drawing:
-    """The cart's position in case 1."""
-    curves = []
-    for name in ("cart-lqr", "cart-ism", "cart-pfl"):
-        run = lab.run(holding_case("case1"), "physics", name).trajectory
-        curves.append(Curve(LABELS[name], run.time, run.state[:, 0], name))
-    return Drawing("time t [s]", "cart position p [m]", curves)
-
-
-def angles(lab: Laboratory) -> Drawing:
-    """The pole's angle under each uncertainty, and the optimum."""
-    curves = []
-    for what, colour in (("4m", "cart-ism"), ("4L", "cart-pfl")):
-        result = lab.run(_trial(UNCERTAINTIES[what]), "physics", "cart-ism")
-        run = result.trajectory
-        curves.append(Curve(f"{LABELS['cart-ism']}, {what}", run.time, run.state[:, 1], colour))
-    comparison = lab.run(_trial(UNCERTAINTIES["4m"]), "physics", "cart-ism").comparison
-    curves.append(Curve("nominal optimum", comparison.time, comparison.optimum[:, 0]))
-    return Drawing("time t [s]", "pole angle θ [rad]", curves)
+        note = f"from {angle} degrees |θ| <= {largest:.4g} rad; asked for: {LEAN:g} rad"
+        worst = max(worst, (beyond, note))
+    return Measured(*worst)

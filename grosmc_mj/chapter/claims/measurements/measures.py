@@ -1,34 +1,35 @@
-"""Measurements, premises and drawings that several claims share.
+"""Measurements and premises that claims about several systems share.
 
-Here and in the systems' modules every public function that takes a laboratory is one that a claim's
-file names; it is told the claim's system if it asks for it.
+Here and in the modules beside it every public function that takes a laboratory is one that a
+claim's file names; it gets the claim's system if it has such an argument.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import Premise, audit, per_second
+from grosmc_mj.assumptions.audit import Premise, audit
 from grosmc_mj.assumptions.balance import balances_along
-from grosmc_mj.chapter.claims.claim import Curve, Drawing, Measured, NeedsSlidingModeError
+from grosmc_mj.chapter.claims.claim import Measured, NeedsSlidingModeError, NoValueError
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics.recorded import Comparison
+from grosmc_mj.experiments.metrics.recorded import Comparison, compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.plants import find_system
-from grosmc_mj.results.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Samples of a run that are looked at: odd, so that both sides of the chatter are met.
-_EVERY = 7
+EVERY = 7
+Size = Literal["start", "amplitude"]
 
 
 def of(result: RunResult, value: float | None, note: str = "") -> Measured:
@@ -64,58 +65,129 @@ def surface_memory(law: Controller) -> SurfaceMemory:
     return memory
 
 
+def within(time: Array, start: float, stop: float = np.inf) -> NDArray[np.bool_]:
+    """Rows of the instants from ``start`` to ``stop``.
+
+    Raises:
+        NoValueError: If there are none.
+    """
+    rows = (time >= start - 1e-9) & (time < stop - 1e-9)
+    if not rows.any():
+        raise NoValueError(f"the run ended before {start:g} s")
+    return rows
+
+
+def size_of(comparison: Comparison, percent_of: Size) -> float:
+    """|error(0)|, or the amplitude of the reference."""
+    if percent_of == "amplitude":
+        return float(np.abs(comparison.reference).max())
+    return abs(float(comparison.error[0]))
+
+
+def from_optimum(comparison: Comparison, percent_of: Size = "start") -> float:
+    """max |y - y*| in percent of the initial error, or of the reference's amplitude."""
+    return 100 * float(np.abs(comparison.deviation).max() / size_of(comparison, percent_of))
+
+
 def deviation(
-    lab: Laboratory, plant: PlantName, *, system: str, case: str, controller: str
+    lab: Laboratory,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+    controller: str,
+    percent_of: Size = "start",
+    bandwidth: float | None = None,
 ) -> Measured:
-    """max |x1 - x1*| in percent of the initial error."""
-    result = lab.case(system, case, plant, controller)
-    return of(result, from_optimum(result.comparison))
+    """max |y - y*| in percent; of a bandwidth [rad/s], on the bench with such observers."""
+    experiment = find_experiment(system, case)
+    if bandwidth is not None:
+        experiment = _on_bench(experiment, bandwidth)
+    result = lab.run(experiment, plant, controller)
+    return of(result, from_optimum(result.comparison, percent_of))
 
 
-def from_optimum(comparison: Comparison) -> float:
-    """max |y - y*| in percent of the initial error."""
-    return 100 * float(np.abs(comparison.deviation).max() / abs(comparison.error[0]))
-
-
-def extrapolated(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
-    """The deviation extrapolated to a sampling time of zero, in percent of the start."""
-    values = []
-    for level in (lab, lab.refined):
-        result = level.case(system, case, plant, "grosmc")
-        judged = of(result, from_optimum(result.comparison))
-        if judged.broken or judged.value is None:
-            return judged
-        values.append(judged.value)
-    note = (
-        f"{values[0]:.3g} % at T, {values[1]:.3g} % at T/2, a ratio of {values[0] / values[1]:.3g}"
+def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
+    """A case in the loop of its system's bench, with observers as fast as that [rad/s]."""
+    case, bench = experiment.case, find_experiment(experiment.case.system, "bench")
+    loop = bench.case.loop
+    assert loop is not None
+    faster = tuple(replace(estimator, bandwidth=bandwidth) for estimator in loop.estimators)
+    return bench.varied(
+        name=f"bench, {case.name}",
+        title=f"{case.title}, on the bench",
+        x0=case.x0,
+        duration=case.duration,
+        edits=case.edits,
+        disturbances=case.disturbances,
+        loop=replace(loop, estimators=faster),
     )
-    return Measured(abs(2 * values[1] - values[0]), note)
 
 
-def changed_response(
-    lab: Laboratory, plant: PlantName, *, system: str, case: str, controller: str
+def worst_deviation(
+    lab: Laboratory, plant: PlantName, cases: Sequence[Experiment], note: str = ""
 ) -> Measured:
-    """Largest difference between a case's response and the nominal one, in percent of the start."""
-    results = [lab.case(system, name, plant, controller) for name in (case, "nominal")]
-    z = [result.comparison.error for result in results]
-    n = min(map(len, z))
-    change = 100 * float(np.abs(z[0][:n] - z[1][:n]).max() / abs(z[1][0]))
-    broken = next((r for r in results if r.status is not Status.COMPLETED), None)
-    return of(broken or results[0], change)
+    """The largest of max |y - y*| over experiments under GROSMC, in percent of each start."""
+    law, runs = lab.batch(cases, plant, "grosmc")
+    worst, where = -np.inf, ""
+    for index, case in enumerate(cases):
+        run = runs[index]
+        if run.status is not Status.COMPLETED:
+            raise NoValueError(f"{case.case.title}: the run ended early")
+        if (away := from_optimum(compare_with_optimum(run, law))) >= worst:
+            worst, where = away, case.case.title
+    return Measured(worst, note or f"worst at {where}")
 
 
-def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, cases: Sequence[str]) -> Measured:
-    """max |y - y*| under GROSMC over that under the LQR, the worst of some cases."""
-    ratios, said = [], []
-    for case in cases:
-        results = [lab.case(system, case, plant, name) for name in ("grosmc", "lqr")]
-        judged = [of(each, from_optimum(each.comparison)) for each in results]
-        if broken := [each for each in judged if each.broken]:
-            return broken[0]
-        ours, theirs = (each.value or 0.0 for each in judged)
-        ratios.append(ours / theirs)
-        said.append(f"{case} {ours:.3g} % against {theirs:.3g} %")
-    return Measured(max(ratios), ", ".join(said))
+def late_error(
+    lab: Laboratory,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+    controller: str,
+    since: float,
+    percent_of: Size = "start",
+) -> Measured:
+    """Largest error from an instant [s] on, in percent."""
+    result = lab.case(system, case, plant, controller)
+    error = np.abs(result.comparison.error[within(result.comparison.time, since)])
+    return of(result, 100 * float(error.max()) / size_of(result.comparison, percent_of))
+
+
+def difference(
+    lab: Laboratory,
+    plant: PlantName,
+    *,
+    system: str,
+    runs: Sequence[tuple[str, str]],
+    until: float = np.inf,
+) -> Measured:
+    """Largest difference of the errors of two runs, a case and a law each, in percent."""
+    results = [lab.case(system, case, plant, controller) for case, controller in runs]
+    broken = next((each for each in results if each.status is not Status.COMPLETED), results[0])
+    return of(broken, difference_of(results, until))
+
+
+def difference_of(results: Sequence[RunResult], until: float = np.inf) -> float:
+    """Largest difference of two runs' errors up to an instant [s], in percent of the second's."""
+    one, other = (result.comparison for result in results)
+    n = min(len(one.time), len(other.time))
+    rows = within(one.time[:n], 0.0, until)
+    away = np.abs(one.error[:n] - other.error[:n])[rows]
+    return 100 * float(away.max()) / abs(float(other.error[0]))
+
+
+def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
+    """max |y - y*| under GROSMC over that under the LQR."""
+    ours, theirs = (
+        deviation(lab, plant, system=system, case=case, controller=name)
+        for name in ("grosmc", "lqr")
+    )
+    if ours.broken or theirs.broken:
+        return ours if ours.broken else theirs
+    one, other = (each.value or np.nan for each in (ours, theirs))
+    return Measured(one / other, f"{one:.3g} % against {other:.3g} %")
 
 
 def excess_cost(
@@ -129,9 +201,7 @@ def excess_cost(
 ) -> Measured:
     """J over J*, less 1, in percent."""
     result = lab.case(system, case, plant, controller)
-    J, least = result.metrics[name].value, result.metrics["cost_optimal"].value
-    assert J is not None
-    assert least is not None
+    J, least = (result.metrics[each].value or np.nan for each in (name, "cost_optimal"))
     return of(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
 
 
@@ -145,18 +215,46 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     result = lab.case(system, case, plant, "grosmc")
     run, law = result.trajectory, result.controller
     s = sliding(run)
-    true = lab.equations(result.experiment, plant)
-    points = balances_along(law, true, run, _EVERY, pushed=False)
+    if not len(s) or np.any(s[0]):
+        return of(result, None, "the run starts off its surface")
+    points = balances_along(law, lab.equations(result.experiment, plant), run, EVERY, pushed=False)
     own_effect = np.diagonal(points.R, axis1=1, axis2=2)
     bands = 2 * lab.settings.control_period * points.configured[:, None] * own_effect
     if not np.all(points.configured):
         return of(result, None, "the law does not switch")
     if not np.all(bands > 0):
         return of(result, None, "the law switches the wrong way")
-    away = (np.abs(s[::_EVERY]).reshape(bands.shape) / bands).max(axis=1)
+    away = (np.abs(s[::EVERY]).reshape(bands.shape) / bands).max(axis=1)
     worst = int(away.argmax())
     note = f"at t = {points.t[worst]:.3g} s; max |s| = {np.abs(s).max():.3g}"
     return of(result, float(away[worst]), note)
+
+
+def equation_error(
+    lab: Laboratory,
+    plant: PlantName,
+    system: str,
+    bounds: Sequence[float],
+    balance: Callable[[float, float, float], tuple[float, Sequence[float]]],
+) -> Measured:
+    """Largest residual of M q'' = sum of terms over the largest term, in percent.
+
+    Args:
+        lab: Where it is measured.
+        plant: It gives q'', its last acceleration.
+        system: Of which plant.
+        bounds: Of the random q, q' and u, to both sides.
+        balance: (q, q', u) -> M and the terms.
+    """
+    derivative = lab.plant(find_experiment(system, "nominal"), plant).derivative
+    random, worst = np.random.default_rng(0), 0.0
+    for _ in range(300):
+        q, rate, u = (random.uniform(-bound, bound) for bound in bounds)
+        x = np.array([q, rate] if system == "arm" else [0.0, q, 0.0, rate])
+        mass, terms = balance(q, rate, u)
+        residual = mass * derivative(x, u)[-1] - sum(terms)
+        worst = max(worst, abs(residual) / np.abs(terms).max())
+    return Measured(100 * float(worst), "300 random states and inputs")
 
 
 def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
@@ -174,47 +272,3 @@ def _margins(premise: Premise) -> str:
     readings = (("over the region", premise.region), ("along the run", premise.along))
     margins = [f"{r.margin:.3g} {premise.unit} {where}" for where, r in readings if r is not None]
     return " and ".join(margins)
-
-
-def outputs(
-    lab: Laboratory, *, system: str, case: str, controllers: Sequence[str] = ("lqr", "grosmc")
-) -> Drawing:
-    """The controlled coordinate on physics, and the optimum of the last law."""
-    output = find_system(system).output
-    signal = find_system(system).positions[output]
-    curves = []
-    for name in controllers:
-        run = lab.case(system, case, "physics", name).trajectory
-        curves.append(Curve(LABELS[name], run.time, run.state[:, output], name))
-    last = lab.case(system, case, "physics", controllers[-1]).comparison
-    curves.append(Curve("nominal optimum", last.time, last.optimum[:, 0]))
-    return Drawing("time t [s]", f"{signal.name} {signal.symbol} [{signal.unit}]", curves)
-
-
-def signals(lab: Laboratory, *, system: str, case: str, name: str) -> Drawing:
-    """s or the input under GROSMC on physics."""
-    result = lab.case(system, case, "physics", "grosmc")
-    run = result.trajectory
-    values: Any = run.sliding if name == "s" else run.input
-    unit = result.controller.designed.sliding_unit if name == "s" else run.system.input.unit
-    label = f"s [{unit}]" if name == "s" else f"{run.system.input.symbol} [{unit}]"
-    return Drawing("time t [s]", label, [Curve("GROSMC", run.time[:-1], values, "grosmc")])
-
-
-def gains(lab: Laboratory, *, system: str, case: str) -> Drawing:
-    """Required and configured ρ along the run."""
-    rates = audit(lab, find_experiment(system, case)).signals
-    unit = lab.case(system, case, "physics", "grosmc").controller.designed.sliding_unit
-    return Drawing(
-        "time t [s]",
-        f"switching rate ρ [{per_second(unit)}]",
-        [
-            Curve("required", rates["time"], rates["required"]),
-            Curve("configured", rates["time"], rates["configured"], "grosmc"),
-        ],
-    )
-
-
-def within(time: Array, start: float, stop: float = np.inf) -> NDArray[np.bool_]:
-    """Rows of the instants from ``start`` to ``stop``."""
-    return (time >= start - 1e-9) & (time < stop - 1e-9)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.chapter.claims.claim import Measured
+from grosmc_mj.arrays import Array
+from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import (
     from_optimum,
     of,
     sliding,
     surface_memory,
-    within,
 )
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import lqr
@@ -26,34 +26,19 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import Plant
 
 
-def before_the_load(lab: Laboratory, plant: PlantName) -> Measured:
-    """Largest difference of the two laws before the load acts, in percent of the step."""
-    laws = [lab.case("servo", "case1", plant, name) for name in ("lqr", "grosmc")]
-    before = within(laws[0].comparison.time, 0.0, 10.0)
-    n = min(len(law.comparison.time) for law in laws)
-    difference = laws[0].comparison.z[:n, 0] - laws[1].comparison.z[:n, 0]
-    return of(laws[1], 100 * float(np.abs(difference[before[:n]]).max()))
+def overshoot_growth(
+    lab: Laboratory, plant: PlantName, *, system: str, case: str, controller: str
+) -> Measured:
+    """Overshoot in a case less the nominal one, in percent of the step."""
+    results = [lab.case(system, name, plant, controller) for name in (case, "nominal")]
+    changed, nominal = (result.metrics["overshoot"].value or 0.0 for result in results)
+    return of(results[0], changed - nominal, f"{changed:.2g} % against {nominal:.2g} %")
 
 
-def overshoot_growth(lab: Laboratory, plant: PlantName) -> Measured:
-    """LQR's overshoot under 3J less the nominal one, in percent of the step."""
-    results = [lab.case("servo", case, plant, "lqr") for case in ("case2", "nominal")]
-    values = [result.metrics["overshoot"].value or 0.0 for result in results]
-    return of(results[0], values[0] - values[1], f"{values[0]:.2g} % against {values[1]:.2g} %")
-
-
-def largest_overshoot(lab: Laboratory, plant: PlantName) -> Measured:
-    """The robust law's largest overshoot over all cases, in percent of the step."""
-    worst, said = 0.0, []
-    for case in ("nominal", "case1", "case2"):
-        result = lab.case("servo", case, plant, "grosmc")
-        value = overshoot(result.comparison.z[:, 0]).value
-        judged = of(result, value)
-        if judged.broken or value is None:
-            return judged
-        worst = max(worst, value)
-        said.append(f"{case} {value:.2g} %")
-    return Measured(worst, ", ".join(said))
+def largest_overshoot(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
+    """The robust law's overshoot over the whole run, in percent of the step."""
+    result = lab.case(system, case, plant, "grosmc")
+    return of(result, overshoot(result.comparison.z[:, 0]).value)
 
 
 def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measured:
@@ -61,43 +46,34 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
 
     Loop and plant are linearized by differences of x' on the plant, law and all.
     """
-    found = []
+    loops = []
     for name in ("nominal", "case2"):
         case = find_experiment("servo", name)
         closed, A = _linearized(lab.plant(case, plant), lab.controller(case, plant, "lqr"))
         phase, delay = _margins(A, closed)
-        found.append(
-            {
-                "damping ratio": -np.trace(closed) / (2 * np.sqrt(abs(np.linalg.det(closed)))),
-                "phase margin": math.degrees(phase),
-                "slowest pole": -float(np.linalg.eigvals(closed).real.max()),
-                "delay margin": delay,
-            }
-        )
-    nominal, heavier = found
-    units = dict(zip(nominal, ("", " deg", " 1/s", " s"), strict=True))
+        damping = -np.trace(closed) / (2 * np.sqrt(abs(np.linalg.det(closed))))
+        slowest = -float(np.linalg.eigvals(closed).real.max())
+        loops.append((damping, math.degrees(phase), slowest, delay))
+    measures = ["damping ratio", "phase margin", "slowest pole", "delay margin"]
+    nominal, heavier = (dict(zip(measures, loop, strict=True)) for loop in loops)
+    units = zip(measures, ("", " deg", " 1/s", " s"), strict=True)
     note = "; ".join(
         f"{name} {heavier[name]:.3g}{unit} under 3J, {nominal[name]:.3g}{unit} nominal"
-        for name, unit in units.items()
+        for name, unit in units
     )
     return Measured(100 * float(1 - heavier[measure] / nominal[measure]), note)
 
 
-def _linearized(plant: Plant, law: Controller) -> tuple[np.ndarray, np.ndarray]:
+def _linearized(plant: Plant, law: Controller) -> tuple[Array, Array]:
     """x' of the plant at rest by x, under the law and without input, by central differences."""
     p, memory, step = law.parameters, law.memory(), 1e-5
     rest = np.array([law.coordinates.reference(0.0, p.reference)[0], 0.0])
 
-    def rates(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        x = rest + d
-        (u,) = law.input_at(1.0, x, memory)
-        return plant.derivative(x, u, np.zeros(6)), plant.derivative(x, 0.0, np.zeros(6))
+    def rates(x: Array) -> Array:
+        return np.stack([plant.derivative(x, law.input_at(1.0, x, memory)), plant.derivative(x)])
 
-    sides = [(rates(d), rates(-d)) for d in step * np.eye(2)]
-    closed, A = (
-        np.column_stack([(ahead[i] - behind[i]) / (2 * step) for ahead, behind in sides])
-        for i in (0, 1)
-    )
+    slopes = [(rates(rest + d) - rates(rest - d)) / (2 * step) for d in step * np.eye(2)]
+    closed, A = np.stack(slopes, axis=-1)
     return closed, A
 
 
@@ -112,14 +88,14 @@ def slowest_of_definite(lab: Laboratory, plant: PlantName) -> Measured:
     poles = []
     for angle in random.uniform(-math.pi / 2, math.pi / 2, 100):
         q = np.array([math.cos(angle), math.sin(angle)])
-        made = lqr(design.A, design.B, np.outer(q, q), design.R)
-        if np.linalg.eigvalsh(made.P).min() > 0:
-            told = replace(law, parameters=replace(law.parameters, K=made.K))
-            poles.append(float(np.linalg.eigvals(_linearized(on, told)[0]).real.max()))
+        optimum = lqr(design.A, design.B, np.outer(q, q), design.R)
+        if np.linalg.eigvalsh(optimum.P).min() > 0:
+            weighted = replace(law, parameters=replace(law.parameters, K=optimum.K))
+            poles.append(float(np.linalg.eigvals(_linearized(on, weighted)[0]).real.max()))
     return Measured(max(poles), f"{len(poles)} weights of rank one with P > 0")
 
 
-def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
+def _margins(A: Array, closed: Array) -> tuple[float, float]:
     """Phase margin [rad] and delay margin [s] of the loop x' = A x + (A_closed - A) x.
 
     B K is of rank one, so its loop gain K (jw - A)^-1 B is the trace of (jw - A)^-1 B K.
@@ -127,10 +103,8 @@ def _margins(A: np.ndarray, closed: np.ndarray) -> tuple[float, float]:
     # Here, for it is a part of scipy that little needs.
     from scipy.optimize import brentq
 
-    fed_back = A - closed
-
     def gain(w: float) -> complex:
-        return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, fed_back))
+        return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, A - closed))
 
     crossing: Any = brentq(lambda w: abs(gain(w)) - 1, 1e-3, 1e3)
     margin = float(math.pi + np.angle(gain(crossing)))
@@ -172,27 +146,25 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     """
     case = find_experiment("servo", "case2")
     law = lab.controller(case, plant, "grosmc")
-    derivative = lab.plant(case, plant).derivative
-    naive, required = 0.0, 0.0
-    B = float(law.designed.lqr.B[1, 0])
-    target = law.coordinates.reference(0.0, law.parameters.reference)[0]
-    rest = np.array([target, 0.0])
-    E_true = -(derivative(rest, 1.0, np.zeros(6)) - derivative(rest, 0.0, np.zeros(6)))[1]
+    derivative, design = lab.plant(case, plant).derivative, law.designed.lqr
+    rest = np.array([law.coordinates.reference(0.0, law.parameters.reference)[0], 0.0])
+    B, B_true = float(design.B[1, 0]), -(derivative(rest, 1.0) - derivative(rest))[1]
+    pushes = []
     for angle in np.linspace(0, np.pi, 181):
         z = np.array([np.cos(angle), np.sin(angle)])
-        x = np.array([target - z[0], -z[1]])
-        u_c = -float(law.designed.lqr.K[0] @ z)
-        push = -derivative(x, u_c, np.zeros(6))[1] - (float(law.designed.lqr.A[1] @ z) + B * u_c)
-        naive, required = max(naive, abs(push / B)), max(required, abs(push / E_true))
+        u_c = -float(design.K[0] @ z)
+        pushes.append(-derivative(rest - z, u_c)[1] - (float(design.A[1] @ z) + B * u_c))
+    push = float(np.abs(pushes).max())
+    naive, required = push / abs(B), push / abs(B_true)
     if required < 1e-9:
-        return Measured(None, "nothing pushes s away here", broken=True)
+        raise NoValueError("nothing pushes s away here")
     return Measured(float(naive / required), f"γ1 = {naive:.3g} sized so, {required:.4g} required")
 
 
 def cost_of_switching(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
     """What the input costs beyond (13), over J* and the length of the run, in percent a second."""
     result = lab.case("servo", case, plant, "grosmc")
-    counted, rest = (each.value for each in result.cost_shares)
+    counted, rest = (share.value for share in result.cost_shares)
     if counted is None or rest is None:
         return of(result, None, "the law has no J*")
     duration = float(result.trajectory.time[-1])

@@ -1,0 +1,197 @@
+"""The tables and stories of claims, for the terminal, Markdown and the page alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from grosmc_mj.chapter.claims.claim import (
+    RULE,
+    Claim,
+    Finding,
+    Kind,
+    Measured,
+    Verdict,
+    sentences_of,
+    verdicts_of,
+)
+from grosmc_mj.chapter.claims.self_test import Caught
+from grosmc_mj.chapter.claims.sweep import flips_of
+from grosmc_mj.results.formulas import in_text
+from grosmc_mj.results.tables import Column, Table, numbers, table, text, verdicts, words
+
+LEGEND = (
+    "* turns within 50 % of its threshold or with a choice that is not printed. In brackets: the "
+    "choice that the statement needs. Values are on the plant that decides."
+)
+EVIDENCE = [
+    *words("plant"), *numbers("at T", "at T/2"), *verdicts("verdict"), *text("note")
+]  # fmt: skip
+_SIGNS = {"at most": "≤", "at least": "≥"}
+
+
+def number_of(measured: Measured | None) -> str:
+    """A value, or that there is none."""
+    return "none" if measured is None or measured.value is None else f"{measured.value:.3g}"
+
+
+def needed(claim: Claim) -> str:
+    """The criterion in few characters."""
+    unit = "" if claim.unit in ("1", "unit of s/s") else f" {claim.unit}"
+    return f"{_SIGNS[claim.sense]} {claim.threshold:g}{unit}"
+
+
+def is_told(finding: Finding) -> bool:
+    """Whether the page tells a claim's story: an equation or a proof, or one without support."""
+    told = (Kind.MISPRINT, Kind.PROOF)
+    return finding.claim.kind in told or finding.verdict is not Verdict.SUPPORTED
+
+
+def turning(finding: Finding) -> list[str]:
+    """What the verdict turns on: its threshold, and what is not printed and turns the record."""
+    flips = [where for choice, where in flips_of(finding.claim) if not choice.printed]
+    near = ["within 50 % of its threshold"] if finding.near else []
+    return [*near, *(f"flips {where}" for where in flips)]
+
+
+def counts_table(findings: Sequence[Finding]) -> Table:
+    """How many sentences and statements have which verdict."""
+    rows = [
+        (kind.plural, *(str(own.count(verdict)) for verdict in Verdict), str(len(own)))
+        for kind in Kind
+        if (own := verdicts_of(findings, kind))
+    ]
+    headers = (*(verdict.value for verdict in Verdict), "all")
+    return table("Verdicts of physics", [*words(""), *numbers(*headers)], rows)
+
+
+def causes_table(findings: Sequence[Finding]) -> Table:
+    """Why claims are not supported, the cause of most of them first."""
+    causes: dict[str, list[str]] = {}
+    for finding in findings:
+        if finding.verdict is not Verdict.SUPPORTED:
+            causes.setdefault(finding.claim.cause, []).append(finding.claim.id)
+    rows = [(cause, ", ".join(ids), str(len(ids))) for cause, ids in causes.items()]
+    columns = [
+        Column(header="not supported since", width=50),
+        Column(header="statements", width=44),
+        *numbers(""),
+    ]
+    return table("", columns, sorted(rows, key=lambda row: -int(row[2])))
+
+
+def sentences_table(findings: Sequence[Finding]) -> Table:
+    """Each sentence of the chapter with its verdict and the claims under it."""
+    rows = [
+        (
+            sentence.quote,
+            "; ".join(f"{each.claim.id}: {each.verdict.value}" for each in sentence.findings),
+            sentence.verdict.value,
+        )
+        for sentence in sentences_of(findings)
+    ]
+    columns = [*text("sentence"), *text("claims under it"), *verdicts("verdict")]
+    return table(Kind.CLAIM.plural, columns, rows, legend=RULE)
+
+
+def statements_tables(findings: Sequence[Finding]) -> list[Table]:
+    """For each kind its statements, with the value on the plant that decides."""
+    return [
+        table(
+            "claims under them" if kind is Kind.CLAIM else kind.plural,
+            [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")],
+            map(_statement, own),
+            legend=LEGEND,
+        )
+        for kind in Kind
+        if (own := [finding for finding in findings if finding.claim.kind is kind])
+    ]
+
+
+def _statement(finding: Finding) -> tuple[str, str, str, str]:
+    claim = finding.claim
+    needs = f" (with {finding.needs})" if finding.needs else ""
+    return (
+        claim.id,
+        f"{claim.statement}{needs}: {claim.criterion} [{claim.source}]",
+        f"{number_of(finding.shown)} ({needed(claim)})",
+        finding.verdict.value + (" *" if turning(finding) else ""),
+    )
+
+
+def facts(finding: Finding) -> dict[str, str]:
+    """The story of one claim: a title and a text each."""
+    claim = finding.claim
+    story = {
+        "statement": claim.statement,
+        "source": claim.source,
+        "in words": claim.quote and f'"{claim.quote}"',
+        "equation": claim.equation,
+        "criterion": claim.criterion,
+        "why so": claim.why,
+        "meant": claim.quantifier,
+        "it needs": finding.needs,
+        "it is": finding.turns,
+        "turns": "; ".join(turning(finding)),
+        "cause": claim.cause,
+        "because": finding.because and f"a premise failed: {finding.because}",
+        "expected": claim.reason,
+        "not tested": claim.untested,
+    }
+    return {title: words for title, words in story.items() if words}
+
+
+def evidence_table(finding: Finding) -> Table:
+    """The values of a claim on each plant, at T and at half of it."""
+    end = "" if finding.claim.unit == "1" else f" {finding.claim.unit}"
+    rows = [
+        (
+            plant,
+            number_of(found.measured) + end,
+            "exact" if found.refined is None else number_of(found.refined) + end,
+            found.verdict.value,
+            found.measured.note,
+        )
+        for plant, found in finding.plants.items()
+    ]
+    return table("", EVIDENCE, rows)
+
+
+def claim_tables(finding: Finding) -> list[Table]:
+    """The story of one claim, and its values."""
+    story = {
+        title: in_text(said) if title == "equation" else said
+        for title, said in facts(finding).items()
+    }
+    columns = [*words(finding.claim.id), *text(finding.verdict.value.upper())]
+    return [table("", columns, story.items()), evidence_table(finding)]
+
+
+def claims_tables(findings: Sequence[Finding]) -> list[Table]:
+    """All tables of claims, the briefest first."""
+    brief = [counts_table(findings), causes_table(findings)]
+    return [*brief, sentences_table(findings), *statements_tables(findings)]
+
+
+def turning_table(sweeps: Iterable[Mapping[str, Any]]) -> Table:
+    """Where claims change their answer, those that turn on what is not printed first.
+
+    Args:
+        sweeps: As ``Swept.document`` has them.
+    """
+    rows = [
+        (row["claim"], row["choice"] + (" (printed)" if row["printed"] else ""), row["flips"])
+        for row in sorted(sweeps, key=lambda row: row["printed"])
+        if row["flips"]
+    ]
+    return table("What the claims turn on", [*words("claim", "choice"), *text("flips")], rows)
+
+
+def noticed_table(caught: Sequence[Caught]) -> Table:
+    """Which claims noticed each fault, of those that were tried; the least noticed first."""
+    rows = [
+        (each.fault.name, f"{len(each.claims)} of {each.tried}", ", ".join(each.claims))
+        for each in sorted(caught, key=lambda each: len(each.claims))
+    ]
+    columns = [*words("fault"), *numbers("noticed by"), Column(header="claims", width=60)]
+    return table("Faults that claims notice", columns, rows)

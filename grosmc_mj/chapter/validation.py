@@ -1,0 +1,208 @@
+"""validation.json: all that was measured, and the table of results in the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from grosmc_mj.chapter import expected_results
+from grosmc_mj.chapter.claims.claim import Finding, Kind, Verdict, verdicts_of
+from grosmc_mj.chapter.claims.judging import verdict_differences
+from grosmc_mj.chapter.claims.results import (
+    claims_numbers,
+    claims_sheets,
+    claims_values,
+    counts_words,
+)
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.document import case_document, run_document
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.metrics.recorded import Metric
+from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.tables import metric_cell
+from grosmc_mj.results.document import plain
+from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Value, result
+from grosmc_mj.results.tables import Table, number, numbers, table, words
+from grosmc_mj.studies.agreement import Agreement, agreement_table, disagreements
+
+_COLUMNS = {
+    "max |x1 − x1*|": "deviation",
+    "settled": "settling_time",
+    "max |s|": "max_sliding",
+    "J(u_c) / J*": "continuous",
+    "J(u_d) / J* per s": "rest",
+    "max |u|": "max_input",
+    "cart travel": "cart_travel",
+}
+_TITLE = "Runs in MuJoCo"
+
+
+@dataclass
+class Validation:
+    """All that is computed of the selected cases, as far as it is.
+
+    Attributes:
+        settings: How the cases are run.
+        selected: The cases.
+        seed: Of the random states of the agreements.
+        results: Runs.
+        agreements: Analytic plants against physics.
+        findings: Claims.
+        complete: Whether everything is there.
+        differing: Results that are not as recorded, a line each; None if they cannot be compared.
+    """
+
+    settings: Settings
+    selected: Sequence[Case]
+    seed: int = 0
+    results: list[RunResult] = field(default_factory=list)
+    agreements: list[Agreement] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    complete: bool = False
+    differing: list[str] | None = None
+
+    def compare(self) -> None:
+        """Compare with the record; everything is there."""
+        self.differing = expected_results.differences(self.results, self.settings)
+        self.complete = True
+
+    @property
+    def failed(self) -> list[str]:
+        """Equations that differ from MuJoCo, and verdicts that are not the expected ones."""
+        if not self.complete:
+            return []
+        return [*disagreements(self.agreements), *verdict_differences(self.findings)]
+
+    @property
+    def differences(self) -> list[str]:
+        """All that is not as the repository has it, a line each."""
+        return [*(self.differing or ()), *self.failed]
+
+    def document(self, lab: Laboratory) -> dict[str, Any]:
+        """The content of validation.json."""
+        compared = self.differing is not None
+        kept = not self.differences
+        claims = claims_numbers(self.findings, lab) if self.complete else {}
+        tables = [systems_table(self), results_table(self.results)]
+        if self.agreements:
+            tables.append(agreement_table(self.agreements))
+        answer = Answer(
+            question=f"Validation: {len(self.results)} runs, {len(self.findings)} claims",
+            verdict=NOT_KEPT if compared and not kept else KEPT if compared else OPEN,
+            words=self.words,
+            more=counts_words(self.findings),
+        )
+        return result(
+            "validation",
+            {**asdict(self.settings), "cases": [case_document(case) for case in self.selected]},
+            seed=self.seed,
+            complete=self.complete,
+            answers=[answer],
+            sheets=[*(Sheet(table=each) for each in tables), *claims_sheets(self.findings)],
+            values=[*self._values(), *claims_values(self.findings)],
+            as_recorded=kept if compared else None,
+            differences=self.differences,
+            runs=[run_document(run) for run in self.results],
+            agreement=[agreement._asdict() for agreement in self.agreements],
+            **claims,
+        )
+
+    @property
+    def words(self) -> str:
+        """Whether the results are as recorded."""
+        if not self.complete:
+            return f"Not complete: {len(self.results)} runs are done."
+        if self.differing is None:
+            other = ", ".join(expected_results.other_settings(self.settings))
+            return (
+                f"Nothing was compared with the recorded results, whose settings differ: {other}."
+            )
+        if self.differences:
+            return f"{len(self.differences)} results differ from the recorded ones."
+        words = f"All {len(self.results)} runs are as recorded."
+        if self.findings:
+            words += f" All {len(self.findings)} verdicts of the claims are as expected."
+        return words
+
+    def _values(self) -> Iterator[Value]:
+        """How each run ended, and its metrics."""
+        if self.differing is not None:
+            words = "not as recorded" if self.differences else "as recorded"
+            yield Value(name="all runs", value=words)
+        for run in self.results:
+            name = f"{run.case.system}/{run.case.name} {run.plant} {run.controller.name}"
+            yield Value(name=f"{name}: status", value=run.status.name.lower())
+            switched = run.trajectory.sliding is not None
+            for key, metric in run.metrics.items():
+                relative, absolute = expected_results.tolerance_of(key, switched=switched)
+                yield Value(
+                    name=f"{name}: {key}", value=plain(metric.value), unit=metric.unit,
+                    relative=relative, absolute=absolute,
+                )  # fmt: skip
+
+
+def systems_table(done: Validation) -> Table:
+    """Of each system: runs, those that ended early, accelerations against MuJoCo's, verdicts."""
+    rows = []
+    for system in dict.fromkeys(case.system for case in done.selected):
+        runs = [run for run in done.results if run.case.system == system]
+        worst = max(
+            (
+                row.acceleration
+                for row in done.agreements
+                if row.system == system and row.variant == "corrected"
+            ),
+            default=None,
+        )
+        own = [finding for finding in done.findings if finding.claim.system == system]
+        kinds = [kind for kind in Kind if kind is not Kind.QUESTION]
+        verdicts = [verdict for kind in kinds for verdict in verdicts_of(own, kind)]
+        counts = [str(verdicts.count(verdict)) if verdicts else "-" for verdict in Verdict]
+        ended = sum(bool(run.ended) for run in runs)
+        count = f"{len(runs)}" + (f" ({ended} early)" if ended else "")
+        rows.append((system, count, number(worst), *counts))
+    headers = ("runs", "to MuJoCo", *(verdict.value for verdict in Verdict))
+    legend = "Verdicts of the chapter's sentences, equations and proofs: grosmc-mj claims has all."
+    return table("Systems", [*words("system"), *numbers(*headers)], rows, legend=legend)
+
+
+def deviations_table(results: Sequence[RunResult]) -> Table:
+    """How far each law strays from its nominal optimum in MuJoCo."""
+    cells: dict[Case, dict[str, str]] = {}
+    for run in results:
+        if run.plant == "physics":
+            cell = metric_cell(run.metrics.get("deviation")) + (" (!)" if run.ended else "")
+            cells.setdefault(run.case, {})[run.controller.name] = cell
+    laws = list(dict.fromkeys(law for own in cells.values() for law in own))
+    rows = [
+        (f"{case.system}/{case.name}", *(own.get(law, "") for law in laws))
+        for case, own in cells.items()
+    ]
+    title = "In MuJoCo, max|x1-x1*|: how far each law strays from its nominal optimum"
+    return table(title, [*words("case"), *numbers(*laws)], rows)
+
+
+def results_table(results: Sequence[RunResult]) -> Table:
+    """The runs on physics."""
+    rows = []
+    for run in results:
+        if run.plant == "physics":
+            shares = dict(zip(("continuous", "rest"), run.cost_shares, strict=True))
+            metrics = {**run.metrics, **shares}
+            cells = (_cell(metrics.get(name)) for name in _COLUMNS.values())
+            rows.append((run.case.system, run.case.name, run.controller.name, *cells))
+    return table(_TITLE, [*words("system", "case", "law"), *numbers(*_COLUMNS)], rows)
+
+
+def results_markdown(document: Mapping[str, Any]) -> str:
+    """The table of the runs on physics in a validation.json, in Markdown."""
+    tables = (Table.model_validate(sheet["table"]) for sheet in document["sheets"])
+    return "\n".join(next(each for each in tables if each.title == _TITLE).markdown())
+
+
+def _cell(metric: Metric | None) -> str:
+    """A value with its unit."""
+    if metric is None or metric.value is None:
+        return "not reached" if metric is not None and metric.note == "not reached" else ""
+    return number(metric.value) + ("" if metric.unit in ("1", "1/s") else f" {metric.unit}")
