@@ -454,7 +454,7 @@ def test_a_body_drawn_by_a_mesh_of_its_own_stays_similar_to_itself() -> None:
 @pytest.mark.parametrize(
     ("edits", "message"),
     [
-        ((BodyEdit("one", length_scale=2.0),), "mesh 'shared' of body 'one' also draws two"),
+        ((BodyEdit("one", length_scale=2.0),), "geom 'shared' of body 'one': length edits need"),
         ((AddedMass("lnk", 1.0),), "unknown body 'lnk': did you mean 'link'"),
         ((JointEdit("k", damping=1.0),), "unknown joint 'k'"),
         (

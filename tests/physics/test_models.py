@@ -14,7 +14,6 @@ import pytest
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics import files as models
-from grosmc_mj.physics.checks import refuse_unusable
 from grosmc_mj.physics.files import load_model, model_path
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
@@ -309,15 +308,3 @@ def test_angles_are_counter_clockwise_in_the_picture(name: str) -> None:
     moved = model.body(SYSTEMS[name].bodies[-1]).id
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, moved, velocity, 0)
     np.testing.assert_allclose(velocity[:3], [0, -1, 0], atol=1e-15)
-
-
-def test_what_is_not_finite_is_named_by_its_joint() -> None:
-    """Behind a ball joint, whose reference takes four numbers."""
-    model = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint name='first' type='ball'/><geom size='1'/><body>"
-        "<joint name='second'/><geom size='1'/></body></body></worldbody></mujoco>"
-    )
-    refuse_unusable(model, "mine")
-    model.qpos_spring[4] = math.nan
-    with pytest.raises(ModelError, match="mine: joint 'second': spring = nan must be finite"):
-        refuse_unusable(model, "mine")

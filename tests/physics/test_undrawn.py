@@ -17,7 +17,7 @@ from grosmc_mj.physics import mujoco_plant
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.physics.undrawn import can_constrain, undrawn
+from grosmc_mj.physics.template import can_constrain, undrawn
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate

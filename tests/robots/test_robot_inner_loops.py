@@ -265,7 +265,7 @@ def test_a_joint_that_only_its_coupling_moves_is_refused_and_may_be_left_out() -
         Robot.from_mjcf(text)
     made = Robot.from_mjcf(text, joints=["first"])
     assert made.built is made.plant
-    assert "left out: the coupling (equality) with second" in made.notes
+    assert "left out: the coupling (equality) of 'first' and 'second'" in made.notes
 
 
 def test_one_joint_may_be_held() -> None:
