@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,7 +67,7 @@ class Premise:
         unit: Of the margins.
         region: Over the operating region; None if it has no meaning there.
         along: Along the run; None if it has no meaning there.
-        restores: The smallest gain that restores it, in words; empty if it holds.
+        remedy: The smallest gain that restores it, in words.
         note: What to know.
     """
 
@@ -77,13 +77,18 @@ class Premise:
     unit: str
     region: Reading | None = None
     along: Reading | None = None
-    restores: str = ""
+    remedy: str = ""
     note: str = ""
 
     @property
     def holds(self) -> bool:
         """Whether it holds in the region and along the run."""
         return all(reading.margin >= 0 for reading in (self.region, self.along) if reading)
+
+    @property
+    def restores(self) -> str:
+        """The remedy; empty if it holds."""
+        return "" if self.holds else self.remedy
 
 
 @dataclass(frozen=True)
@@ -210,7 +215,9 @@ def _region(
     count = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
     axes = [np.linspace(-size, size, count) for size in bound]
     times = np.linspace(0, 2, phases, endpoint=False) if _moves(law) else np.array([0.0])
-    wrenches = list(_corners(amplitude))
+    # Every sign of each component that acts: two pushes need not point the same way.
+    signs = [(-size, size) if size else (0.0,) for size in amplitude.tolist()]
+    wrenches = [np.array(w) for w in itertools.product(*signs)]
     points: list[tuple[float, Array, Array]] = []
     for t, *z in itertools.product(times.tolist(), *axes):
         x = error.place(t, z, law.parameters)
@@ -234,21 +241,10 @@ def _moves(law: Controller) -> bool:
     return getattr(law.coordinates.reference, "moves", True)
 
 
-def _corners(amplitude: Array) -> Iterator[Array]:
-    """Every sign of each component that acts: two pushes need not point the same way."""
-    acting = np.flatnonzero(amplitude)
-    for signs in itertools.product((-1.0, 1.0), repeat=len(acting)):
-        w = np.zeros_like(amplitude)
-        w[acting] = signs * amplitude[acting]
-        yield w
-
-
 def _largest_wrench(run: Trajectory) -> Array:
     """The largest value of each component of a run's wrenches, with its sign."""
-    if run.wrench is None:
-        return np.zeros(6 * len(run.system.bodies))
-    rows = np.abs(run.wrench).argmax(axis=0)
-    return run.wrench[rows, range(run.wrench.shape[1])]
+    w = np.zeros((1, 6 * len(run.system.bodies))) if run.wrench is None else run.wrench
+    return w[np.abs(w).argmax(axis=0), range(w.shape[1])]
 
 
 def reading_of(points: Balance, margins: Array) -> Reading:
@@ -279,15 +275,14 @@ def _linear(law: Controller) -> list[Premise]:
     )
     if not hasattr(p, "GB"):
         return [rank]
-    least = float(np.linalg.svd(p.GB, compute_uv=False).min())
-    share = least / float(np.linalg.norm(p.G) * np.linalg.norm(B))
+    share = np.linalg.norm(p.GB, -2) / (np.linalg.norm(p.G) * np.linalg.norm(B))
     steered = Premise(
         "G B nonsingular",
         "eqs. (8), (31), (51)",
         "least singular value of GB, over |G| |B|, above rounding",
         "1",
-        single_reading(share - ROUNDING),
-        note=f"G B = {_matrix(p.GB)}",
+        single_reading(float(share) - ROUNDING),
+        note="G B = " + "; ".join("  ".join(f"{entry:.4g}" for entry in row) for row in p.GB),
     )
     return [rank, steered]
 
@@ -344,17 +339,16 @@ def _gain(law: Controller, here: Balance, there: Balance) -> Premise:
     region, along = here.required.max(), there.required.max()
     required, factor = max(region, along), max(here.times.max(), there.times.max())
     name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
+    restores = f"η, γ0 and γ1 {factor:.3g} times as large"
+    if math.isinf(factor):
+        restores = f"η = {required:.3g}; there is no gain to multiply"
     if "epsilon" in law.designed.gains:
         name, source = "epsilon", "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
         restores = (
             f"ε = {along:.3g} along this run, which leaves its surface, and {region:.3g} over the "
             f"region, instead of {p.epsilon:.3g}"
         )
-    elif math.isinf(factor):
-        restores = f"η = {required:.3g}; there is no gain to multiply"
-    else:
-        restores = f"η, γ0 and γ1 {factor:.3g} times as large"
-    premise = Premise(
+    return Premise(
         name,
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
@@ -364,13 +358,6 @@ def _gain(law: Controller, here: Balance, there: Balance) -> Premise:
         restores,
         f"required at most {required:.3g} {unit}",
     )
-    return replace(premise, restores="") if premise.holds else premise
-
-
-def _matrix(values: Array) -> str:
-    """A small matrix in one line; one number without brackets."""
-    rows = ["  ".join(f"{value:.4g}" for value in row) for row in values]
-    return rows[0] if values.size == 1 else f"[{'; '.join(rows)}]"
 
 
 def per_second(unit: str) -> str:

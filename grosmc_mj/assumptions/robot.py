@@ -7,7 +7,6 @@ by MuJoCo's dynamics of the true plant and of the nominal one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,8 +38,6 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 # The balance is computed at so many instants of a run; torques and angles at all.
 _INSTANTS = 400
-# Instants at which smaller edits are tried, and how finely.
-_WORST, _HALVINGS = 20, 7
 
 
 def is_robots(result: RunResult) -> bool:
@@ -85,56 +82,58 @@ def robot_audit(result: RunResult) -> Audit:
     if not is_robots(result) or not len(run.input):
         raise ArgumentError(f"{result.key} is no run of a robot in MuJoCo: it has no such premises")
     # Of a law of one's own no feedback is known that pushes and switching could be set against.
-    points = _along(result) if hasattr(law.parameters, "K") else None
+    plant: Any = result.true
+    points = _along(result, plant) if hasattr(law.parameters, "K") else None
     premises = []
     if run.sliding is not None and points is not None:
-        premises = [_rate(result, points), _authority(result, points), initial_surface(run.sliding)]
-    premises.append(_torque(result))
+        premises = [
+            _rate(result, plant, points),
+            _authority(result, points),
+            initial_surface(run.sliding),
+        ]
+    premises.append(_torque(result, plant))
     if points is not None and isinstance(law.designed.error, RobotCoordinates):
-        premises.append(_headroom(law, result.true, points))
-    premises.append(_joints(result))
+        premises.append(_headroom(law, plant, points))
+    premises.append(_joints(result, plant))
     return Audit(result.case, law.name, tuple(premises), {} if points is None else signals(points))
 
 
-def _along(result: RunResult) -> Balance:
+def _along(result: RunResult, plant: Any) -> Balance:
     """The balance along the run, by the torques that were applied."""
-    run, true = result.trajectory, result.true
+    run = result.trajectory
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
     w = np.zeros((len(run.input), 6 * len(run.system.bodies))) if run.wrench is None else run.wrench
-    assert true is not None
     with warnings_counted_only():
         points = [
-            balance(result.controller, true, float(run.time[i]), run.state[i], w[i], run.input[i])
+            balance(result.controller, plant, float(run.time[i]), run.state[i], w[i], run.input[i])
             for i in rows
         ]
     return Balance(*map(np.array, zip(*points, strict=True)))
 
 
-def _rate(result: RunResult, points: Balance) -> Premise:
+def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
-    law, true, most = result.controller, result.true, points.at(int(points.required.argmax()))
+    law, most = result.controller, points.at(int(points.required.argmax()))
     joint = _driven(result)[int(np.abs(most.pushes).argmax())]
-    alone = "" if "unit-vector" in law.designed.switching else _joint_by_joint(points)
     unit = per_second(law.designed.sliding_unit)
     printed = "epsilon" in law.designed.gains
-    assert true is not None
-    machine = ", the parts of its machine" if true.rigid is not true else ""
-    needed = f"ρ = {most.required:.3g} {unit} instead of what is configured"
-    possible = np.isfinite(most.required)
-    premise = Premise(
+    machine = ", the parts of its machine" if plant.rigid is not plant else ""
+    needed = f"ρ = {most.required:.3g} {unit} instead of the configured one"
+    return Premise(
         "epsilon" if printed else "switching gain",
         "Theorem 3: ε >= (a_m + d_m) ‖GB‖" if printed else "Assumptions 4 and 6, eqs. (12), (37)",
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
         along=reading_of(points, points.margin),
-        restores=needed if possible else "no ρ, while r is not positive: see the input gain",
+        remedy=needed
+        if np.isfinite(most.required)
+        else "no ρ, while r is not positive: see the input gain",
         note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
         f"(at t = {most.t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
-        f"{alone}; in the push are the edits, the wrenches, and friction, joint limits and "
+        f"; in the push are the edits, the wrenches, and friction, joint limits and "
         f"contacts as MuJoCo has them under the applied torque; not in it: that the law is "
         f"sampled{machine}, and torque that was cut off",
     )
-    return replace(premise, restores="") if premise.holds else premise
 
 
 def _driven(result: RunResult) -> tuple[str, ...]:
@@ -144,73 +143,31 @@ def _driven(result: RunResult) -> tuple[str, ...]:
     return system.joints if every else system.actuators
 
 
-def _joint_by_joint(points: Balance) -> str:
-    """The required rate if each joint's push is set against its own row of R."""
-    left = 2 * np.diagonal(points.R, axis1=1, axis2=2) - np.abs(points.R).sum(axis=-1)
-    if np.any(left <= 0):
-        return ""
-    required = (np.abs(points.pushes) / left).max()
-    return f", or {required:.3g} with each joint's push against its own row of R"
-
-
 def _authority(result: RunResult, points: Balance) -> Premise:
     """The true inertia leaves something of the switching rate."""
-    ratios = points.gain_ratio
-    premise = Premise(
+    ratios, driven = points.gain_ratio, _driven(result)
+    # The joint whose row of R is least dominant, and the other one that takes most of it.
+    R = points.R[ratios.argmin()]
+    beside = np.abs(R) - np.diag(np.abs(np.diag(R)))
+    row = int((np.diag(R) - beside.sum(axis=1)).argmin())
+    taken = (
+        f"; in the row of {driven[row]} {R[row, row]:.3g} is its own and {beside[row].sum():.3g} "
+        f"the others', most of it {driven[int(beside[row].argmax())]}'s"
+    )
+    together = gain_margin(points.R, together=True).min()
+    switch = together > 0 and "unit-vector" not in result.controller.designed.switching
+    return Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
         "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹, of all joints M*⁻¹ M",
         "1",
         along=reading_of(points, ratios - ROUNDING),
+        remedy=f"a unit-vector switching law (r = {together:.3g} as one switch for all)"
+        if switch
+        else "another G, smaller edits, or a nominal model nearer to the true one",
         note=f"r from {ratios.min():.3g} to {ratios.max():.3g}; M has armature in it, which no "
-        "payload changes",
+        "payload changes" + (taken if ratios.min() < ROUNDING else ""),
     )
-    if premise.holds:
-        return premise
-    taken = _taken_away(result, points.R[ratios.argmin()])
-    restores = _dominance_again(result, points)
-    return replace(premise, note=f"{premise.note}; {taken}", restores=restores)
-
-
-def _taken_away(result: RunResult, R: Array) -> str:
-    """Which joint's row of R has lost its dominance, and to which other."""
-    driven, beside = _driven(result), np.abs(R) - np.diag(np.abs(np.diag(R)))
-    row = int((np.diag(R) - beside.sum(axis=1)).argmin())
-    other = int(beside[row].argmax())
-    return (
-        f"in the row of {driven[row]} {R[row, row]:.3g} is its own and {beside[row].sum():.3g} the "
-        f"others', most of it {driven[other]}'s"
-    )
-
-
-def _dominance_again(result: RunResult, points: Balance) -> str:
-    """What makes r positive: one switch for all joints, or a smaller part of the edits."""
-    together, ways = gain_margin(points.R, together=True).min(), []
-    if together > 0 and "unit-vector" not in result.controller.designed.switching:
-        ways.append(f"a unit-vector switching law (r = {together:.3g} as one switch for all)")
-    part = _bearable(result, points)
-    if part is not None:
-        ways.append(f"the edits at {100 * part:.0f} % of their size")
-    return " or ".join(ways) or "another G, or a nominal model nearer to the true one"
-
-
-def _bearable(result: RunResult, points: Balance) -> float | None:
-    """The largest part of the case's edits, of masses and lengths, that leaves r positive."""
-    nominal, edits = result.experiment.nominal.plant, result.case.edits
-    worst = [points.at(i) for i in np.argsort(points.gain_ratio, kind="stable")[:_WORST]]
-
-    def keeps(part: float) -> bool:
-        plant = nominal.changed([edit.shrunk(part) for edit in edits])
-        still = np.zeros(6 * len(plant.system.bodies))
-        return all(balance(result.controller, plant, b.t, b.x, still).gain_ratio > 0 for b in worst)
-
-    if not edits or not keeps(0.0):
-        return None
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if keeps(middle) else (low, middle)
-    return low
 
 
 def _shares(torque: Array, limits: Array) -> Array:
@@ -222,10 +179,9 @@ def _shares(torque: Array, limits: Array) -> Array:
     return np.where(torque == 0, 0.0, share)
 
 
-def _torque(result: RunResult) -> Premise:
+def _torque(result: RunResult, plant: Any) -> Premise:
     """The actuators give what the law asks for."""
-    run, plant = result.trajectory, result.true
-    assert plant is not None
+    run = result.trajectory
     # A trajectory of one joint has no axis for its inputs.
     command, applied = (rows.reshape(len(rows), -1) for rows in (run.command, run.input))
     shares, cut = _shares(command, plant.input_limits), command != applied
@@ -284,24 +240,21 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     )
 
 
-def _joints(result: RunResult) -> Premise:
+def _joints(result: RunResult, plant: Any) -> Premise:
     """No joint comes to its limit, where a torque acts that the law does not know."""
-    run, plant = result.trajectory, result.true
-    assert plant is not None
-    limited = np.flatnonzero(plant.model.jnt_limited)
-    premise = Premise(
+    run, limited = result.trajectory, np.flatnonzero(plant.model.jnt_limited)
+    along, note = None, "no joint has a limit"
+    if len(limited):
+        (low, high), q = plant.model.jnt_range[limited].T, run.state[:, limited]
+        left = np.minimum(q - low, high - q) / (high - low)
+        row, column = divmod(int(left.argmin()), len(limited))
+        note = f"nearest: {run.system.joints[limited[column]]} at t = {run.time[row]:.3g} s"
+        along = _least(run, left.min(axis=1), left.min(axis=1) < 0)
+    return Premise(
         "joint limits",
         "the law does not know them",
         "no joint touches its limit: what is left on the nearer side, as a part of its range",
         "1",
-        note="no joint has a limit",
+        along=along,
+        note=note,
     )
-    if not len(limited):
-        return premise
-    low, high = plant.model.jnt_range[limited].T
-    q = run.state[:, limited]
-    left = np.minimum(q - low, high - q) / (high - low)
-    row, column = divmod(int(left.argmin()), len(limited))
-    near = f"nearest: {run.system.joints[limited[column]]} at t = {run.time[row]:.3g} s"
-    margins = left.min(axis=1)
-    return replace(premise, along=_least(run, margins, margins < 0), note=near)

@@ -19,7 +19,7 @@ from grosmc_mj.fields import Flag, Range, checked_call
 from grosmc_mj.loop.actuators import ACTUATOR, Actuator
 from grosmc_mj.loop.delay import COMPUTER
 from grosmc_mj.loop.design_model import DesignModel, design_model, held
-from grosmc_mj.loop.estimators import ESTIMATOR, KINDS
+from grosmc_mj.loop.estimators import ESTIMATOR, KINDS, MEMORY
 from grosmc_mj.loop.kalman import kalman_gain
 from grosmc_mj.loop.loop import LARGEST_SEED, Loop
 from grosmc_mj.loop.prediction import LEARNING
@@ -93,18 +93,34 @@ class AppliedLoop:
         self, controller: Controller, memory: Any, seen: Array, predicted: Array
     ) -> LoopRun:
         """The same for Python, under a controller with this memory."""
-        model, p = self.model, controller.parameters
+        model: Any = self.model
 
         def advance(t: float, x: Any, u: Any, h: float, *_flat: Any) -> None:
-            assert model is not None
-            model.advance(t, x, u, h, memory, p, model.own)
+            model.advance(t, x, u, h, memory, controller.parameters, model.own)
 
         return self.begin(seen, predicted, advance=advance).uncompiled()
 
 
 def ideal_loop(n: int, m: int) -> LoopRun:
     """No loop: without sensors the kernel leaves it out."""
-    return _start(n, m, np.zeros(0, COMPUTER), past=0, queue=0)
+    nothing = np.zeros(0)
+    return LoopRun(
+        computer=np.zeros(0, COMPUTER),
+        sensors=np.zeros(0, SENSOR),
+        estimators=np.zeros(0, ESTIMATOR),
+        actuators=np.zeros(0, ACTUATOR),
+        gain=np.zeros((0, 0)),
+        past=_ring(0, n),
+        queue=_ring(0, m),
+        seen=nothing,
+        predicted=nothing,
+        x=np.zeros(n),
+        mean=np.zeros(m),
+        advance=0,
+        memory=nothing,
+        p=nothing,
+        own=nothing,
+    )
 
 
 @checked_call
@@ -146,23 +162,20 @@ def in_loop(
     """
     if controller.loop is not None:
         raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
+    known = loop if known is None else known
     stride, period = stride_of(control_period, timestep)
     steps_in("control_period", period, timestep)
-    for one in dict.fromkeys((loop, known or loop)):
+    predictor = ["predict"] if predict else []
+    users = sorted({part.law for part in loop.estimators} & {"eso", "kalman"})
+    for one, readers in ((known, predictor), (loop, [*users, *predictor])):
         one.require_fits(system, timestep, period)
-    observers = {part.law for part in loop.estimators} & {"eso", "kalman"}
-    users = sorted(observers | ({"predict"} if predict else set()))
-    _require_one_age(loop, system, users)
-    if known is not None:
-        _require_one_age(known, system, ["predict"] if predict else [])
-    known = loop if known is None else known
+        _require_one_age(one, system, readers)
     sampled = controller.sampled(period)
-    model = design_model(sampled, " and ".join(sorted(observers) or users)) if users else None
-    start = _start_of(sampled, loop, known, system, timestep, period, stride, predict, run)
-    if model is not None and "kalman" in observers:
-        start.gain[:] = _filter_gain(sampled, loop, system, model, start, period)
-    applied = AppliedLoop(loop, known, predict, run, system, period, timestep, model, start)
-    return replace(sampled, loop=applied)
+    needing = users or predictor
+    model = design_model(sampled, " and ".join(needing)) if needing else None
+    ideal = ideal_loop(len(system.states), len(system.inputs))
+    applied = AppliedLoop(loop, known, predict, run, system, period, timestep, model, ideal)
+    return replace(sampled, loop=replace(applied, start=_start_of(sampled, applied, stride)))
 
 
 def relooped(controller: Controller, loop: Loop, run: int = 0) -> Controller:
@@ -211,12 +224,10 @@ def rate_positions(system: System) -> dict[int, int]:
 def _require_one_age(loop: Loop, system: System, users: list[str]) -> None:
     """Refuse states of different ages where one model is to run ahead of all of them."""
     # A filter goes by every sensor; other estimates are as old as their measurements.
-    filtered = any(part.law == "kalman" for part in loop.estimators)
-    estimated = {name for part in loop.estimators for name in part.of}
-    estimated -= {sensor.of for sensor in loop.sensors} if filtered else set()
     delays = {sensor.of: sensor.delay for sensor in loop.sensors}
-    measured = [state.name for state in system.states if state.name not in estimated]
-    ages = {name: delays.get(name, 0.0) for name in measured}
+    estimated = {name for part in loop.estimators for name in part.of} - set(delays)
+    names = [state.name for state in system.states if state.name not in estimated]
+    ages = {name: delays.get(name, 0.0) for name in names}
     if "predict" in users and len({part.delay for part in loop.actuators}) > 1:
         raise ArgumentError(
             "predict: the actuators have different delays, and the state is told at one instant: "
@@ -225,29 +236,25 @@ def _require_one_age(loop: Loop, system: System, users: list[str]) -> None:
     if users and len(set(ages.values())) > 1:
         listed = ", ".join(f"{of} {delay:g} s" for of, delay in ages.items())
         raise ArgumentError(
-            f"{' and '.join(users)}: what is seen is of different ages, {listed}: give "
+            f"{' and '.join(users)}: the measurements have different ages, {listed}: give "
             "each of these states a [[sensor]] with the delay of the oldest one"
         )
 
 
-def _start_of(
-    controller: Controller,
-    loop: Loop,
-    known: Loop,
-    system: System,
-    h: float,
-    period: float,
-    stride: int,
-    predicts: bool,
-    run: int,
-) -> LoopRun:
-    """The loop as a run begins; the Kalman filter's gain is still zero."""
-    n, m = len(system.states), len(system.inputs)
+def _start_of(controller: Controller, applied: AppliedLoop, stride: int) -> LoopRun:
+    """The loop as a run begins.
+
+    Raises:
+        ArgumentError: If an estimator does not fit.
+        GainError: If there is no Kalman filter.
+    """
+    loop, known, system = applied.loop, applied.known, applied.system
+    h, period, predicts = applied.timestep, applied.period, applied.predicts
     sensors = _of_all(system.states, Sensor, loop.sensors)
     actuators = _of_all(system.inputs, Actuator, loop.actuators)
     error = controller.design.error if controller.design else None
     of_state = isinstance(error, StateCoordinates)
-    rest = np.array(controller.parameters.reference.u, float) if of_state else np.zeros(m)
+    rest = np.zeros(len(actuators)) + (controller.parameters.reference.u if of_state else 0.0)
     # What the law knows of its own loop: nothing, unless it predicts.
     known_actuators = rows_of(_of_all(system.inputs, Actuator, known.actuators), ACTUATOR, h)
     delays = known_actuators["delay"] + known_actuators["lag"] / h * known_actuators["order"]
@@ -258,50 +265,34 @@ def _start_of(
     filtered = {name for part in filters for name in part.of}
     computer = rows_of(
         [loop.computing], COMPUTER, h,
-        timestep=h, period=period, stride=stride, seed=loop.seed, run=run,
+        timestep=h, period=period, stride=stride, seed=loop.seed, run=applied.run,
         filters=bool(filters), settled=any(part.settled for part in filters),
         oldest=round(max((sensor.delay for sensor in loop.sensors), default=0.0) / h),
         observes=any(part.law == "eso" for part in loop.estimators),
         predicts=predicts, dead=dead, age=age * predicts, ahead=to_output * h * predicts,
         learning=0.0 if dead == 0 else 1.0 - math.exp(-LEARNING * period / (dead * h)),
     )  # fmt: skip
-    delayed = [round(part.delay / h) for part in actuators]
-    latest = round(loop.computing.delay / h) + max(delayed)
-    return _start(
-        n, m, computer,
-        past=max(round(part.delay / h) + round(part.period / h) for part in sensors),
-        queue=max(latest, dead + stride),
-        estimators=_estimators(loop, system),
+    latest = round(loop.computing.delay / h) + max(round(part.delay / h) for part in actuators)
+    oldest = max(round(part.delay / h) + round(part.period / h) for part in sensors)
+    return applied.start._replace(
+        computer=computer,
         sensors=rows_of(
             sensors, SENSOR, h, filtered=[state.name in filtered for state in system.states]
         ),
+        estimators=_estimators(loop, system),
         actuators=rows_of(
             actuators, ACTUATOR, h, rest=rest, output=rest, rated=rest, first=rest, second=rest,
             known_limit=known_actuators["limit"] if predicts and known.actuators else np.inf,
         ),
+        gain=_filter_gain(controller, applied, rest),
+        past=_ring(oldest, len(sensors)),
+        queue=_ring(max(latest, dead + stride), len(actuators)),
     )  # fmt: skip
 
 
-def _start(n: int, m: int, computer: Any, *, past: int, queue: int, **rows: Any) -> LoopRun:
-    """A loop as a run begins, which keeps so many timesteps of the state and of the outputs."""
-    empty = {"sensors": SENSOR, "estimators": ESTIMATOR, "actuators": ACTUATOR}
-    nothing, held = np.zeros(0), len(computer)
-    return LoopRun(
-        computer=computer,
-        **{name: rows.get(name, np.zeros(0, dtype)) for name, dtype in empty.items()},
-        gain=np.zeros((n * held, n * held)),
-        # Rings of a power of two rows.
-        past=np.zeros((1 << past.bit_length(), n)),
-        queue=np.zeros((1 << queue.bit_length(), m)),
-        seen=nothing,
-        predicted=nothing,
-        x=np.zeros(n),
-        mean=np.zeros(m),
-        advance=0,
-        memory=nothing,
-        p=nothing,
-        own=nothing,
-    )
+def _ring(steps: int, columns: int) -> Array:
+    """Room for the numbers of so many timesteps, in a power of two rows."""
+    return np.zeros((1 << steps.bit_length(), columns))
 
 
 def _of_all(signals: Sequence[Signal], kind: Any, parts: Sequence[Any]) -> list[Any]:
@@ -317,13 +308,14 @@ def _estimators(loop: Loop, system: System) -> np.ndarray[Any, Any]:
         ArgumentError: If one is of what is no rate, or needs what is not measured.
     """
     names, pairs = [state.name for state in system.states], rate_positions(system)
-    rates, measured = [names[i] for i in pairs], {sensor.of for sensor in loop.sensors}
+    positions = {names[i]: position for i, position in pairs.items()}
     estimated = [(part, of) for part in loop.estimators if part.law != "kalman" for of in part.of]
+    measured = {sensor.of for sensor in loop.sensors}
     for part, of in estimated:
-        if of not in rates:
+        if of not in positions:
             raise ArgumentError(
                 f"estimator: {part.law} gives a rate: {of!r} is none of "
-                f"{', '.join(rates) or 'them: no state is the rate of another'}"
+                f"{', '.join(positions) or 'them: no state is the rate of another'}"
             )
         if of in measured:
             raise ArgumentError(
@@ -332,50 +324,40 @@ def _estimators(loop: Loop, system: System) -> np.ndarray[Any, Any]:
     if sum(part.law == "kalman" for part in loop.estimators) > 1:
         raise ArgumentError("estimator: two filters by kalman: give one of them all states")
     slow = [sensor.of for sensor in loop.sensors if sensor.period]
-    for part in loop.estimators:
-        if part.law in ("eso", "kalman") and slow:
-            raise ArgumentError(
-                f"estimator: {part.law} runs at the law's pace: the sensor of {slow[0]} has a "
-                "period of its own"
-            )
-    rows = np.zeros(len(estimated), ESTIMATOR)
-    for row, (part, of) in zip(rows, estimated, strict=True):
-        row["kind"], row["number"], row["settled"] = (
-            KINDS.index(part.law),
-            part.number,
-            part.settled,
+    paced = [part.law for part in loop.estimators if part.law in ("eso", "kalman")]
+    if slow and paced:
+        raise ArgumentError(
+            f"estimator: {paced[0]} runs at the law's pace: the sensor of {slow[0]} has a period "
+            "of its own"
         )
-        row["of"], row["position"] = names.index(of), pairs[names.index(of)]
-    return rows
+    rows = [
+        (KINDS.index(part.law), part.number, names.index(of), positions[of], part.settled)
+        for part, of in estimated
+    ]
+    nothing = (0.0,) * len(MEMORY)
+    return np.array([row + nothing for row in rows], ESTIMATOR)
 
 
-def _filter_gain(
-    controller: Controller,
-    loop: Loop,
-    system: System,
-    model: DesignModel,
-    start: LoopRun,
-    period: float,
-) -> Array:
-    """The Kalman filter's gain, (n, n); zero on states without a sensor.
+def _filter_gain(controller: Controller, applied: AppliedLoop, rest: Array) -> Array:
+    """The Kalman filter's gain, (n, n); zero on states without a sensor, and without a filter.
 
     Raises:
         ArgumentError: If nothing is measured, or without noise.
         GainError: If there is no such filter.
     """
-    names = [state.name for state in system.states]
-    if not loop.sensors:
-        raise ArgumentError("estimator: kalman has nothing to go by: give it a [[sensor]]")
-    for sensor in loop.sensors:
-        if not (sensor.noise or sensor.resolution):
-            raise ArgumentError(
-                f"estimator: kalman: the sensor of {sensor.of} has neither noise nor resolution"
-            )
-    measured = [names.index(sensor.of) for sensor in loop.sensors]
-    # A reading rounded to q is off by q / sqrt(12).
-    variances = np.array([s.noise**2 + s.resolution**2 / 12 for s in loop.sensors])
-    load = next(part.number for part in loop.estimators if part.law == "kalman")
-    A, B = held(controller, model, start.actuators["rest"], period)
+    names, sensors = [state.name for state in applied.system.states], applied.loop.sensors
     gain = np.zeros((len(names), len(names)))
-    gain[:, measured] = kalman_gain(A, B, measured, variances, load)[0]
+    loads = [part.number for part in applied.loop.estimators if part.law == "kalman"]
+    if not loads:
+        return gain
+    exact = [sensor.of for sensor in sensors if not (sensor.noise or sensor.resolution)]
+    if exact or not sensors:
+        lacks = f"the sensor of {exact[0]} has neither" if exact else "there is no [[sensor]]"
+        raise ArgumentError(f"estimator: kalman goes by sensors with noise or resolution: {lacks}")
+    measured = [names.index(sensor.of) for sensor in sensors]
+    # A reading rounded to q is off by q / sqrt(12).
+    variances = np.array([s.noise**2 + s.resolution**2 / 12 for s in sensors])
+    assert applied.model is not None
+    A, B = held(controller, applied.model, rest, applied.period)
+    gain[:, measured] = kalman_gain(A, B, measured, variances, loads[0])[0]
     return gain

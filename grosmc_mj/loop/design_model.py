@@ -15,7 +15,6 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.runge_kutta import state_derivative
-from grosmc_mj.robots.coordinates import RobotCoordinates
 
 # Jitable (t, x, u, h, memory, p, own): move x, (n,), by h [s] under the input u, (m,); memory and p
 # are the law's, own the model's.
@@ -29,7 +28,7 @@ class DesignModel(NamedTuple):
 
     Attributes:
         advance: Moves it.
-        own: Room for ``advance`` to compute in, and its numbers, flat.
+        own: Room for ``advance`` to compute in, 2 n numbers, then the model's own numbers.
     """
 
     advance: Advance
@@ -52,66 +51,65 @@ def design_model(controller: Controller, reason: str) -> DesignModel:
     if controller.design is None:
         raise ArgumentError(f"{controller.name} has no design model, which {reason} needs")
     error, optimum = controller.design.error, controller.design.lqr
-    room = np.zeros(2 * len(error.system.states))
     if isinstance(error, ErrorCoordinates):
-        calm = np.zeros(max(1, 6 * len(error.system.bodies)))
-        return DesignModel(_of_equations(error), np.concatenate([room, calm]))
-    if isinstance(error, StateCoordinates):
+        advance, numbers = _of_equations(error), [np.zeros(max(1, 6 * len(error.system.bodies)))]
+    elif isinstance(error, StateCoordinates):
         point = controller.parameters.reference
-        numbers = np.ravel(optimum.A), np.ravel(optimum.B), point.x, point.u
-        return DesignModel(_linear, np.concatenate([room, *numbers]))
-    if isinstance(error, RobotCoordinates):
-        return DesignModel(_of_robot(error), room)
-    raise ArgumentError(f"{type(error).__name__} have no design model to predict by")
+        advance, numbers = _LINEAR, [np.ravel(optimum.A), np.ravel(optimum.B), point.x, point.u]
+    else:
+        advance, numbers = _of_robot(error), []
+    room = np.zeros(2 * len(error.system.states))
+    return DesignModel(advance, np.concatenate([room, *numbers]))
 
 
-@cache
-def _of_equations(error: ErrorCoordinates) -> Advance:
-    slope_at = state_derivative(error.system)
+def _midpoint(slope_at: Callable[[Any, Any, Any, Any, Any], None]) -> Advance:
+    """One step of the midpoint rule with a jitable (x, u, numbers, p, slope)."""
 
     @jitable
     def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
         n = len(x)
-        slope, stage, calm = own[:n], own[n : 2 * n], own[2 * n :]
-        slope_at(x, u, calm, p.plant, slope)
+        slope, stage, numbers = own[:n], own[n : 2 * n], own[2 * n :]
+        slope_at(x, u, numbers, p, slope)
         for i in range(n):
             stage[i] = x[i] + 0.5 * h * slope[i]
-        slope_at(stage, u, calm, p.plant, slope)
+        slope_at(stage, u, numbers, p, slope)
         for i in range(n):
             x[i] += h * slope[i]
 
     return advance
 
 
+@cache
+def _of_equations(error: ErrorCoordinates) -> Advance:
+    """Of a plant with equations, under no wrench."""
+    equations = state_derivative(error.system)
+
+    def slope_at(x: Any, u: Any, calm: Any, p: Any, slope: Any) -> None:
+        equations(x, u, calm, p.plant, slope)
+
+    return _midpoint(jitable(slope_at))
+
+
 @jitable
-def _linear_slope(x: Any, u: Any, own: Any, slope: Any) -> None:
-    """x' = A (x - x_e) + B (u - u_e), with A, B, x_e and u_e behind the room of ``own``."""
+def _linear_slope(x: Any, u: Any, numbers: Any, p: Any, slope: Any) -> None:
+    """x' = A (x - x_e) + B (u - u_e) with the numbers A, B, x_e and u_e."""
     n, m = len(x), len(u)
-    A, B = 2 * n, 2 * n + n * n
-    x_e, u_e = B + n * m, B + n * m + n
+    B, x_e, u_e = n * n, n * n + n * m, n * n + n * m + n
     for i in range(n):
         total = 0.0
         for j in range(n):
-            total += own[A + n * i + j] * (x[j] - own[x_e + j])
+            total += numbers[n * i + j] * (x[j] - numbers[x_e + j])
         for j in range(m):
-            total += own[B + m * i + j] * (u[j] - own[u_e + j])
+            total += numbers[B + m * i + j] * (u[j] - numbers[u_e + j])
         slope[i] = total
 
 
-@jitable
-def _linear(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
-    n = len(x)
-    slope, stage = own[:n], own[n : 2 * n]
-    _linear_slope(x, u, own, slope)
-    for i in range(n):
-        stage[i] = x[i] + 0.5 * h * slope[i]
-    _linear_slope(stage, u, own, slope)
-    for i in range(n):
-        x[i] += h * slope[i]
+_LINEAR = _midpoint(_linear_slope)
 
 
 @cache
-def _of_robot(error: RobotCoordinates) -> Advance:
+def _of_robot(error: Any) -> Advance:
+    """Of ``RobotCoordinates``."""
     virtual_input, accelerations, joints = error.virtual_input, error.accelerations, error.inputs
 
     @jitable
@@ -141,15 +139,13 @@ def held(controller: Controller, model: DesignModel, rest: Array, period: float)
     error, p = controller.designed.error, controller.parameters
     memory, _kept_alive = controller.begin()
     of_state = isinstance(error, StateCoordinates)
-    x = np.array(p.reference.x if of_state else error.place(0.0, np.zeros(error.size), p), float)
-    n, columns = len(x), []
-    for i in range(n + len(rest)):
-        ends = []
-        for sign in (1.0, -1.0):
-            both = np.concatenate([x, rest])
-            both[i] += sign * _STEP
-            model.advance(0.0, both[:n], both[n:], period, memory, p, model.own)
-            ends.append(both[:n].copy())
-        columns.append((ends[0] - ends[1]) / (2 * _STEP))
-    whole = np.column_stack(columns)
-    return whole[:, :n], whole[:, n:]
+    x = p.reference.x if of_state else error.place(0.0, np.zeros(error.size), p)
+    n, point = len(x), np.concatenate([x, rest])
+
+    def moved(both: Array) -> Array:
+        model.advance(0.0, both[:n], both[n:], period, memory, p, model.own)
+        return both[:n]
+
+    steps = _STEP * np.eye(len(point))
+    both = np.transpose([(moved(point + h) - moved(point - h)) / (2 * _STEP) for h in steps])
+    return both[:, :n], both[:, n:]

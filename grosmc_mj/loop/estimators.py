@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -41,12 +40,9 @@ class _States(Check):
 
     def __call__(self, value: Any) -> tuple[str, ...]:
         names = (value,) if isinstance(value, str) else value
-        if not (isinstance(names, Sequence) and len(names)):
-            raise refused("names of states, at least one")
-        if not all(isinstance(name, str) and name for name in names):
-            raise refused("names of states")
-        if len(set(names)) < len(names):
-            raise refused("names of states, each of them once")
+        several = isinstance(names, (list, tuple)) and len(names) > 0
+        if not (several and all(isinstance(n, str) and n and names.count(n) == 1 for n in names)):
+            raise refused("names of states, at least one, each of them once")
         return tuple(names)
 
 
@@ -79,14 +75,13 @@ class Estimator:
     settled: Flag = True
 
     def __post_init__(self) -> None:
-        needed = TUNED_BY.get(self.law)
-        for name in dict.fromkeys(TUNED_BY.values()):
-            value = getattr(self, name)
-            if name == needed and value is None:
-                raise ArgumentError(f"{self.law} needs {name}")
-            if name != needed and value is not None:
-                has = f"it has {needed}" if needed else "it has no number"
-                raise ArgumentError(f"{self.law} has no {name}: {has}")
+        needed = [TUNED_BY[self.law]] if self.law in TUNED_BY else []
+        numbers = dict.fromkeys(TUNED_BY.values())
+        if [name for name in numbers if getattr(self, name) is not None] != needed:
+            others = ", ".join(name for name in numbers if name not in needed)
+            raise ArgumentError(
+                f"{self.law} needs {needed[0] if needed else 'no number'}, has no {others}"
+            )
 
     @property
     def number(self) -> float:
@@ -98,8 +93,8 @@ class Estimator:
 # its position, 1 if it begins settled. Of the run so far: 1 once it has begun, the estimated
 # position, rate and disturbance, the last measurement and its timestep.
 _COLUMNS = ("kind", "number", "of", "position", "settled")
-_MEMORY = ("begun", "y", "rate", "load", "last", "at")
-ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *_MEMORY)])
+MEMORY = ("begun", "y", "rate", "load", "last", "at")
+ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *MEMORY)])
 
 
 @jitable
@@ -147,9 +142,7 @@ def _extended(estimator: Any, y: float, T: float, gained: float) -> None:
 def _update(estimator: Any, y: float, T: float, gained: float) -> None:
     """Bring an estimator up to a sample y, T after the last."""
     if estimator.kind == _LEVANT:
-        estimator.y, estimator.rate = levant(
-            estimator.y, estimator.rate, y, estimator.number, T
-        )  # fmt: skip
+        estimator.y, estimator.rate = levant(estimator.y, estimator.rate, y, estimator.number, T)
     elif estimator.kind == _HIGH_GAIN:
         _high_gain(estimator, y, T)
     elif estimator.kind == ESO:
@@ -161,15 +154,13 @@ def _update(estimator: Any, y: float, T: float, gained: float) -> None:
 @jitable
 def note_gains(i: int, t: float, loop: Any) -> None:
     """Before a sample: the design model's gains in a period from the extended observers' states."""
-    for j in range(len(loop.sensors)):
-        loop.x[j] = loop.seen[j]
+    loop.x[:] = loop.seen
     for row in range(len(loop.estimators)):
         estimator = loop.estimators[row]
         if estimator.kind == ESO:
             loop.x[int(estimator.position)] = estimator.y
             loop.x[int(estimator.of)] = estimator.rate
-    for j in range(len(loop.sensors)):
-        loop.predicted[j] = loop.x[j]
+    loop.predicted[:] = loop.x
     move_by_a_period(i, t, loop)
     for j in range(len(loop.sensors)):
         loop.sensors[j].gained = loop.x[j] - loop.predicted[j]

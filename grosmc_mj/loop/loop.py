@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, fields, replace
-from typing import Annotated, Any
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import field, replace
+from typing import Annotated, Any, get_args, get_type_hints
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.fields import Items, Range, checked
 from grosmc_mj.loop.actuators import Actuator
 from grosmc_mj.loop.delay import Computing
-from grosmc_mj.loop.estimators import Estimator
+from grosmc_mj.loop.estimators import TUNED_BY, Estimator
 from grosmc_mj.loop.sensors import Sensor
 from grosmc_mj.loop.timing import MOST_STEPS, TIMES, steps_in, time_as_run
 from grosmc_mj.plants import System
@@ -20,9 +20,8 @@ from grosmc_mj.plants import System
 LARGEST_SEED = 2**53
 
 Part = Computing | Sensor | Estimator | Actuator
-# What it may have several of.
-_LISTS: Mapping[str, type[Any]] = {"sensor": Sensor, "estimator": Estimator, "actuator": Actuator}
-_KINDS = ("computing", *_LISTS)
+# Kinds of parts of which a loop may have several, in ``sensors`` and so on.
+_LISTS = ("sensor", "estimator", "actuator")
 
 
 @checked()
@@ -44,12 +43,10 @@ class Loop:
     seed: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0
 
     @property
-    def parts(self) -> Iterator[tuple[str, Part]]:
+    def parts(self) -> list[tuple[str, Part]]:
         """Every part, with its kind."""
-        yield "computing", self.computing
-        for kind in _LISTS:
-            for part in getattr(self, f"{kind}s"):
-                yield kind, part
+        lists = ((kind, part) for kind in _LISTS for part in getattr(self, f"{kind}s"))
+        return [("computing", self.computing), *lists]
 
     @property
     def random(self) -> bool:
@@ -60,8 +57,8 @@ class Loop:
     @property
     def not_known_exactly(self) -> set[str]:
         """Names of the states that are estimated, or measured otherwise than they are."""
-        measured = {each.of for each in self.sensors if each != Sensor(each.of)}
-        return measured | {name for each in self.estimators for name in each.of}
+        measured = {sensor.of for sensor in self.sensors if sensor != Sensor(sensor.of)}
+        return measured.union(*(part.of for part in self.estimators))
 
     def part(self, kind: str, of: str) -> Any:
         """One of its parts.
@@ -73,15 +70,13 @@ class Loop:
         Raises:
             ArgumentError: If there is no such part.
         """
-        require_known("part", kind, _KINDS)
         if kind == "computing":
             return self.computing
-        parts: Sequence[Any] = getattr(self, f"{kind}s")
-        for part in parts:
-            if of in _names(part):
-                return part
-        known = [name for part in parts for name in _names(part)]
-        raise ArgumentError(unknown_name(kind, of, known) if known else f"there is no [[{kind}]]")
+        parts = {name: part for own, part in self.parts if own == kind for name in _names(part)}
+        if of not in parts:
+            none = f"there is no [[{kind}]]"
+            raise ArgumentError(unknown_name(kind, of, parts) if parts else none)
+        return parts[of]
 
     def changed(self, kind: str, of: str, **numbers: Any) -> Loop:
         """The same loop with other numbers of one of its parts.
@@ -95,15 +90,11 @@ class Loop:
             ArgumentError: If there is no such part, or a number does not fit.
         """
         old = self.part(kind, of)
-        valid = [each.name for each in fields(old) if each.name != "of"]
-        for name in numbers:
-            require_known(f"number of a {kind} part", name, valid)
         new = replace(old, **numbers)
         if kind == "computing":
             return replace(self, computing=new)
-        parts: Sequence[Any] = getattr(self, f"{kind}s")
-        made = tuple(new if part is old else part for part in parts)
-        return replace(self, **{f"{kind}s": made})
+        parts = [new if part is old else part for part in getattr(self, f"{kind}s")]
+        return replace(self, **{f"{kind}s": parts})
 
     def require_fits(self, system: System, timestep: float, control_period: float) -> None:
         """Refuse parts of what the system has not, twice of one thing, or off the timestep's grid.
@@ -116,53 +107,80 @@ class Loop:
         Raises:
             ArgumentError: All that is wrong.
         """
-        mistakes = Mistakes()
-        states, inputs = ([each.name for each in group] for group in (system.states, system.inputs))
-        for kind, valid in (("sensor", states), ("estimator", states), ("actuator", inputs)):
-            parts: Sequence[Any] = getattr(self, f"{kind}s")
-            names = [name for part in parts for name in _names(part)]
-            what = "input" if kind == "actuator" else "state"
-            for name in dict.fromkeys(names):
+        mistakes, jitter = Mistakes(), self.computing.jitter
+        for kind in _LISTS:
+            noun = "input" if kind == "actuator" else "state"
+            valid = [signal.name for signal in getattr(system, f"{noun}s")]
+            parts = (part for own, part in self.parts if own == kind)
+            for name, count in Counter(name for part in parts for name in _names(part)).items():
                 if name not in valid:
-                    mistakes.note(f"{kind}: {unknown_name(what, name, valid)}")
-                elif names.count(name) > 1:
-                    article = "an" if what == "input" else "a"
-                    mistakes.note(f"two {kind}s of {name!r}: {article} {what} has one")
+                    mistakes.note(f"{kind}: {unknown_name(noun, name, valid)}")
+                elif count > 1:
+                    mistakes.note(f"{count} {kind}s of {name!r}: give one")
         for kind, part in self.parts:
-            said = f"{kind} of {', '.join(_names(part))}" if kind in _LISTS else kind
-            for item in fields(part):
-                if item.name in TIMES:
-                    with mistakes.gathered(f"{said}: "):
-                        steps_in(item.name, getattr(part, item.name), timestep)
-        for actuator in self.actuators:
-            if actuator.lag * actuator.order > MOST_STEPS * timestep:
-                mistakes.note(
-                    f"actuator of {actuator.of}: lag = {actuator.lag:g} s is more than "
-                    f"{MOST_STEPS} timesteps of {timestep:g} s"
-                )
-        if self.computing.jitter and not self.computing.jitter < control_period * (1 - 1e-9):
+            label = " of ".join(filter(None, (kind, ", ".join(_names(part)))))
+            for name in TIMES:
+                with mistakes.gathered(f"{label}: "):
+                    steps_in(name, getattr(part, name, 0.0), timestep)
+        mistakes.note(
+            *(
+                f"actuator of {part.of}: lag = {part.lag:g} s is more than {MOST_STEPS} timesteps "
+                f"of {timestep:g} s"
+                for part in self.actuators
+                if part.lag * part.order > MOST_STEPS * timestep
+            )
+        )
+        if jitter and not jitter < control_period * (1 - 1e-9):
             mistakes.note(
-                f"computing: jitter = {self.computing.jitter:g} s must be shorter than the control "
-                f"period {control_period:g} s"
+                f"computing: jitter = {jitter:g} s must be shorter than the control period "
+                f"{control_period:g} s"
             )
         mistakes.refuse()
 
     def rounded(self, timestep: float, control_period: float = math.inf) -> Loop:
         """The same with all times on the timestep's grid, the nearest; jitter within a period."""
-        found = self
+        rounded = self
         for kind, part in self.parts:
+            times = {name: getattr(part, name) for name in TIMES if hasattr(part, name)}
             near = {
-                each.name: time_as_run(
-                    each.name, getattr(part, each.name), timestep, control_period
-                )
-                for each in fields(part)
-                if each.name in TIMES
+                name: time_as_run(name, time, timestep, control_period)
+                for name, time in times.items()
             }
-            if near:
-                found = found.changed(kind, getattr(part, "of", ""), **near)
-        return found
+            rounded = rounded.changed(kind, next(iter(_names(part)), ""), **near)
+        return rounded
+
+    def words(self, system: System) -> list[str]:
+        """What is between a law and its plant, a line for each part that is not ideal.
+
+        Args:
+            system: Whose states and inputs give the units.
+        """
+        states, inputs = ({s.name: s.unit for s in g} for g in (system.states, system.inputs))
+        lines = []
+        for kind, part in self.parts:
+            units = inputs if kind == "actuator" else states
+            unit = "".join(units[name] for name in _names(part)[:1])
+            lines.append((", ".join(_names(part)) or "computer", ", ".join(_words(part, unit))))
+        return [f"{name}: {words}" for name, words in lines if words]
 
 
-def _names(part: Any) -> tuple[str, ...]:
-    """What a part is of."""
-    return (part.of,) if isinstance(part.of, str) else part.of
+def _names(part: Part) -> tuple[str, ...]:
+    """States or inputs that a part is of; none of the computer."""
+    of = getattr(part, "of", ())
+    return (of,) if isinstance(of, str) else of
+
+
+def _words(part: Part, unit: str) -> Iterator[str]:
+    """The words of each number that is not ideal, which stand beside its bounds."""
+    if isinstance(part, Estimator):
+        by = TUNED_BY.get(part.law, "").replace("_", " ")
+        tuned = f" with {by} {part.number:.4g}" if by else ""
+        yield f"estimated by {part.law}{tuned}" + ("" if part.settled else ", from rest")
+    lags = "two lags" if getattr(part, "order", 1) == 2 else "a lag"
+    for name, hint in get_type_hints(type(part), include_extras=True).items():
+        words = next((note for note in get_args(hint)[1:] if isinstance(note, str)), "")
+        value = getattr(part, name)
+        if words and value and math.isfinite(value):
+            yield words.format(
+                value=value, unit=unit, ms=1e3 * value, percent=100 * value, lags=lags
+            )

@@ -34,11 +34,9 @@ def move_by_a_period(i: int, t: float, loop: Any) -> None:
 @jitable
 def expect(i: int, t: float, loop: Any) -> None:
     """Before a sample: move the last measurements by a period, into ``loop.predicted``."""
-    for j in range(len(loop.sensors)):
-        loop.x[j] = loop.seen[j]
+    loop.x[:] = loop.seen
     move_by_a_period(i, t, loop)
-    for j in range(len(loop.sensors)):
-        loop.predicted[j] = loop.x[j]
+    loop.predicted[:] = loop.x
 
 
 @jitable

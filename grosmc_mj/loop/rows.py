@@ -26,16 +26,15 @@ def rows_of(parts: Any, dtype: np.dtype[Any], h: float, **more: Any) -> np.ndarr
     """A row for each part, its times in timesteps.
 
     Args:
-        parts: Parts of one kind.
+        parts: Parts of one kind, at least one.
         dtype: Of a row.
         h: Timestep [s].
         more: Further columns.
     """
     rows = np.zeros(len(parts), dtype)
-    for row, part in zip(rows, parts, strict=True):
-        for name in numbers_of(type(part)):
-            value = getattr(part, name)
-            row[name] = round(value / h) if name in TIMES else value
+    for name in numbers_of(type(parts[0])):
+        values = [getattr(part, name) for part in parts]
+        rows[name] = [round(value / h) for value in values] if name in TIMES else values
     for name, column in more.items():
         rows[name] = column
     return rows

@@ -107,10 +107,8 @@ def observe(i: int, loop: Any) -> float:
     # The filter's model moves in ``x`` only: ``predicted`` is still that of ``expect``.
     if q.sample > 0.0 and q.predicts != 0.0 and i - q.stride >= q.age:
         learn(loop)
-    for j in range(len(loop.sensors)):
-        loop.x[j] = loop.seen[j]
+    loop.x[:] = loop.seen
     if q.predicts != 0.0:
         predict(i, t, loop)
-    for j in range(len(loop.sensors)):
-        loop.predicted[j] = loop.x[j]
+    loop.predicted[:] = loop.x
     return t + q.ahead

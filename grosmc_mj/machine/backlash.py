@@ -24,9 +24,9 @@ from grosmc_mj.machine.part import (
     not_negative,
     positive,
 )
+from grosmc_mj.physics.edits import linear, write_inertia
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.hidden_states import HiddenState, motor_joint
-from grosmc_mj.physics.writing import linear, write_inertia
 
 # How far from an axis a centre is on it [m].
 _ON_AXIS = 1e-9

@@ -9,7 +9,7 @@ import mujoco
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Name, Vector, checked
 from grosmc_mj.machine.part import TOKEN, MachinePart, Oscillation, not_negative, positive
-from grosmc_mj.physics.writing import ball_radius, draw_ball, drawn, linear
+from grosmc_mj.physics.edits import ball_radius, draw_ball, drawn, linear
 
 
 @checked(ModelError)

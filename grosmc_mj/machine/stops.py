@@ -12,7 +12,7 @@ from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.fields import Name, Range, Vector, checked
 from grosmc_mj.machine.bounces import IMPEDANCE, solref, spring_and_damper
 from grosmc_mj.machine.part import ANGLE, MachinePart, Oscillation, positive, signed
-from grosmc_mj.physics.writing import COLOUR
+from grosmc_mj.physics.edits import COLOUR
 from grosmc_mj.plants import System
 
 # Speed after a bounce over that before it: some of it is lost.

@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import mujoco
@@ -20,7 +20,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Finite, Name, NotNegative, Positive, Range, Vector, checked
 from grosmc_mj.physics.files import compile_spec
-from grosmc_mj.physics.writing import draw_ball, linear, write_inertia
 
 if TYPE_CHECKING:
     from grosmc_mj.physics.hidden_states import HiddenState
@@ -35,6 +34,9 @@ _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 _PARALLEL = 1e-9
 # A compiler refuses a body that moves and has less mass or inertia.
 _LEAST = mujoco.mjMINVAL
+# Added parts are drawn in a colour of their own, with the density of stone [kg/m^3].
+COLOUR = (0.85, 0.33, 0.1, 1.0)
+_DENSITY = 2500.0
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,6 @@ class Edit(ABC):
 
     def changes(self, template: Template) -> list[Change] | None:  # noqa: B027
         """Its changes of a compiled model; None if a model with it must be compiled."""
-
-    def shrunk(self, share: float) -> Edit:
-        """A share of the edit, from 0 to 1; one that cannot be divided stays as it is."""
-        return self
 
     def hidden(self, state: HiddenState, model: mujoco.MjModel) -> HiddenState:
         """A hidden state of the compiled model, with its name and unit if it is this edit's."""
@@ -123,20 +121,18 @@ def apply_edits(
         edited.option.timestep = timestep
     if not edits:
         return edited
-    names = {
-        "joint": [joint.name for joint in spec.joints],
-        "body": [body.name for body in spec.bodies[1:]],
-        "input": [actuator.name for actuator in spec.actuators],
-    }
+    owners = {"joint": spec.joints, "body": spec.bodies[1:], "input": spec.actuators}
     count = Counter((type(edit), edit.of) for edit in edits if not edit.several)
     for edit in edits:
-        require_known(edit.owner, edit.of, names[edit.owner], f"{edit.kind}: ", ModelError)
+        names = [owner.name for owner in owners[edit.owner]]
+        require_known(edit.owner, edit.of, names, f"{edit.kind}: ", ModelError)
         if count[type(edit), edit.of] > 1:
             raise ModelError(
-                f"{edit.owner} {edit.of!r} has two of the kind {edit.kind!r}: give one with all "
-                "its numbers"
+                f"{edit.owner} {edit.of!r} has two of the kind {edit.kind!r}: give one"
             )
     nominal = compile_spec(spec) if nominal is None else nominal
+    if any(edit.owner == "body" for edit in edits):
+        _keep_inertias(edited, nominal)
     for edit in sorted(edits, key=lambda edit: edit.order):
         edit.write(edited, nominal)
     return edited
@@ -166,7 +162,6 @@ class BodyEdit(Edit):
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         """Write the scaled inertia of the nominal body, and scale its looks and places."""
-        _keep_inertias(spec, nominal)
         body, index = spec.body(self.body), nominal.body(self.body).id
         a, b, mass = self.mass_scale, self.length_scale, float(nominal.body_mass[index])
         if mass:
@@ -190,21 +185,12 @@ class BodyEdit(Edit):
         large = (after >= _LEAST) | (before < _LEAST)
         if not (before[0] and np.all(np.isfinite(after) & large)):
             return None
-        changes = [("body_mass", index, after[0]), ("body_inertia", index, after[1:])]
-        if b != 1:
-            sites, bodies = (
-                np.flatnonzero(of == index) for of in (model.site_bodyid, model.body_parentid)
-            )
-            rows = (("body_ipos", index), ("body_pos", bodies), ("site_pos", sites))
-            changes += [
-                (field, row, b * getattr(model, field)[row]) for field, row in rows if np.size(row)
-            ]
-        return changes
-
-    def shrunk(self, share: float) -> Edit:
-        """Scales that are nearer to one."""
-        a, b = self.mass_scale, self.length_scale
-        return replace(self, mass_scale=1 + share * (a - 1), length_scale=1 + share * (b - 1))
+        mass = [("body_mass", index, after[0]), ("body_inertia", index, after[1:])]
+        sites, bodies = (
+            np.flatnonzero(of == index) for of in (model.site_bodyid, model.body_parentid)
+        )
+        rows = (("body_ipos", index), ("body_pos", bodies), ("site_pos", sites)) if b != 1 else ()
+        return mass + [(f, row, b * getattr(model, f)[row]) for f, row in rows if np.size(row)]
 
 
 @checked(ModelError)
@@ -228,7 +214,6 @@ class AddedMass(Edit):
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         """Merge the mass into the body's inertia, beside those added before, and draw it."""
-        _keep_inertias(spec, nominal)
         model, body, place = compile_spec(spec), spec.body(self.body), np.array(self.position)
         index = model.body(self.body).id
         mass, centre = float(model.body_mass[index]), model.body_ipos[index]
@@ -247,10 +232,6 @@ class AddedMass(Edit):
         write_inertia(body, total, model, index)
         body.inertia, body.ipos, body.iquat = principal, new_centre, turn
         draw_ball(body, self.mass, pos=self.position)
-
-    def shrunk(self, share: float) -> Edit:
-        """A smaller mass."""
-        return replace(self, mass=max(share, 1e-9) * self.mass)
 
 
 @checked(ModelError)
@@ -277,8 +258,9 @@ class JointEdit(Edit):
     owner, order = "joint", 2
 
     def __str__(self) -> str:
-        names = ("damping", "friction", "armature", "tilt")
-        numbers = {name: getattr(self, name) for name in names}
+        numbers = {
+            name: getattr(self, name) for name in ("damping", "friction", "armature", "tilt")
+        }
         words = [f"{name} {value:.3g}" for name, value in numbers.items() if value is not None]
         return f"{self.joint}: {', '.join(words) or 'as it is'}"
 
@@ -345,20 +327,16 @@ def _keep_inertias(spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
 
 def _scale_geometry(spec: mujoco.MjSpec, body: mujoco.MjsBody, b: float) -> None:
     """Scale what is drawn and what is attached, about the body's origin."""
+    meshes = {geom.meshname for geom in body.geoms if geom.meshname}
+    shared = {geom.meshname for geom in spec.geoms if geom.parent.name != body.name} & meshes
     for geom in body.geoms:
-        if geom.type in _SIZELESS:
+        if geom.type in _SIZELESS or geom.meshname in shared:
             raise ModelError(
-                f"geom {geom.name!r} of body {body.name!r} is a height field or SDF: length edits "
-                "need primitive geoms or meshes"
+                f"geom {geom.name or geom.meshname!r} of body {body.name!r}: length edits need "
+                "primitive geoms, or meshes that no other body uses"
             )
         geom.size, geom.fromto = b * geom.size, b * geom.fromto
-    for name in sorted({geom.meshname for geom in body.geoms if geom.meshname}):
-        owners = {geom.parent.name for geom in spec.geoms if geom.meshname == name}
-        if others := sorted(owners - {body.name}):
-            raise ModelError(
-                f"mesh {name!r} of body {body.name!r} also draws {', '.join(others)}: a length "
-                "edit needs a mesh that no other body uses"
-            )
+    for name in sorted(meshes):
         mesh = spec.mesh(name)
         mesh.scale = b * mesh.scale
     for part in (*body.geoms, *body.sites, *body.cameras, *body.lights, *body.bodies, *body.frames):
@@ -376,3 +354,36 @@ def _tilted(axis: Array, angle: float) -> Array:
     towards = np.array([1.0, 0.0, 0.0]) if along_z else np.array([0.0, 0.0, 1.0])
     across = towards - (towards @ axis) * axis
     return math.cos(angle) * axis + math.sin(angle) * across / np.linalg.norm(across)
+
+
+def write_inertia(body: mujoco.MjsBody, mass: float, like: mujoco.MjModel, index: int) -> None:
+    """Give a body the inertia of a compiled one, explicit from now on, with another mass."""
+    body.explicitinertial = True
+    body.mass = mass
+    body.inertia, body.ipos = like.body_inertia[index], like.body_ipos[index]
+    body.iquat, body.fullinertia = like.body_iquat[index], np.full(6, np.nan)
+
+
+def linear(coefficient: float, like: Any) -> Array:
+    """A spring's or damper's polynomial in MuJoCo that has a linear coefficient only.
+
+    Args:
+        coefficient: Of a deflection or a speed.
+        like: What stands there, for its size.
+    """
+    return coefficient * np.eye(np.size(like))[0]
+
+
+def drawn(body: mujoco.MjsBody, kind: mujoco.mjtGeom, size: list[float], **place: Any) -> None:
+    """Draw a geom that neither weighs nor touches."""
+    body.add_geom(type=kind, size=size, rgba=COLOUR, contype=0, conaffinity=0, mass=0, **place)
+
+
+def ball_radius(mass: float) -> float:
+    """Radius of the ball that a point mass [kg] is drawn as [m]."""
+    return float((3 * mass / (4 * math.pi * _DENSITY)) ** (1 / 3))
+
+
+def draw_ball(body: mujoco.MjsBody, mass: float, **place: Any) -> None:
+    """Draw a point mass [kg]."""
+    drawn(body, mujoco.mjtGeom.mjGEOM_SPHERE, [ball_radius(mass), 0.0, 0.0], **place)

@@ -77,14 +77,21 @@ def hidden_states(
 
 def _activations(model: mujoco.MjModel, index: int) -> list[str]:
     """The kinds of an actuator's activations: of a motor in MuJoCo's order."""
-    dynamics, kinds = mujoco.mjtDyn(int(model.actuator_dyntype[index])), list[str]()
-    if dynamics in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
-        kinds = ["lag"]
-    if dynamics == mujoco.mjtDyn.mjDYN_DCMOTOR:
-        numbers = model.actuator_dynprm[index]
-        present = (("temperature", numbers[2]), ("bristle", numbers[5]), ("current", numbers[0]))
-        kinds = [name for name, number in present if number > 0]
-    count = int(model.actuator_actnum[index])
+    dynamics, numbers = (
+        mujoco.mjtDyn(int(model.actuator_dyntype[index])),
+        model.actuator_dynprm[index],
+    )
+    motor = dynamics == mujoco.mjtDyn.mjDYN_DCMOTOR
+    present = {
+        "lag": dynamics in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT),
+        "temperature": motor and numbers[2] > 0,
+        "bristle": motor and numbers[5] > 0,
+        "current": motor and numbers[0] > 0,
+    }
+    kinds, count = (
+        [kind for kind, is_there in present.items() if is_there],
+        model.actuator_actnum[index],
+    )
     return kinds if len(kinds) == count else [f"activation {i + 1}" for i in range(count)]
 
 

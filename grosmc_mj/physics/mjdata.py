@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 
 import mujoco
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 
 
@@ -33,6 +35,32 @@ def scratch(model: mujoco.MjModel) -> mujoco.MjData:
     """
     data = _kept(model, threading.get_ident())
     mujoco.mj_resetData(model, data)
+    return data
+
+
+def forward(
+    model: mujoco.MjModel,
+    x: Array,
+    u: Array | None = None,
+    w: Array | None = None,
+    bodies: Sequence[str] = (),
+) -> mujoco.MjData:
+    """The dynamics at a state, until the next call as ``scratch``.
+
+    Args:
+        model: Compiled.
+        x: qpos, then qvel, (n,).
+        u: Controls, (m,); none by default.
+        w: Wrenches, (6 * bodies,); none by default.
+        bodies: Their names.
+    """
+    data, n = scratch(model), len(x) // 2
+    data.qpos[:], data.qvel[:] = x[:n], x[n:]
+    if u is not None:
+        data.ctrl[:] = u
+    if w is not None:
+        data.xfrc_applied[[model.body(name).id for name in bodies]] = w.reshape(-1, 6)
+    mujoco.mj_forward(model, data)
     return data
 
 

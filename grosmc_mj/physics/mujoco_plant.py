@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -17,15 +17,14 @@ from pydantic import InstanceOf
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Known, Range, checked
+from grosmc_mj.fields import Items, Known, Range, checked
 from grosmc_mj.physics.checks import LONGEST, SHORTEST, fingerprint, spec_fingerprint
 from grosmc_mj.physics.edits import BodyEdit, Change, Edit, apply_edits
 from grosmc_mj.physics.files import compile_spec, joint_names, load_spec, model_path
 from grosmc_mj.physics.hidden_states import HiddenState, hidden_states
 from grosmc_mj.physics.linearization import differences
-from grosmc_mj.physics.mjdata import scratch
-from grosmc_mj.physics.template import Template
-from grosmc_mj.physics.undrawn import can_constrain, undrawn
+from grosmc_mj.physics.mjdata import forward
+from grosmc_mj.physics.template import Template, can_constrain, undrawn
 from grosmc_mj.plants import AnalyticPlant, Plant, System, Variant, find_system
 from grosmc_mj.plants.plant import Integrator, Kind
 
@@ -80,7 +79,7 @@ class MujocoPlant(Plant):
 
     system: InstanceOf[System]
     spec: mujoco.MjSpec
-    edits: tuple[Edit, ...] = ()
+    edits: Annotated[tuple[Edit, ...], Items(Edit, "a tuple of edits")] = ()
     timestep: Annotated[float, Range(SHORTEST, LONGEST, "s", below=True)] | None = None
     integrator: Annotated[Integrator, Known("integrator", get_args(Integrator))] | None = None
 
@@ -101,7 +100,6 @@ class MujocoPlant(Plant):
         system, path = find_system(name), model_path(name)
         changed = max(file.stat().st_mtime_ns for file in path.parent.glob("*.xml"))
         spec = _nominal_spec(system.name, path, changed)
-        edits = tuple(edits) if isinstance(edits, list) else edits
         return cls(system, spec, edits, timestep, integrator)
 
     def __post_init__(self) -> None:
@@ -208,13 +206,8 @@ class MujocoPlant(Plant):
         """
         self._refuse_hidden()
         x, u, w = self.checked(x, u, wrench)
-        model, n = self.undrawn_model, self.system.degrees_of_freedom
-        data = scratch(model)
-        data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
-        bodies = [model.body(name).id for name in self.system.bodies]
-        data.xfrc_applied[bodies] = w.reshape(-1, 6)
-        mujoco.mj_forward(model, data)
-        return np.concatenate([x[n:], data.qacc])
+        data = forward(self.undrawn_model, x, u, w, self.system.bodies)
+        return np.concatenate([x[self.system.degrees_of_freedom :], data.qacc])
 
     def _refuse_hidden(self) -> None:
         """Refuse to compute x' from x alone where it depends on more."""
@@ -333,12 +326,11 @@ class MujocoPlant(Plant):
         The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
-        known = "undrawn_model" in vars(rigid) or not rigid.edits
-        model = None if known else rigid.template.written(rigid.edits)
-        return AnalyticPlant.from_model(self.system, model or rigid.undrawn_model, variant)
+        written = rigid.template.written(rigid.edits) if rigid.edits else None
+        return AnalyticPlant.from_model(self.system, written or rigid.undrawn_model, variant)
 
     @classmethod
-    def require_unchanged(cls, plants: Iterable[MujocoPlant]) -> None:
+    def require_unchanged(cls, plants: Sequence[MujocoPlant]) -> None:
         """Refuse plants whose models were changed since they were compiled, as ``Plant`` says.
 
         A model that nobody has read is not looked at, and each spec once.
@@ -346,17 +338,18 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If a model or a spec was changed in place.
         """
-        plants = dict.fromkeys(plants)
-        for plant in plants:
-            if "model" in vars(plant) and fingerprint(plant.model) != vars(plant)["_fingerprint"]:
-                raise ModelError(
-                    f"{plant.system.name}: plant.model was changed after it was compiled, which no "
-                    "run would notice: use plant.edited(...), or another MJCF"
-                )
-        for spec, plant in {plant.spec: plant for plant in plants}.items():
+        specs = {plant.spec: plant for plant in plants}
+        for plant in dict.fromkeys(plants):
+            own = vars(plant)
+            if "model" in own and fingerprint(plant.model) != own["_fingerprint"]:
+                raise ModelError(_changed_in_place(plant, "model"))
+        for spec, plant in specs.items():
             if spec_fingerprint(spec) != plant._nominal.fingerprint:
-                raise ModelError(
-                    f"{plant.system.name}: plant.spec was changed after the plant was made, which "
-                    "its runs may not notice: use plant.edited(...), or make a plant of a changed "
-                    "copy"
-                )
+                raise ModelError(_changed_in_place(plant, "spec"))
+
+
+def _changed_in_place(plant: MujocoPlant, name: str) -> str:
+    return (
+        f"{plant.system.name}: plant.{name} was changed in place, which no run would notice: use "
+        "plant.edited(...), or make a plant of a changed copy"
+    )

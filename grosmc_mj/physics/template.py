@@ -1,7 +1,7 @@
-"""Edits without a compiler: the numbers that they change, written into a compiled model.
+"""Models that runs compute with: nothing that is only drawn, and edits without a compiler.
 
-MuJoCo computes the rest from them, as its compiler does, bit for bit. Compiling takes a hundred
-times as long.
+The numbers that edits change are written into a compiled model. MuJoCo computes the rest from them,
+as its compiler does, bit for bit. Compiling takes a hundred times as long.
 """
 
 from __future__ import annotations
@@ -101,3 +101,43 @@ class Template:
         )  # fmt: skip
         corrected = compiler.balanceinertia, compiler.boundmass, compiler.boundinertia
         return bool(untouched) and not any(map(np.any, (*constraints, *corrected)))
+
+
+def undrawn(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """A copy of the model without geoms, materials, textures, meshes, cameras and lights.
+
+    What has a part in the motion stays: geoms that can touch or that a fluid pushes, and what a
+    sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps every
+    bit of it; a model that MuJoCo cannot part from its geoms, such as one with ``inertiafromgeom``,
+    keeps them all.
+
+    Args:
+        spec: The model, which stays as it is.
+    """
+    bare: mujoco.MjSpec = spec.copy()
+    if bare.option.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+        for geom in bare.geoms:
+            geom.contype = geom.conaffinity = 0
+    try:
+        bare.discard_visual()
+    except ValueError:
+        return spec.copy()
+    sensed = {name for sensor in bare.sensors for name in (sensor.objname, sensor.refname)}
+    for item in (*bare.cameras, *bare.lights):
+        if item.name not in sensed:
+            bare.delete(item)
+    return bare
+
+
+def can_constrain(model: mujoco.MjModel) -> bool:
+    """Whether a constraint can ever act: contact, a limit, dry friction, an equality.
+
+    Where none can, MuJoCo's accelerations are the smooth ones, and with ``mjDSBL_CONSTRAINT`` a
+    step has the same bits in nine tenths of the time.
+    """
+    limits = model.jnt_limited.any() or model.tendon_limited.any()
+    friction = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
+    if model.neq or model.nflex or limits or friction:
+        return True
+    touching = model.npair or (model.geom_contype.any() and model.geom_conaffinity.any())
+    return bool(touching) and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT

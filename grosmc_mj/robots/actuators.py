@@ -108,7 +108,7 @@ def torque_input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Torqu
     within = within if math.isfinite(high) else "without limits"
     extras = _extras(own, view, driver=driver)
     instead = f" instead of the {servo}" if servo else ""
-    note = _first(
+    note = first(
         {
             f"the plant has {' and '.join(extras)}, which no law knows; torque control {within}"
             f"{instead}": extras,
@@ -149,7 +149,7 @@ def _bounded(field: str, limits: Limits) -> dict[str, Any]:
     return {f"{field}limited": limited, f"{field}range": limits if finite else [0.0, 0.0]}
 
 
-def _first(reasons: Mapping[str, Any]) -> str:
+def first(reasons: Mapping[str, Any]) -> str:
     """The first of these words that holds; empty if none does."""
     return next((words for words, holds in reasons.items() if holds), "")
 
@@ -159,7 +159,7 @@ def _servo(own: mujoco.MjsActuator, view: Any, *, driver: bool) -> str:
     kp, ki, kd = view.gainprm[4:7]
     constant, stiffness, damping = view.biasprm[:3] * [1.0, -1.0, -1.0] + 0.0
     affine = own.biastype == _BIAS.mjBIAS_AFFINE
-    return _first(
+    return first(
         {
             f"inner position controller (kp {kp:g}, ki {ki:g}, kd {kd:g})": (
                 driver and own.ctrlspec & _INPUT.mjINPUT_POS
@@ -190,7 +190,7 @@ def _unfit(own: mujoco.MjsActuator, view: Any, servo: str) -> str:
     gain, bias = own.gaintype, own.biastype
     is_dc = gain == _GAIN.mjGAIN_DCMOTOR
     static = (_DYNAMICS.mjDYN_NONE, *_LAGS, *(_INTEGRALS if servo else ()))
-    return _first(
+    return first(
         {
             "is a muscle, which pulls by its length and takes no torque": (
                 gain == _GAIN.mjGAIN_MUSCLE or dynamics == _DYNAMICS.mjDYN_MUSCLE

@@ -17,7 +17,7 @@ from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, Stat
 from grosmc_mj.control.coordinates.chains import Chains
 from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.jitable import jitable
-from grosmc_mj.physics.mjdata import scratch
+from grosmc_mj.physics.mjdata import forward
 from grosmc_mj.plants import Plant
 from grosmc_mj.robots.dynamics import (
     NominalData,
@@ -167,14 +167,8 @@ class RobotCoordinates(OutputCoordinates):
         default. How their answer changes with u is not in the gain, which is M*^-1.
         """
         model, n = plant.undrawn_model, self.inputs
-        data, M = scratch(model), np.zeros((n, n))
-        data.qpos[:], data.qvel[:] = x[:n], x[n:]
-        if w is not None:
-            rows = [model.body(name).id for name in self.system.bodies]
-            data.xfrc_applied[rows] = np.reshape(np.asarray(w, float), (-1, 6))
-        if u is not None:
-            data.ctrl[:] = u
-        mujoco.mj_forward(model, data)
+        wrench, given = (None if values is None else np.asarray(values, float) for values in (w, u))
+        data, M = forward(model, x, given, wrench, self.system.bodies), np.zeros((n, n))
         mujoco.mj_fullM(model, data, M)
         drift, gain = np.zeros(self.size), np.zeros((self.size, n))
         gain[1::2] = np.linalg.inv(M)

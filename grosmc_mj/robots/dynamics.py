@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import array_at, pointer
+from grosmc_mj.physics.edits import write_inertia
 from grosmc_mj.physics.files import compile_spec
-from grosmc_mj.physics.mjdata import mujoco_library, scratch
-from grosmc_mj.physics.writing import write_inertia
+from grosmc_mj.physics.mjdata import forward, mujoco_library
 
 llvmlite.binding.load_library_permanently(str(mujoco_library()))
 
@@ -39,10 +39,9 @@ mj_rne = _c_function("mj_rne", types.int32, types.voidptr)
 mj_crb, mj_factor_m = _c_function("mj_crb"), _c_function("mj_factorM")
 mj_solve_m = _c_function("mj_solveM", types.voidptr, types.voidptr, types.int32)
 
-_WITHOUT = (
-    mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
-    mujoco.mjtDisableBit.mjDSBL_CONTACT,
-    mujoco.mjtDisableBit.mjDSBL_SENSOR,
+_DISABLE = mujoco.mjtDisableBit
+_WITHOUT = sum(
+    map(int, (_DISABLE.mjDSBL_CONSTRAINT, _DISABLE.mjDSBL_CONTACT, _DISABLE.mjDSBL_SENSOR))
 )
 # Bytes of scratch memory in each mjData: inverse dynamics of a few bodies need less than 2 kB.
 _ARENA = 1 << 16
@@ -87,8 +86,7 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     lean, full = spec.copy(), compile_spec(spec)
     lean.memory, lean.nuserdata = _ARENA, 0
     lean.option.enableflags = 0
-    for flag in _WITHOUT:
-        lean.option.disableflags |= int(flag)
+    lean.option.disableflags |= _WITHOUT
     for part in (*lean.keys, *lean.sensors, *lean.tendons, *lean.actuators, *lean.excludes):
         lean.delete(part)
     # What a fluid or gravcomp does depends on each body, and on its geoms.
@@ -103,23 +101,15 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def inertia(model: mujoco.MjModel, q: ArrayLike) -> Array:
     """M(q) of a nominal model with the joints' armature, (n, n)."""
-    M, data = np.zeros((model.nv, model.nv)), _forward(model, q, np.zeros(model.nv))
+    M, data = np.zeros((model.nv, model.nv)), forward(model, np.append(q, np.zeros(model.nv)))
     mujoco.mj_fullM(model, data, M)
     return M
 
 
 def bias(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> Array:
     """h(q, q') - passive of a nominal model, (n,): see ``inverse_dynamics``."""
-    data = _forward(model, q, dq)
+    data = forward(model, np.append(q, dq))
     return data.qfrc_bias - data.qfrc_passive
-
-
-def _forward(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> mujoco.MjData:
-    """All that depends on position and velocity."""
-    data = scratch(model)
-    data.qpos[:], data.qvel[:] = q, dq
-    mujoco.mj_forward(model, data)
-    return data
 
 
 @numba.njit
@@ -131,9 +121,9 @@ def vector_at(address: int, n: int) -> Any:
 @numba.njit
 def place(w: Any, x: Any, n: int) -> None:
     """Bring the nominal model of a ``WORKSPACE`` to a state, (2 n,), with its passive torques."""
-    m, d, q, v = pointer(w.model), pointer(w.data), vector_at(w.qpos, n), vector_at(w.qvel, n)
-    for i in range(n):
-        q[i], v[i] = x[i], x[i + n]
+    m, d = pointer(w.model), pointer(w.data)
+    vector_at(w.qpos, n)[:] = x[:n]
+    vector_at(w.qvel, n)[:] = x[n:]
     mj_kinematics(m, d)
     mj_com_pos(m, d)
     mj_com_vel(m, d)
@@ -154,12 +144,10 @@ def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
     qacc, bodies = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
     passive, armature = vector_at(w.qfrc_passive, n), vector_at(w.armature, n)
     place(w, x, n)
-    for i in range(n):
-        qacc[i] = a[i]
+    qacc[:] = a
     mj_rne(pointer(w.model), pointer(w.data), np.int32(1), pointer(w.qfrc_inverse))
     # M a + h of the bodies, what drives the joints, and what acts without an input.
-    for i in range(n):
-        tau[i] = bodies[i] + armature[i] * qacc[i] - passive[i]
+    tau[:] = bodies + armature * qacc - passive
 
 
 @numba.njit
@@ -171,10 +159,8 @@ def forward_dynamics(workspace: float, x: Any, tau: Any, a: Any) -> None:
     passive = vector_at(w.qfrc_passive, n)
     place(w, x, n)
     mj_rne(m, d, np.int32(0), pointer(w.qfrc_inverse))
-    for i in range(n):
-        force[i] = tau[i] - force[i] + passive[i]
+    force[:] = tau - force + passive
     mj_crb(m, d)
     mj_factor_m(m, d)
     mj_solve_m(m, d, pointer(w.qacc), pointer(w.qfrc_inverse), np.int32(1))
-    for i in range(n):
-        a[i] = qacc[i]
+    a[:] = qacc

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from grosmc_mj.arguments import require_each, require_known
+from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.physics.files import compile_spec, joint_names
-from grosmc_mj.robots.actuators import TorqueInput, torque_input
+from grosmc_mj.robots.actuators import TorqueInput, first, torque_input
 
 _JOINT, _DISABLE = mujoco.mjtJoint, mujoco.mjtDisableBit
 Names = Iterable[str] | None
@@ -27,27 +27,21 @@ def read_spec(model: Any) -> mujoco.MjSpec:
     Raises:
         ModelError: If it is something else, or MuJoCo cannot read it.
     """
+    spec = mujoco.MjSpec
     try:
-        if isinstance(model, mujoco.MjSpec):
+        if isinstance(model, spec):
             return model.copy()
         if hasattr(model, "to_xml_string") and hasattr(model, "get_assets"):
-            return mujoco.MjSpec.from_string(model.to_xml_string(), assets=model.get_assets())
+            return spec.from_string(model.to_xml_string(), assets=model.get_assets())
         if isinstance(model, str) and model.lstrip().startswith("<"):
-            return mujoco.MjSpec.from_string(model)
-        if isinstance(model, (str, Path)) and Path(model).is_file():
-            return mujoco.MjSpec.from_file(str(model))
+            return spec.from_string(model)
+        if isinstance(model, (str, Path)):
+            return spec.from_file(str(model))
     except ValueError as error:
         raise ModelError(f"the MJCF cannot be read: {one_line(str(error))}") from error
-    if isinstance(model, (str, Path)):
-        raise ModelError(f"there is no MJCF file {str(model)!r}")
-    if isinstance(model, mujoco.MjModel):
-        raise ModelError(
-            "a compiled MjModel cannot be edited, and a true plant is an edited one: give its "
-            "MJCF file, XML text or MjSpec"
-        )
     raise ModelError(
-        f"a {type(model).__name__} is no model: give a path, XML text, an MjSpec or an MJCF "
-        "element of dm_control"
+        f"a {type(model).__name__} cannot be edited: give the path of an MJCF file, XML text, an "
+        "MjSpec or an MJCF element of dm_control"
     )
 
 
@@ -81,7 +75,7 @@ def robot_specs(
         joint: [torque for torque in inputs if torque.joint == joint]
         for joint in joint_names(compiled)
     }
-    for problem in _problems(compiled, drives, couplings):
+    if problem := first(_problems(compiled, drives, couplings)):
         raise ModelError(problem)
     notes += [torque.note for torque in inputs if torque.note]
     if idle := [joint for joint, driving in drives.items() if not driving]:
@@ -117,23 +111,20 @@ def _select(spec: mujoco.MjSpec, joints: Names, actuators: Names, notes: list[st
     moved = _names("joint", joints, [joint.name for joint in spec.joints])
     used = _names("actuator", actuators, [actuator.name for actuator in spec.actuators])
     locked = [joint for joint in spec.joints if joint.name not in moved]
-    left_out = [
-        actuator
-        for actuator in spec.actuators
-        if actuator.name not in used or actuator.target in {joint.name for joint in locked}
-    ]
+    undriven = {joint.name for joint in locked}
+    left_out = [a for a in spec.actuators if a.name not in used or a.target in undriven]
     for actuator in left_out:
         if actuators is not None and actuator.name in used:
             raise ModelError(
                 f"actuator {actuator.name!r} drives the joint {actuator.target!r}, which joints="
                 "... leaves out"
             )
-    if locked:
-        names = ", ".join(joint.name for joint in locked)
-        notes.append(f"locked where the model has them: joints {names}")
-    if left_out:
-        names = ", ".join(actuator.name for actuator in left_out)
-        notes.append(f"left out: actuators {names}")
+    for words, parts in (
+        ("locked where the model has them: joints", locked),
+        ("left out: actuators", left_out),
+    ):
+        if parts:
+            notes.append(f"{words} {', '.join(part.name for part in parts)}")
     removed = {part.name for part in (*locked, *left_out)}
     lost = [sensor for sensor in spec.sensors if {sensor.objname, sensor.refname} & removed]
     for part in (*locked, *left_out, *lost, *spec.keys):
@@ -142,12 +133,11 @@ def _select(spec: mujoco.MjSpec, joints: Names, actuators: Names, notes: list[st
 
 def _names(kind: str, names: Names, valid: Sequence[str]) -> list[str]:
     """Names of parts that exist, each once; all of them for None."""
-    chosen: Any = valid if names is None else [names] if isinstance(names, str) else names
-    require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
+    chosen = valid if names is None else [names] if isinstance(names, str) else list(names)
     for name in chosen:
         require_known(kind, name, valid, error=ModelError)
-        if list(chosen).count(name) > 1:
-            raise ModelError(f"{kind} {name!r} is named twice")
+    if len(set(chosen)) < len(chosen):
+        raise ModelError(f"{kind}s = {chosen}: one is named twice")
     return list(chosen)
 
 
@@ -166,69 +156,64 @@ def _couplings(spec: mujoco.MjSpec, notes: list[str]) -> list[list[str]]:
                 f"the model has equality constraints ({kind}): they close loops, and its torques "
                 "are no function of q, q' and q'' alone; remove them, or couple joints"
             )
+        names = " and ".join(map(repr, coupled))
         if equality.active and joints.issuperset(coupled):
             couplings.append(coupled)
-            names = " and ".join(map(repr, coupled))
             kind = "couples the joints" if len(coupled) > 1 else "holds the joint"
-            notes.append(
-                f"the plant {kind} {names} (equality), which no law knows: laws move each on its "
-                "own"
-            )
-            continue
-        if equality.active:
-            left = ", ".join(sorted({*coupled} - joints))
-            notes.append(f"left out: the coupling (equality) with {left}")
-        spec.delete(equality)
+            unknown = "which no law knows: laws move each on its own"
+            notes.append(f"the plant {kind} {names} (equality), {unknown}")
+        else:
+            spec.delete(equality)
+            if equality.active:
+                notes.append(f"left out: the coupling (equality) of {names}")
     return couplings
 
 
 def _problems(
     model: mujoco.MjModel, drives: Mapping[str, list[TorqueInput]], couplings: list[list[str]]
-) -> Iterator[str]:
+) -> dict[str, Any]:
     """What makes it no tree of hinges and slides that torques drive and inverse dynamics tells of.
 
     Args:
         model: Compiled.
         drives: The torque inputs of every joint.
         couplings: Joints of which each is coupled to the other.
+
+    Returns:
+        Whether it is so, by the words for it.
     """
-    if not drives:
-        yield "the model has no joint that a law could move"
+    problems: dict[str, Any] = {"the model has no joint that a law could move": not drives}
     for index, (name, driving) in enumerate(drives.items()):
         kind = _JOINT(int(model.jnt_type[index]))
-        if kind in (_JOINT.mjJNT_FREE, _JOINT.mjJNT_BALL):
-            yield (
-                f"joint {name!r} is a {kind.name.removeprefix('mjJNT_').lower()} joint: a robot "
-                "here has hinges and slides only; leave it out of joints=... to fix its body"
-            )
-        if model.jnt_actgravcomp[index]:
-            yield (
-                f"joint {name!r} has actuatorgravcomp: its actuator would bear gravity as well as "
-                "the law; set it to false"
-            )
-        if len(driving) > 1:
-            rivals = ", ".join(torque.actuator for torque in driving)
-            yield (
-                f"joint {name!r} has {len(driving)} actuators, {rivals}: name the one to use with "
-                "actuators=..."
-            )
-        if not driving and any(name in coupled for coupled in couplings):
-            yield (
-                f"joint {name!r} is coupled (equality) and no actuator drives it: leave it out of "
-                "joints=..., which locks it, or give it an actuator"
-            )
-    if not any(drives.values()):
-        yield f"no actuator drives {', '.join(map(repr, drives))}: name one with actuators=..."
+        rivals = ", ".join(torque.actuator for torque in driving)
+        problems |= {
+            f"joint {name!r} is a {kind.name.removeprefix('mjJNT_').lower()} joint: a robot here "
+            "has hinges and slides only; leave it out of joints=... to fix its body": (
+                kind in (_JOINT.mjJNT_FREE, _JOINT.mjJNT_BALL)
+            ),
+            f"joint {name!r} has actuatorgravcomp: its actuator would bear gravity as well as the "
+            "law; set it to false": model.jnt_actgravcomp[index],
+            f"joint {name!r} has {len(driving)} actuators, {rivals}: name the one to use with "
+            "actuators=...": len(driving) > 1,
+            f"joint {name!r} is coupled (equality) and no actuator drives it: leave it out of "
+            "joints=..., which locks it, or give it an actuator": (
+                not driving and any(name in coupled for coupled in couplings)
+            ),
+        }
     fields = ("stiffness", "damping", "frictionloss", "armature", "limited")
-    if any(np.any(getattr(model, f"tendon_{field}")) for field in fields):
-        yield (
-            "the model has tendons with stiffness, damping, friction, armature or limits: the law "
-            "does not know them; remove them"
-        )
-    if model.nflex or model.nplugin:
-        yield "the model has flexible bodies or plugins, which have states of their own"
-    if model.opt.disableflags & _DISABLE.mjDSBL_ACTUATION:
-        yield "the model has its actuation disabled"
+    return problems | {
+        f"no actuator drives {', '.join(map(repr, drives))}: name one with actuators=...": (
+            not any(drives.values())
+        ),
+        "the model has tendons with stiffness, damping, friction, armature or limits: the law does "
+        "not know them; remove them": any(np.any(getattr(model, f"tendon_{f}")) for f in fields),
+        "the model has flexible bodies or plugins, which have states of their own": (
+            model.nflex or model.nplugin
+        ),
+        "the model has its actuation disabled": (
+            model.opt.disableflags & _DISABLE.mjDSBL_ACTUATION
+        ),
+    }
 
 
 def _not_compensated(model: mujoco.MjModel) -> list[str]:

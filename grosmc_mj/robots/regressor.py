@@ -78,14 +78,12 @@ def reference_torques(workspace: float, x: Any, r: Any, a: Any, tau: Any) -> Non
     armature, passive = vector_at(w.armature, n), vector_at(w.qfrc_passive, n)
     qacc, bodies = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
     place(w, x, n)
-    for i in range(n):
-        qacc[i] = a[i]
-        tau[i] = armature[i] * a[i] - passive[i]
+    qacc[:] = a
+    tau[:] = armature * qacc - passive
     for share, moving, weight in _PASSES:
         _move(w, x, r, share, moving)
         _recur(w, moving)
-        for i in range(n):
-            tau[i] += weight * bodies[i]
+        tau += weight * bodies
 
 
 @numba.njit
@@ -112,25 +110,21 @@ def body_regressor(workspace: float, x: Any, r: Any, a: Any, body: Any, Y: Any) 
     _units(xpos[index], centre[root], xmat[index], units)
     cinert[:] = 0.0
     Y[:] = 0.0
-    for i in range(n):
-        qacc[i] = a[i]
-        Y[i, INERTIAL + i] = 1.0
+    Y[:, INERTIAL:] = np.eye(n)
+    qacc[:] = a
     for share, moving, weight in _PASSES:
         _move(w, x, r, share, moving)
         for j in range(INERTIAL):
             cinert[index] = units[j]
             _recur(w, moving)
-            for i in range(n):
-                Y[i, j] += weight * torques[i]
+            Y[:, j] += weight * torques
 
 
 @numba.njit
 def _move(w: Any, x: Any, r: Any, share: float, moving: float) -> None:
     """Give the joints the rates moving x' + share r."""
     n = len(r)
-    qvel = vector_at(w.qvel, n)
-    for i in range(n):
-        qvel[i] = moving * x[i + n] + share * r[i]
+    vector_at(w.qvel, n)[:] = moving * x[n:] + share * r
     mj_com_vel(pointer(w.model), pointer(w.data))
 
 
@@ -149,29 +143,21 @@ def _units(place: Any, centre: Any, turned: Any, units: Any) -> None:
     the body's origin are, about the tree's centre of mass and along the world's axes, m, R h + m c
     and R I R' + 2 (c.Rh) 1 - c (Rh)' - (Rh) c' + m (c.c 1 - c c').
     """
-    c, g = np.empty(3), np.empty(3)
-    for i in range(3):
-        c[i] = place[i] - centre[i]
-    for j in range(INERTIAL):
-        for k in range(INERTIAL):
-            units[j, k] = 0.0
-    units[0, 9] = 1.0
+    c, R = place - centre, turned.reshape(3, 3)
+    units[:] = 0.0
     for j in range(4):
         # The mass is as a first moment of c/2, twice along itself.
-        for i in range(3):
-            g[i] = c[i] / 2 if j == 0 else turned[3 * i + j - 1]
-            units[j, 6 + i] = c[i] if j == 0 else g[i]
+        g = c / 2 if j == 0 else R[:, j - 1].copy()
+        units[j, 6:9] = g
         along = 2 * (c[0] * g[0] + c[1] * g[1] + c[2] * g[2])
         for k in range(6):
             row, column = _ENTRIES[k]
-            units[j, k] = -c[row] * g[column] - g[row] * c[column]
-            if row == column:
-                units[j, k] += along
+            entry = -c[row] * g[column] - g[row] * c[column]
+            units[j, k] = entry + along if row == column else entry
+    units[0, 6:9], units[0, 9] = c, 1.0
     for j in range(6):
         p, q = _ENTRIES[j]
         for k in range(6):
             row, column = _ENTRIES[k]
-            entry = turned[3 * row + p] * turned[3 * column + q]
-            if p != q:
-                entry += turned[3 * row + q] * turned[3 * column + p]
-            units[4 + j, k] = entry
+            entry = R[row, p] * R[column, q]
+            units[4 + j, k] = entry if p == q else entry + R[row, q] * R[column, p]

@@ -185,9 +185,6 @@ def test_a_law_with_less_than_it_needs_fails_with_the_rate_that_restores_it() ->
     assert not failed.holds
     assert failed.along.margin == pytest.approx(0.5 - required(weak).max(), rel=1e-12)
     assert f"{required(weak).max():.3g}" in failed.restores
-    # No more against each joint's own row of R than against the least of them, and not nothing.
-    alone = float(failed.note.split(", or ")[1].split(" with each joint's push")[0])
-    assert 0 < alone <= float(f"{required(weak).max():.3g}")
     assert failed.along.worst.t in audited(weak).signals["time"]
     assert premise(enough, "epsilon").holds
     assert not premise(enough, "epsilon").restores
@@ -239,10 +236,6 @@ def test_headroom_is_what_inverse_dynamics_and_switching_leave_of_the_limits() -
     alone = premise(run(law("lqr")), "torque headroom").along
     assert alone is not None
     assert alone.margin > found.along.margin + 0.05
-
-
-def test_too_much_switching_leaves_no_headroom() -> None:
-    assert not premise(run(law(epsilon=25.0)), "torque headroom").holds
 
 
 def test_a_touched_joint_limit_is_noticed() -> None:

@@ -29,11 +29,6 @@ R = 1
 [run]
 duration = "0.1 s"
 """
-PREDICTED = """
-[[controller]]
-law = "lqr"
-predict = true
-"""
 PLAIN = """
 [[controller]]
 law = "lqr"
@@ -95,60 +90,57 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
+MISTAKES = [
+    (f"{PLAIN}predict = true\n", "controller lqr: predict: there is no loop that it could know"),
+    ('[computing]\ndelay = "2 mm"\n', "computing: delay: .*mm"),
+    ('[[actuator]]\nof = "current"\nrate_limit = "1 A"\n', "actuator 1: rate_limit: .*A/s"),
+    (
+        '[[sensor]]\nof = "rotor angel"\nnoise = "1 mrad"\n',
+        "sensor 1: unknown state 'rotor angel': did you mean 'rotor angle'",
+    ),
+    ('[computing]\ndelay = "1.5 ms"\n', "computing: delay = 0.0015 s is no multiple"),
+    ('[computing]\ndely = "1 ms"\n', "dely.*did you mean.*delay"),
+    ("[computing]\nseed = 1.0\n", r"computing: seed = 1\.0 must be a whole number"),
+    (
+        '[[actuator]]\nof = "current"\norder = true\n',
+        "actuator 1: order = True must be a whole number",
+    ),
+    ('[[estimator]]\nof = "rotor speed"\nlaw = "eso"\n', "eso needs bandwidth"),
+    (
+        '[[estimator]]\nof = "rotor angle"\n',
+        "controller lqr: estimator: difference gives a rate",
+    ),
+]
+
+
+@pytest.mark.parametrize(("parts", "words"), MISTAKES)
+def test_a_mistake_is_one_line_with_the_file(parts: str, words: str, tmp_path: Path) -> None:
+    file = written(tmp_path, parts, "" if PLAIN in parts else PLAIN)
+    with pytest.raises(ArgumentError, match=words) as refused:
+        Experiment.load(file)
+    assert str(refused.value).startswith(str(file))
+    assert "\n" not in str(refused.value)
+
+
 @pytest.mark.parametrize(
-    ("parts", "said"),
+    ("parts", "words"),
     [
-        ((PREDICTED,), "controller lqr: predict: there is no loop that it could know"),
-        (('[computing]\ndelay = "2 mm"\n', PLAIN), "computing: delay: .*mm"),
-        (('[[sensor]]\nof = "rotor angle"\nnoise = "1 A"\n', PLAIN), "sensor 1: noise: .*A"),
         (
-            ('[[actuator]]\nof = "current"\nrate_limit = "1 A"\n', PLAIN),
-            "actuator 1: rate_limit: .*A/s",
+            '[computing]\nmissed = 1\n[[actuator]]\nof = "current"\nlimit = "0 A"\norder = 1\n'
+            '[[sensor]]\nof = "rotor angle"\nnoise = "1 s"\n',
+            ("missed = 1", "limit = 0", "sensor 1: noise"),
         ),
         (
-            ('[[sensor]]\nof = "rotor angel"\nnoise = "1 mrad"\n', PLAIN),
-            "sensor 1: unknown state 'rotor angel': did you mean 'rotor angle'",
-        ),
-        (('[computing]\ndelay = "1.5 ms"\n', PLAIN), "computing: delay = 0.0015 s is no multiple"),
-        (('[computing]\ndely = "1 ms"\n', PLAIN), "dely.*did you mean.*delay"),
-        (("[computing]\nseed = 1.0\n", PLAIN), r"computing: seed = 1\.0 must be a whole number"),
-        (('[computing]\nseed = "1"\n', PLAIN), "computing: seed = '1' must be a whole number"),
-        (
-            ('[[actuator]]\nof = "current"\norder = true\n', PLAIN),
-            "actuator 1: order = True must be a whole number",
-        ),
-        (('[[estimator]]\nof = "rotor speed"\nlaw = "eso"\n', PLAIN), "eso needs bandwidth"),
-        (
-            ('[[estimator]]\nof = "rotor angle"\n', PLAIN),
-            "controller lqr: estimator: difference gives a rate",
+            '[computing]\ndelay = "1.5 ms"\n[[sensor]]\nof = "rotor angle"\nperiod = "0.3 ms"\n',
+            ("delay = 0.0015 s", "period = 0.0003 s"),
         ),
     ],
+    ids=["numbers", "the plant's grid"],
 )
-def test_a_mistake_is_one_line_with_the_file(
-    parts: tuple[str, ...], said: str, tmp_path: Path
-) -> None:
-    file = written(tmp_path, *parts)
-    with pytest.raises(ArgumentError, match=said) as told:
-        Experiment.load(file)
-    assert str(told.value).startswith(str(file))
-    assert "\n" not in str(told.value)
-
-
-def test_two_mistakes_are_told_at_once(tmp_path: Path) -> None:
-    """A number of a part that cannot be and one of another; what does not fit the plant too."""
-    wrong = (
-        '[computing]\nmissed = 1\n[[actuator]]\nof = "current"\nlimit = "0 A"\norder = 1\n'
-        '[[sensor]]\nof = "rotor angle"\nnoise = "1 s"\n'
-    )
-    with pytest.raises(ArgumentError) as told:
-        Experiment.load(written(tmp_path, wrong, PLAIN))
-    for said in ("missed = 1", "limit = 0", "sensor 1: noise"):
-        assert said in str(told.value)
-    misfit = '[computing]\ndelay = "1.5 ms"\n[[sensor]]\nof = "rotor angle"\nperiod = "0.3 ms"\n'
-    with pytest.raises(ArgumentError) as told:
-        Experiment.load(written(tmp_path, misfit, PLAIN))
-    for said in ("delay = 0.0015 s", "period = 0.0003 s"):
-        assert said in str(told.value)
+def test_all_mistakes_are_told_at_once(parts: str, words: tuple[str, ...], tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError) as refused:
+        Experiment.load(written(tmp_path, parts, PLAIN))
+    assert all(mistake in str(refused.value) for mistake in words)
 
 
 @pytest.mark.parametrize(("parts", "seed"), [((PARTS, PLAIN), 7), ((PLAIN,), None)])
@@ -172,12 +164,6 @@ def test_what_a_law_saw_is_kept_in_files(ending: str, tmp_path: Path) -> None:
     assert columns.field("rotor angle seen").metadata[b"unit"] == b"rad"
     # What a loop computes in is no signal.
     assert not [name for name in columns.names if "loop" in name]
-
-
-def test_a_run_without_a_loop_has_nothing_seen(tmp_path: Path) -> None:
-    run = Experiment.load("servo/nominal").varied(duration=0.05).run("physics", "lqr")
-    assert run.trajectory.seen is None
-    assert gm.load_trajectory(run.save(tmp_path / "run.npz")).seen is None
 
 
 @pytest.mark.slow

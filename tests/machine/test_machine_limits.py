@@ -25,7 +25,7 @@ from grosmc_mj.machine import (
     Transmission,
     Wall,
 )
-from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.edits import Edit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
@@ -83,14 +83,6 @@ def test_a_play_that_closes_is_none(stiffness: float) -> None:
         closed = [Transmission("shaft", inertia=0.01, stiffness=stiffness, damping=0.5)]
     errors = [away(loose(b), closed, 1e-4) for b in (4e-2, 1e-2)]
     assert 0 < errors[1] < errors[0] / 2.5
-
-
-def test_friction_that_vanishes_is_none() -> None:
-    def rubbed(part: float) -> float:
-        friction = LuGre("shaft", 0.02 * part, stiffness=100.0 * part, damping=0.1 * part)
-        return away([friction], [], 1e-4)
-
-    assert rubbed(1.0) / rubbed(0.1) == pytest.approx(10, rel=0.3)
 
 
 PARTS: list[tuple[list[MachinePart], Any, float]] = [
@@ -292,19 +284,6 @@ def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachineP
         ).model
 
 
-def test_what_leans_on_a_stop_rests_only_below_the_timestep_that_is_told() -> None:
-    part, speeds = Stop("shaft", -1.0, 0.5, duration=0.01), []
-    for h in (6e-4, 8e-4):
-        model = MujocoPlant.load("servo", edits=(part,), timestep=6e-4).model
-        model.opt.timestep, model.opt.integrator = h, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        data = mujoco.MjData(model)
-        data.qpos[0], data.ctrl[0] = 0.5, 1.0
-        mujoco.mj_step(model, data, round(1 / h))
-        speeds.append(abs(data.qvel[0]))
-    assert speeds[0] < 1e-6
-    assert speeds[1] > 0.1
-
-
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -343,27 +322,3 @@ def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
     x0 = np.stack([starts, np.zeros_like(starts)], axis=-1)
     with pytest.raises(ArgumentError, match="beyond its stops at -2 and -1 rad"):
         simulate(plant, law, x0, duration=0.01)
-
-
-@pytest.mark.parametrize("start", [-2.0, -1.5, -1.0])
-def test_a_start_at_a_stop_or_between_the_stops_runs(start: float) -> None:
-    plant = MujocoPlant.load("servo", edits=(Stop("shaft", -2.0, -1.0),))
-    law = chapter_controller("lqr", plant.analytic())
-    run = simulate(plant, law, [start, 0.0], duration=0.1)
-    # What the law's torque presses into a stop, not what a stop throws back.
-    assert np.all(run.state[:, 0] > -2.02)
-    assert np.all(run.state[:, 0] < -0.98)
-
-
-def test_an_axis_that_leans_lets_a_load_fall() -> None:
-    weight = BodyEdit("payload", mass_scale=1.0)
-    upright = MujocoPlant.load("two_link_arm", edits=(weight,)).model
-    leaning = MujocoPlant.load(
-        "two_link_arm", edits=(weight, JointEdit("shoulder", tilt=0.1))
-    ).model
-    torques = []
-    for model in (upright, leaning):
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
-        torques.append(data.qfrc_bias[0])
-    assert torques[1] == pytest.approx(math.cos(0.1) * torques[0], rel=1e-9)

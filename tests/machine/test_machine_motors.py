@@ -67,13 +67,6 @@ def test_a_supply_holds_the_current_that_ohms_law_leaves_at_a_speed(
     assert run(plant, share, 400, held=speed)[-1, 2] == pytest.approx(small, rel=1e-6)
 
 
-def test_no_demand_turns_a_motor_faster_than_its_supply_does() -> None:
-    light = servo(BodyEdit("rotor", mass_scale=0.01), loop(), timestep=1e-4)
-    speeds = run(light, asked(1e3), 50_000)[:, 0]
-    assert speeds[-1] == pytest.approx(V / (K * N), rel=1e-4)
-    assert speeds.max() <= V / (K * N) * (1 + 1e-9)
-
-
 @pytest.mark.parametrize("speed", [0.0, 30.0])
 def test_a_current_rises_by_the_voltage_over_the_inductance_at_most(speed: float) -> None:
     plant = servo(HEAVY, loop(inductance=L))
@@ -106,12 +99,6 @@ def test_a_quick_loop_is_ahead_of_kirchhoffs_law_by_what_docs_say_at_most() -> N
     true = solve_ivp(rise, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12).y[0]
     assert np.all(amperes >= true - 1e-6)
     assert np.all(amperes - true <= R * demand / V * np.minimum(most * time, demand) + 1e-6)
-
-
-def test_a_supply_without_end_is_none() -> None:
-    plants = [servo(loop(voltage=voltage), timestep=1e-4) for voltage in (1e7, math.inf)]
-    first, second = (run(plant, 0.7, 2000) for plant in plants)
-    np.testing.assert_allclose(first, second, rtol=1e-6, atol=1e-9)
 
 
 def test_most_current_and_cogging_are_the_motors_own_on_a_supply() -> None:
@@ -155,18 +142,6 @@ def test_a_winding_behind_a_current_loop_without_a_supply_is_heated_by_its_own_r
     rise = thermal * R * current**2 * (1 - math.exp(-data.time / (thermal * capacity)))
     assert heat.scale * data.act[0] == pytest.approx(rise, rel=0.01)
     assert winding.scale * data.act[-1] == pytest.approx(current, rel=1e-6)
-
-
-def test_a_driver_gives_its_current_however_warm_the_winding_is() -> None:
-    hot = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
-    plant = servo(HEAVY, loop(**hot), timestep=1e-3, integrator="implicitfast")
-    heat, winding = plant.hidden_states
-    data = mujoco.MjData(plant.model)
-    data.ctrl[0] = asked(1.0)
-    for _ in range(2000):
-        mujoco.mj_step(plant.model, data)
-    assert winding.scale * data.act[-1] == pytest.approx(1.0, rel=1e-6)
-    assert heat.scale * data.act[0] == pytest.approx(5.0 * R * 1.0**2, rel=1e-3)
 
 
 # --- motors the other way round ---

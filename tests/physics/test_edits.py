@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,11 +16,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.physics import edits, mujoco_plant
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
-from grosmc_mj.physics.files import compile_spec, load_model, load_spec
+from grosmc_mj.physics.files import compile_spec, load_model
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import SERVO, ArmParameters, CartPendulumParameters, Variant
+from grosmc_mj.plants import ArmParameters, CartPendulumParameters, Variant
 
 MOVING = [
     ("servo", "rotor"),
@@ -57,11 +57,6 @@ def mass_matrix(model: mujoco.MjModel, *q: float) -> Array:
     full = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, at(model, *q), full)
     return full
-
-
-def test_models_compile_to_the_same_bits_each_time(name: str) -> None:
-    """Without this, bit equality below would say nothing."""
-    np.testing.assert_array_equal(saved(load_model(name)), saved(load_model(name)))
 
 
 # The body stays similar to itself
@@ -106,13 +101,6 @@ def test_a_body_keeps_its_place_and_the_others_everything(name: str, body: str) 
         np.testing.assert_array_equal(getattr(after, field), getattr(before, field))
 
 
-@every_body
-def test_scales_of_one_change_no_bit_of_the_physics(name: str, body: str) -> None:
-    before, after = load_model(name), edited(name, BodyEdit(body))
-    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "geom_size", "site_pos"):
-        np.testing.assert_array_equal(getattr(after, field), getattr(before, field))
-
-
 # What it means for each plant
 
 
@@ -129,19 +117,6 @@ def test_pole_is_a_rod_of_the_new_mass_and_length(a: float, b: float) -> None:
     assert (found.M, found.m, found.L) == pytest.approx((1.0, m, length / 2), rel=1e-14)
 
 
-def test_mass_alone_does_not_make_a_longer_pole() -> None:
-    """The chapter's 4 m and 4 L needs both scales: 64 times the inertia, not 4 times."""
-    nominal = mass_matrix(load_model("cart_pendulum"), 0.0, 0.0)[1, 1]
-    both = mass_matrix(edited("cart_pendulum", BodyEdit("pole", 4, 4)), 0.0, 0.0)[1, 1]
-    mass = mass_matrix(edited("cart_pendulum", BodyEdit("pole", 4)), 0.0, 0.0)[1, 1]
-    assert (both / nominal, mass / nominal) == pytest.approx((64, 4), rel=1e-12)
-
-
-def test_three_times_the_rotors_mass_is_three_times_its_inertia() -> None:
-    model = edited("servo", BodyEdit("rotor", mass_scale=3))
-    assert mass_matrix(model, 0.2)[0, 0] == pytest.approx(3 * 5.77e-2, rel=1e-14)
-
-
 @pytest.mark.parametrize(("a", "b"), [(2.0, 1.25), (4.0, 0.5), (0.25, 4.0)])
 def test_payload_edit_changes_the_arm_by_m_l2_and_m_g_l(a: float, b: float) -> None:
     """M(q) = J + m l^2 + M_c (1 + sin q) and G = m g l cos q; J and M_c are not the link's."""
@@ -153,14 +128,6 @@ def test_payload_edit_changes_the_arm_by_m_l2_and_m_g_l(a: float, b: float) -> N
         assert mass_matrix(model, q)[0, 0] == pytest.approx(inertia, abs=1e-12)
         gravity = at(model, q).qfrc_bias[0]
         assert gravity == pytest.approx(m * 9.8 * length * math.cos(q), abs=1e-14)
-
-
-def test_length_edit_of_the_arm_moves_the_payload_and_not_the_cable() -> None:
-    before, after = load_model("arm"), edited("arm", BodyEdit("link", 1.0, 2.0))
-    for site in ("eyelet", "drum"):
-        np.testing.assert_array_equal(after.site(site).pos, before.site(site).pos)
-    np.testing.assert_array_equal(after.site("payload").pos, [1.0, 0.0, 0.0])
-    assert at(after, 0.3).ten_length[0] == at(before, 0.3).ten_length[0]
 
 
 def test_a_hub_whose_eyelet_left_the_drums_radius_has_no_analytic_twin() -> None:
@@ -193,31 +160,11 @@ def test_edits_touch_neither_the_spec_nor_the_nominal_plant(name: str) -> None:
     np.testing.assert_array_equal(saved(MujocoPlant.load(name).model), bits)
 
 
-@every_body
-def test_repeated_edits_do_not_compound(name: str, body: str) -> None:
-    edit = BodyEdit(body, 3.0, 1.7)
-    once = MujocoPlant.load(name).edited(edit)
-    twice = once.edited(edit)
-    np.testing.assert_array_equal(saved(twice.model), saved(once.model))
-    back = twice.edited(BodyEdit(body))
-    np.testing.assert_array_equal(
-        back.model.body(body).inertia, load_model(name).body(body).inertia
-    )
-
-
 def test_order_of_edits_does_not_matter() -> None:
     cart, pole = BodyEdit("cart", 2.0), BodyEdit("pole", 4.0, 4.0)
     np.testing.assert_array_equal(
         saved(edited("cart_pendulum", cart, pole)), saved(edited("cart_pendulum", pole, cart))
     )
-
-
-def test_apply_edits_returns_a_spec_of_its_own() -> None:
-    spec = load_spec("arm")
-    text = spec.to_xml()
-    other = apply_edits(spec, [])
-    other.body("link").mass = 1.0
-    assert spec.to_xml() == text
 
 
 # Fresh constants
@@ -245,63 +192,7 @@ def test_derived_constants_are_those_that_mujoco_computes_anew(name: str, body: 
     assert model.stat.meanmass == pytest.approx(again.stat.meanmass, rel=1e-12)
 
 
-@every_body
-def test_mass_written_into_a_compiled_model_leaves_the_rest_stale(name: str, body: str) -> None:
-    """Why edits compile again: the same mass in place keeps inertia and derived constants."""
-    nominal, fresh = load_model(name), edited(name, BodyEdit(body, mass_scale=3.0))
-    stale = copy.copy(nominal)
-    stale.body(body).mass = 3 * nominal.body(body).mass
-    assert stale.body(body).mass == fresh.body(body).mass
-    np.testing.assert_array_equal(stale.body(body).inertia, nominal.body(body).inertia)
-    np.testing.assert_array_equal(stale.dof_M0, nominal.dof_M0)
-    np.testing.assert_array_equal(stale.body_subtreemass, nominal.body_subtreemass)
-    assert fresh.body_subtreemass[0] > stale.body_subtreemass[0]
-    # The payload of the arm is a point, without an inertia about its own centre.
-    np.testing.assert_allclose(fresh.body(body).inertia, 3 * nominal.body(body).inertia, rtol=1e-14)
-    assert np.all(fresh.dof_M0[:1] > nominal.dof_M0[:1])
-
-
-def test_stale_inertia_gives_the_wrong_acceleration() -> None:
-    """A rotor that is 3 times as heavy in body_mass alone turns as if nothing had happened."""
-    accelerations = []
-    stale = load_model("servo")
-    stale.body("rotor").mass = 3 * stale.body("rotor").mass
-    for model in (load_model("servo"), stale, edited("servo", BodyEdit("rotor", 3.0))):
-        data = mujoco.MjData(model)
-        data.ctrl[0] = 1.0
-        mujoco.mj_forward(model, data)
-        accelerations.append(data.qacc[0])
-    nominal, wrong, right = accelerations
-    assert wrong == nominal
-    assert right == pytest.approx(nominal / 3, rel=1e-14)
-
-
 # What is refused
-
-
-@pytest.mark.parametrize("scale", [0.0, -1.0, math.nan, math.inf])
-@pytest.mark.parametrize("which", ["mass_scale", "length_scale"])
-def test_a_scale_must_be_finite_and_positive(which: str, scale: float) -> None:
-    with pytest.raises(ModelError, match=f"edit of 'pole': {which} = {scale:g} must be"):
-        BodyEdit("pole", **{which: scale})
-
-
-@pytest.mark.parametrize(("wrong", "near"), [("pol", "pole"), ("Cart", "cart"), ("world", None)])
-def test_unknown_body_gets_the_valid_ones(wrong: str, near: str | None) -> None:
-    with pytest.raises(ModelError, match=f"unknown body {wrong!r}.*valid: cart, pole") as caught:
-        edited("cart_pendulum", BodyEdit(wrong, 2.0))
-    assert (f"did you mean {near!r}" in str(caught.value)) == (near is not None)
-
-
-def test_one_body_has_one_edit() -> None:
-    with pytest.raises(ModelError, match="'pole' has two of the kind 'edit'"):
-        edited("cart_pendulum", BodyEdit("pole", 2.0), BodyEdit("pole", 1.0, 2.0))
-
-
-def test_an_edit_that_mujoco_refuses_is_a_model_error() -> None:
-    """A moving body must have a mass above 1e-15 kg."""
-    with pytest.raises(ModelError, match="mass and inertia of moving bodies"):
-        edited("servo", BodyEdit("rotor", mass_scale=1e-16))
 
 
 # --- loads, joints and meshes ---
@@ -380,25 +271,6 @@ def test_a_load_on_a_scaled_body_sits_where_its_position_says() -> None:
     np.testing.assert_allclose(after.body("link").ipos, wanted, rtol=0, atol=1e-15)
 
 
-def test_the_nominal_model_is_compiled_once_for_all_that_is_edited(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    compiled = []
-
-    def counted(spec: mujoco.MjSpec, **options: bool) -> mujoco.MjModel:
-        compiled.append(spec)
-        return compile_spec(spec, **options)
-
-    for module in (edits, mujoco_plant):
-        monkeypatch.setattr(module, "compile_spec", counted)
-    plant = MujocoPlant(SERVO, load_spec("servo"))
-    masses = [
-        plant.edited(BodyEdit("rotor", scale)).model.body("rotor").mass[0] for scale in (2.0, 3.0)
-    ]
-    assert masses[1] == pytest.approx(1.5 * masses[0])
-    assert len(compiled) == 3
-
-
 def test_a_joint_edit_sets_what_it_names_only() -> None:
     _, after = changed(JointEdit("j", damping=3.0, friction=0.0))
     assert after.dof_damping[0] == 3.0
@@ -409,13 +281,11 @@ def test_a_joint_edit_sets_what_it_names_only() -> None:
     assert after.dof_armature[0] == 0.9
 
 
-@pytest.mark.parametrize("tilt", [math.radians(30), math.radians(60), -0.4])
+@pytest.mark.parametrize("tilt", [math.radians(60), -0.4])
 @pytest.mark.parametrize(
     ("axis", "towards"),
     [
         ((0, -1, 0), (0, 0, 1)),
-        ((1, 0, 1), (0, 0, 1)),
-        ((-2, 1, 3), (0, 0, 1)),
         ((1, 2, -2), (0, 0, 1)),
         ((0, 0, 1), (1, 0, 0)),
         ((0, 0, -1), (1, 0, 0)),
@@ -451,33 +321,23 @@ def test_a_body_drawn_by_a_mesh_of_its_own_stays_similar_to_itself() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("edits", "message"),
-    [
-        ((BodyEdit("one", length_scale=2.0),), "mesh 'shared' of body 'one' also draws two"),
-        ((AddedMass("lnk", 1.0),), "unknown body 'lnk': did you mean 'link'"),
-        ((JointEdit("k", damping=1.0),), "unknown joint 'k'"),
-        (
-            (JointEdit("j", damping=1.0), JointEdit("j", friction=1.0)),
-            "'j' has two of the kind 'edit'",
-        ),
-    ],
-)
-def test_loads_and_joint_edits_that_do_not_fit(edits: tuple[Edit, ...], message: str) -> None:
-    with pytest.raises(ModelError, match=message):
-        changed(*edits)
+REFUSED: list[tuple[Callable[[], Any], str]] = [
+    (lambda: BodyEdit("pole", mass_scale=0.0), "edit of 'pole': mass_scale = 0 must be"),
+    (lambda: BodyEdit("pole", length_scale=math.inf), "length_scale = inf must be finite"),
+    (lambda: AddedMass("link", math.nan), "mass = nan must be finite and positive"),
+    (lambda: AddedMass("link", 1.0, (0.0, math.inf, 0.0)), "three finite numbers"),
+    (lambda: JointEdit("j", damping=-1.0), "damping = -1 must be finite"),
+    (lambda: changed(BodyEdit("world", 2.0)), "unknown body 'world'.*valid: link, horn, one, two"),
+    (lambda: changed(AddedMass("lnk", 1.0)), "unknown body 'lnk': did you mean 'link'"),
+    (lambda: changed(JointEdit("k", damping=1.0)), "unknown joint 'k'"),
+    (lambda: changed(BodyEdit("one", 2.0), BodyEdit("one", 3.0)), "'one' has two of the kind"),
+    (lambda: changed(BodyEdit("one", length_scale=2.0)), "geom 'shared' of body 'one'"),
+    (lambda: edited("servo", BodyEdit("rotor", 1e-16)), "mass and inertia of moving bodies"),
+]
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: AddedMass("link", 0.0),
-        lambda: AddedMass("link", math.nan),
-        lambda: AddedMass("link", 1.0, (0.0, math.inf, 0.0)),
-        lambda: JointEdit("j", damping=-1.0),
-        lambda: JointEdit("j", friction=math.inf),
-    ],
-)
-def test_numbers_that_no_load_or_joint_can_have(make: Callable[[], Edit]) -> None:
-    with pytest.raises(ModelError, match="finite"):
+@pytest.mark.parametrize(("make", "words"), REFUSED, ids=[words for _, words in REFUSED])
+def test_an_edit_that_cannot_be_is_refused(make: Callable[[], Any], words: str) -> None:
+    with pytest.raises(ModelError, match=words) as refused:
         make()
+    assert "\n" not in str(refused.value)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 import math
 
 import mujoco
 import numpy as np
 import pytest
-from scipy.differentiate import jacobian
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.lqr import lqr
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.plants import AnalyticPlant
 
 # Central differences with a step of 6e-6 lose its square, 4e-11, times a third derivative over
 # six, and 2e-16/6e-6 = 4e-11 to rounding; both over the largest entry. Measured with edits:
@@ -37,34 +33,11 @@ EQUILIBRIA = [
 ]
 
 
-def derivatives(twin: AnalyticPlant, x: Array, u: float) -> tuple[Array, Array]:
-    """dx'/dx and dx'/du of the equations by extrapolated differences, (n, n) and (n, 1)."""
-    n = len(x)
-
-    def rates(columns: Array) -> Array:
-        flat = columns.reshape(n + 1, -1)
-        values = [twin.derivative(column[:n], column[n]) for column in flat.T]
-        return np.stack(values, axis=1).reshape(n, *columns.shape[1:])
-
-    point = np.append(x, u)
-    both = jacobian(rates, point, tolerances={"rtol": 1e-14, "atol": 0.0}, initial_step=0.1).df
-    return both[:, :n], both[:, n:]
-
-
 def largest_error(found: tuple[Array, Array], expected: tuple[Array, Array]) -> float:
     """The largest difference in A or in B over the largest entry of each."""
     return max(
         float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(found, expected, strict=True)
     )
-
-
-@pytest.mark.parametrize(("name", "edits", "x", "u"), EQUILIBRIA)
-def test_it_is_the_derivative_of_the_equations(
-    name: str, edits: tuple[BodyEdit, ...], x: list[float], u: float
-) -> None:
-    plant = MujocoPlant.load(name, edits=edits)
-    expected = derivatives(plant.analytic(), np.array(x), u)
-    assert largest_error(linearize(plant, x, u), expected) < AGREEMENT
 
 
 @pytest.mark.parametrize(
@@ -140,30 +113,13 @@ def test_its_exponential_is_the_transition_of_the_plants_own_timestep(name: str)
     np.testing.assert_allclose(moved, whole, rtol=0, atol=1e-9 * np.abs(whole).max())
 
 
-def test_the_model_stays_as_it_is() -> None:
-    plant = MujocoPlant.load("servo")
-    before = copy.copy(plant.model.opt)
-    linearize(plant)
-    for field in ("integrator", "timestep", "disableflags"):
-        assert getattr(plant.model.opt, field) == getattr(before, field)
-
-
-def test_whole_state_of_the_pendulum_is_controllable() -> None:
-    """A feedback that holds angle and cart exists: the Riccati equation has its solution."""
-    A, B = linearize(MujocoPlant.load("cart_pendulum"))
-    assert lqr(A, B, np.eye(4), 1.0).poles.real.max() < 0
-
-
 @pytest.mark.parametrize(
     ("x", "u", "message"),
     [
         ([0.0, 0.0], 0.0, r"cart_pendulum: x has shape \(2,\)"),
-        ([[0.0] * 4], 0.0, "cart_pendulum: x "),
-        ([0.0, math.nan, 0.0, 0.0], 0.0, "cart_pendulum: x "),
-        (None, math.inf, "u = inf must be finite"),
-        (None, [0.0, 0.0], r"u \(2,\)"),
+        ([0.0, math.nan, 0.0, 0.0], 0.0, "must be finite numbers"),
+        (None, math.inf, "u = inf must be finite numbers"),
         (None, 1.0, r"1\.0\] is no equilibrium: x' = \[0\.0, 0\.0, 0\.952\d*, 1\.42"),
-        ([0.0, 0.1, 0.0, 0.0], 0.0, "is no equilibrium"),
         ([0.0, 0.0, 0.2, 0.0], 0.0, "is no equilibrium"),
     ],
 )

@@ -144,10 +144,6 @@ def test_what_only_a_compiler_can_tell_is_left_to_it(
     assert template.written(edits) is None
 
 
-def test_masses_of_what_has_geoms_can_be_written() -> None:
-    assert SENSED.template.changes((BodyEdit("pole", 2.0),)) is not None
-
-
 @pytest.mark.parametrize("numbers", [{"frictionloss": 0.1}, {"range": [-1.0, 1.0]}], ids=str)
 def test_a_model_with_constraints_is_compiled(numbers: dict[str, Any]) -> None:
     """They are solved by a mean inertia that a compiler alone computes."""

@@ -17,7 +17,7 @@ from grosmc_mj.physics import mujoco_plant
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.physics.undrawn import can_constrain, undrawn
+from grosmc_mj.physics.template import can_constrain, undrawn
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
@@ -121,13 +121,6 @@ def test_geoms_stay_where_inertia_must_come_from_them() -> None:
     assert plant.undrawn_model.ngeom == plant.model.ngeom
 
 
-def test_the_plant_itself_stays_drawn() -> None:
-    plant = MujocoPlant.load("arm")
-    before = saved(compile_spec(plant.spec))
-    plant.undrawn_model  # noqa: B018  compiled
-    np.testing.assert_array_equal(saved(compile_spec(plant.spec)), before)
-
-
 @pytest.mark.parametrize("drawn", [True, False])
 @pytest.mark.parametrize("system", EDITS)
 def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, drawn: bool) -> None:
@@ -199,15 +192,6 @@ def test_what_can_constrain(constrained: bool, parts: dict[str, str]) -> None:
     assert constrained or states[0] == states[1]
 
 
-def test_what_runs_compute_with_looks_for_no_constraint_in_vain() -> None:
-    off = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    arm = MujocoPlant.load("arm")
-    rubbing = arm.edited(JointEdit("joint", friction=0.1))
-    flags = [each.undrawn_model.opt.disableflags & off for each in (arm, rubbing)]
-    assert [bool(each) for each in flags] == [True, False]
-    assert not arm.model.opt.disableflags & off
-
-
 @pytest.mark.parametrize(
     ("edit", "compilations"),
     [(partial(BodyEdit, "rotor"), 0), (partial(JointEdit, "shaft"), 3)],
@@ -237,9 +221,3 @@ def test_a_batch_compiles_no_plant_twice(
     del compiled[:]
     simulate(plants, law, [1.0, 0.0], duration=0.01, disturbances=push, record=False)
     assert not compiled
-
-
-def test_timestep_is_that_of_the_compiled_model() -> None:
-    for timestep in (None, 2e-3):
-        plant = MujocoPlant.load("arm", timestep=timestep)
-        assert plant.step_length == plant.model.opt.timestep

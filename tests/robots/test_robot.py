@@ -35,10 +35,9 @@ from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
 from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
-from grosmc_mj.physics.files import load_spec, model_path
+from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.robots.dynamics import bias, inertia
@@ -189,24 +188,6 @@ def test_computed_torque_gives_the_acceleration_that_it_asks_for() -> None:
         np.testing.assert_allclose(data.qacc - raised, wanted, rtol=0, atol=1e-12)
 
 
-def test_mujocos_dynamics_and_the_symbolic_ones_make_the_same_law() -> None:
-    symbolic = Task(
-        MujocoPlant.load("two_link_arm").analytic(),
-        ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2)),
-        Setpoints(0.3, -0.4),
-        *weights(2),
-    )
-    task = two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
-    for design in (
-        lambda t: tracking_grosmc(t, 10.0, 30.0),
-        linearized_lqr,
-        lambda t: computed_torque_pd(t, 5.0, 1.0),
-    ):
-        ours, theirs = design(task), design(symbolic)
-        for x in states(2):
-            np.testing.assert_allclose(control(ours, 0.0, x), control(theirs, 0.0, x), rtol=1e-12)
-
-
 def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     ours, p = two_link_law().coordinates, two_link_law().parameters
     theirs, plant = (
@@ -339,13 +320,13 @@ BROKEN = [
     ('timestep="0.001"', 'timestep="-1"', "timestep is -1 s"),
     ('timestep="0.001"', 'timestep="nan"', "timestep is nan s"),
     ('timestep="0.001"', 'timestep="1e9"', r"timestep is 1e\+09 s"),
-    ('gear="1"', 'gear="nan"', r"actuator 'motor': gear = \[nan, .* must be finite"),
-    ('"-20 20"', '"-20 inf"', r"actuator 'motor': ctrlrange = \[-20.0, inf\] must be finite"),
-    ('damping="0.1"', 'damping="nan"', "joint 'hinge': damping = nan must be finite"),
-    ('damping="0.1"', 'armature="inf"', "joint 'hinge': armature = inf must be finite"),
-    ('damping="0.1"', 'stiffness="nan"', "joint 'hinge': stiffness = nan must be finite"),
+    ('gear="1"', 'gear="nan"', r"actuator_gear\[0, 0\] = nan must be finite"),
+    ('"-20 20"', '"-20 inf"', r"actuator_ctrlrange\[0, 1\] = inf must be finite"),
+    ('damping="0.1"', 'damping="nan"', r"dof_damping\[0\] = nan must be finite"),
+    ('damping="0.1"', 'armature="inf"', r"dof_armature\[0\] = inf must be finite"),
+    ('damping="0.1"', 'stiffness="nan"', r"jnt_stiffness\[0\] = nan must be finite"),
     ('mass="1"', 'mass="inf"', "one: .*'link'"),
-    ('timestep="0.001"', 'gravity="0 0 nan"', "its gravity is .*, not finite"),
+    ('timestep="0.001"', 'gravity="0 0 nan"', r"gravity\[2\] = nan must be finite"),
 ]
 
 
@@ -378,23 +359,6 @@ def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> Non
         simulate(two_link().plant, replace(law, design=None), np.zeros(4), duration=0.01)
 
 
-def test_no_address_is_among_a_laws_numbers() -> None:
-    other = Robot.from_mjcf(model_path("two_link_arm"))
-    task = other.task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
-    assert task.feedback(np.zeros((2, 4))).plant == two_link_law().parameters.plant
-
-
-def test_metrics_are_those_of_the_law_beside_its_optimum() -> None:
-    law = linearized_lqr(two_link_law_task(), "lqr")
-    run = simulate(two_link().plant, law, [0.1, 0.2, 0, 0], duration=2.0)
-    found = measure(run, law, compare_with_optimum(run, law))
-    # The hold of 1 ms is what is left of the difference: of the order h.
-    assert found["deviation"].value is not None
-    assert found["deviation"].value < 2e-3
-    assert found["deviation"].unit == "rad"
-    assert found["max_input"].unit == "N m"
-
-
 def two_link_law_task() -> Task:
     return two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
 
@@ -418,24 +382,6 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
     assert "velocity servo (kv 9) is left out, torque control without limits" in text
     assert "gear -20" in text
     assert "contacts" in text
-
-
-def test_contacts_that_a_model_disables_are_none_that_the_law_misses() -> None:
-    spec = mujoco.MjSpec.from_string(TREE)
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    assert "contacts" not in "\n".join(Robot.from_mjcf(spec).notes)
-
-
-def test_a_converted_motor_moves_its_joint_as_the_geared_one_did() -> None:
-    spec = mujoco.MjSpec.from_string(TREE)
-    model, robot = spec.compile(), tree()
-    before, after = mujoco.MjData(model), mujoco.MjData(robot.plant.model)
-    before.ctrl[model.actuator("push_force").id] = 0.3
-    after.ctrl[2] = -20 * 0.3
-    for own, data in ((model, before), (robot.plant.model, after)):
-        mujoco.mj_forward(own, data)
-    servos = before.qfrc_actuator * [1, 1, 0]
-    np.testing.assert_array_equal(before.qfrc_actuator - servos, after.qfrc_actuator)
 
 
 def test_a_joints_own_force_range_limits_its_torque() -> None:
@@ -479,12 +425,6 @@ def test_parts_without_a_name_get_one_that_nothing_has() -> None:
     assert push in named
     model = Robot.from_mjcf(named.replace(push, "")).plant.model
     assert [model.joint(i).name for i in range(N)] == ["joint3", "lift", "joint3_"]
-
-
-def test_timestep_and_integrator_are_the_plants() -> None:
-    robot = Robot.from_mjcf(TREE, timestep=5e-4, integrator="implicitfast")
-    assert robot.plant.model.opt.timestep == 5e-4
-    assert robot.plant.model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 
 def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics() -> None:
@@ -562,9 +502,9 @@ WELD = "<equality><weld body1='link'/></equality>"
         (one_joint().replace("<joint name='j' />", "").replace("<motor joint='j'/>", ""), "no joi"),
         (one_joint().replace("size='0.1'", "size='0.1' mass='0'"), "mass and inertia"),
         ("<mujoco><nonsense/></mujoco>", "cannot be read"),
-        ("nowhere.xml", "there is no MJCF file 'nowhere.xml'"),
-        (mujoco.MjModel.from_xml_string(one_joint()), "a compiled MjModel cannot be edited"),
-        (3, "a int is no model"),
+        ("nowhere.xml", "the MJCF cannot be read: .*nowhere.xml"),
+        (mujoco.MjModel.from_xml_string(one_joint()), "a MjModel cannot be edited"),
+        (3, "a int cannot be edited"),
     ],
 )
 def test_refused_with_the_reason(xml: Any, message: str) -> None:

@@ -231,13 +231,6 @@ def test_estimates_hold_while_an_input_is_beyond_its_limit() -> None:
     assert not found.memory["theta"].any()
 
 
-def test_a_law_without_its_workspace_is_undefined() -> None:
-    memory = law().memory()
-    asked = np.array(law().input_at(0.0, np.zeros(2 * N), memory))
-    assert memory.undefined == 1.0
-    assert np.isfinite(asked).all()
-
-
 # --- files ---
 
 FILE = """

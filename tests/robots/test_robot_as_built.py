@@ -1,8 +1,7 @@
-"""Robots whose MJCF has lags, delays and DC motors: on the true plant, and in no law."""
+"""Robots as built: lags, delays, DC motors, inner controllers and couplings, which no law knows."""
 
 from __future__ import annotations
 
-import json
 import math
 from functools import cache
 from pathlib import Path
@@ -15,8 +14,8 @@ import pytest
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
-from grosmc_mj.control.references import Setpoint, setpoints
+from grosmc_mj.control.design import tracking_grosmc
+from grosmc_mj.control.references import Setpoint, Setpoints, setpoints
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.edits import AddedMass
@@ -35,11 +34,39 @@ LAG = (
     'ctrlrange="-3 5"/>'
 )
 DELAY = '<motor name="drive" joint="hinge" gear="2" ctrlrange="-10 10" delay="0.012" nsample="15"/>'
-DCMOTOR = (
-    '<dcmotor name="drive" joint="hinge" motorconst="0.05" resistance="2" inductance="0.01" '
-    'gear="50" ctrlrange="-24 24"/>'
+K, R, GEAR, SUPPLY = 0.05, 2.0, 50.0, 24.0
+
+
+def motor(more: str = 'ctrlrange="-24 24"', gear: float = GEAR) -> str:
+    return (
+        f'<dcmotor name="drive" joint="hinge" motorconst="{K}" resistance="{R}" inductance="0.01" '
+        f'gear="{gear}" {more}/>'
+    )
+
+
+DCMOTOR = motor()
+# Proportional, integral, derivative, slew rate, clamp of the integral, supply.
+INNER = {
+    "position": 'input="pos" controller="3 2 1 7 4 24" ctrlrange="-1 1"',
+    "velocity": 'input="vel" controller="0 0 2 0 0 24" ctrlrange="-1 1"',
+    "both": 'input="pos vel ff" controller="3 0 1 0 0 24"',
+    "current": 'input="ff" controller="0 0 0 0 0 24"',
+}
+FRICTION = 'cogging="0.01 6 0.2" lugre="100 1 0.02 0.03 0.01" saturation="0.5 0 2000"'
+SERVO = (
+    '<position name="drive" joint="hinge" kp="30" kv="2" timeconst="0.02" gear="2" '
+    'ctrlrange="-1 1" forcerange="-4 4"/>'
+)
+# A servo as a general actuator, whose activation's range is one of places.
+GENERAL = (
+    '<general name="drive" joint="hinge" gainprm="30" biastype="affine" biasprm="0 -30 -2" '
+    'gear="2" ctrlrange="-1 1" forcerange="-4 4" dyntype="filterexact" dynprm="0.02" '
+    'actlimited="true" actrange="-0.1 0.1"/>'
 )
 ALL = {"lag": LAG, "delay": DELAY, "DC motor": DCMOTOR}
+of_all = pytest.mark.parametrize("actuator", ALL.values(), ids=list(ALL))
+# A heavy link does not move in a step, so that no back-EMF is left.
+HEAVY = AddedMass("link", 1e9, (0.0, 0.0, 0.5))
 
 
 @cache
@@ -48,9 +75,8 @@ def robot(actuator: str, joint: str = "", integrator: Any = None) -> Robot:
 
 
 def law_of(made: Robot) -> Controller:
-    return tracking_grosmc(
-        made.task(setpoints(2), Setpoint(0.3), np.diag([100.0, 0.0]), 1.0), 10, 5
-    )
+    task = made.task(setpoints(2), Setpoint(0.3), np.diag([100.0, 0.0]), 1.0)
+    return tracking_grosmc(task, 10, 5)
 
 
 def torques(plant: MujocoPlant, u: float, steps: int, q: float = 0.0, v: float = 0.0) -> Array:
@@ -65,239 +91,235 @@ def torques(plant: MujocoPlant, u: float, steps: int, q: float = 0.0, v: float =
     return np.array(rows)
 
 
-# --- what is built ---
+def waved(model: mujoco.MjModel, size: float) -> Array:
+    """Angle, speed and torque under a sine."""
+    data, rows = mujoco.MjData(model), []
+    for step in range(800):
+        data.ctrl[0] = size * math.sin(0.02 * step)
+        mujoco.mj_step(model, data)
+        rows.append((data.qpos[0], data.qvel[0], data.qfrc_actuator[0]))
+    return np.array(rows)
 
 
-@pytest.mark.parametrize("actuator", ALL.values(), ids=list(ALL))
-@pytest.mark.parametrize("u", [0.7, -2.5])
-def test_what_is_asked_for_is_in_the_end_the_torque_at_rest(actuator: str, u: float) -> None:
-    made = robot(actuator)
-    # A heavy link does not move in a step, so that no back-EMF is left.
-    heavy = (AddedMass("link", 1e9, (0.0, 0.0, 0.5)),)
-    assert torques(made.plant.edited(*heavy), u, 1)[0] == pytest.approx(u, rel=1e-12)
-    found = torques(made.built.edited(*heavy), u, 400)
-    assert abs(found[0]) < 0.5 * abs(u)
-    assert found[-1] == pytest.approx(u, rel=1e-6)
-
-
-def test_a_lag_a_delay_and_a_winding_are_those_of_the_model() -> None:
-    """RK4 moves an exact lag nearly so, and asks for a delayed input within a step, too."""
-    heavy = (AddedMass("link", 1e9, (0.0, 0.0, 0.5)),)
-    for actuator, constant in ((LAG, 0.02), (DCMOTOR, 0.01 / 2)):
-        built = robot(actuator, integrator="implicitfast").built
-        left = 1 - torques(built.edited(*heavy), 1.0, 20)
-        np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / constant), rtol=1e-6)
-    delay = torques(robot(DELAY, integrator="implicitfast").built, 1.0, 20)
-    assert delay.tolist() == [0.0] * 12 + [1.0] * 8
-
-
-def test_the_back_emf_is_that_of_the_model() -> None:
-    """Held at a speed it brakes by (gear K)^2/R."""
-    made = robot(DCMOTOR)
-    heavy = made.built.edited(AddedMass("link", 1e9, (0.0, 0.0, 0.5)))
-    brakes = torques(heavy, 0.0, 200, v=0.4)[-1]
-    assert brakes == pytest.approx(-0.4 * (50 * 0.05) ** 2 / 2, rel=1e-3)
-    assert torques(made.plant, 0.0, 1, v=0.4)[0] == 0
-
-
-@pytest.mark.parametrize("actuator", ALL.values(), ids=list(ALL))
-def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str) -> None:
-    """The same motion, once asked for in the model's own unit and once in N m."""
-    original = mujoco.MjModel.from_xml_string(ONE.format("", actuator))
-    unit = {LAG: 4 * -2, DELAY: 2, DCMOTOR: 50 * 0.05 / 2}[actuator]
-    built, runs = robot(actuator).built.model, []
-    for model, factor in ((original, 1 / unit), (built, 1.0)):
-        data, rows = mujoco.MjData(model), []
-        for step in range(500):
-            data.ctrl[0] = factor * 3 * math.sin(0.02 * step)
-            mujoco.mj_step(model, data)
-            rows.append((data.qpos[0], data.qvel[0], data.qfrc_actuator[0]))
-        runs.append(np.array(rows))
-    assert np.abs(runs[0][:, 0]).max() > 0.1
-    np.testing.assert_allclose(runs[1], runs[0], rtol=1e-9, atol=1e-9)
-
-
-def test_limits_are_torques_whatever_they_were_limits_of() -> None:
-    np.testing.assert_array_equal(robot(LAG).plant.input_limits.T, [[-40, 24]])
-    np.testing.assert_array_equal(robot(DELAY).plant.input_limits.T, [[-20, 20]])
-    np.testing.assert_allclose(robot(DCMOTOR).plant.input_limits.T, [[-30, 30]])
-    for actuator in ALL.values():
-        made = robot(actuator)
-        np.testing.assert_array_equal(made.built.input_limits, made.plant.input_limits)
-        low, high = made.plant.input_limits.T[0]
-        heavy = made.built.edited(AddedMass("link", 1e9, (0.0, 0.0, 0.5)))
-        for u, end in ((1e3, high), (-1e3, low)):
-            assert torques(heavy, u, 400)[-1] == pytest.approx(end, rel=1e-6)
-
-
-def test_an_activations_limits_are_torques_too() -> None:
-    limited = LAG.replace("ctrlrange", 'actlimited="true" actrange="-1 2" ctrlrange')
-    # RK4 looks beyond them within a step.
-    made = robot(limited, integrator="implicitfast")
-    np.testing.assert_array_equal(made.plant.input_limits.T, [[-16, 8]])
-    ends = [torques(made.built, u, 400)[-1] for u in (-1e3, 1e3)]
-    assert ends == pytest.approx([-16, 8], rel=1e-6)
-    beyond = robot(LAG.replace("ctrlrange", 'actlimited="true" actrange="-9 9" ctrlrange'))
-    np.testing.assert_array_equal(beyond.plant.input_limits.T, [[-40, 24]])
-
-
-def test_a_motor_within_a_current_may_be_asked_for_what_its_speed_takes() -> None:
-    """At 8 rad/s 24 V give the 4 N m that its current allows, and 8 V are what it brakes with."""
-    limited = DCMOTOR.replace(' inductance="0.01"', "").replace(
-        'gear="50"', 'gear="50" saturation="0.08 0 0"'
-    )
-    made = robot(limited)
-    np.testing.assert_array_equal(made.plant.input_limits.T, [[-4, 4]])
-    heavy = made.built.edited(AddedMass("link", 1e9, (0.0, 0.0, 0.5)))
-    for volts, torque in ((24, 4.0), (22, 2.5), (20, 0.0), (0, -4.0)):
-        found = torques(heavy, volts * 50 * 0.05 / 2, 2, v=8.0)[-1]
-        assert found == pytest.approx(torque, abs=1e-3)
-
-
-def test_a_joints_own_force_range_holds_on_the_built_plant() -> None:
-    made = robot(DELAY, " actuatorfrcrange='-2 3'")
-    np.testing.assert_array_equal(made.plant.input_limits.T, [[-2, 3]])
-    assert torques(made.built, 1e3, 20)[-1] == 3
-
-
-def test_a_delayed_servo_loses_its_own_loop() -> None:
-    """On the built plant as on the nominal one: what it was asked for is torque."""
-    servo = '<position name="drive" joint="hinge" kp="30" kv="2" delay="0.01" nsample="12"/>'
-    made = robot(servo)
-    for plant in (made.plant, made.built):
-        assert torques(plant, 0.7, 30, q=0.5, v=1.0)[-1] == pytest.approx(0.7, rel=1e-12)
-    assert "instead of the position servo (kp 30, kv 2)" in made.notes[0]
-
-
-def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
-    ideal = robot(IDEAL)
-    for actuator in ALL.values():
-        made = robot(actuator)
-        model = made.plant.model
-        assert model.na == 0
-        assert model.actuator_dyntype[0] == mujoco.mjtDyn.mjDYN_NONE
-        assert model.actuator_gear[0, 0] == 1
-        x = np.array([0.2, -0.4])
-        assert inertia(made.nominal, x[:1]) == inertia(ideal.nominal, x[:1])
-        assert bias(made.nominal, x[:1], x[1:]) == bias(ideal.nominal, x[:1], x[1:])
-        first, second = law_of(made), law_of(ideal)
-        asked = []
-        for law in (first, second):
-            memory, _kept = law.begin()
-            asked.append(law.input_at(0.0, x, memory))
-        assert asked[0] == asked[1]
-    assert ideal.built is ideal.plant
+# --- the built plant ---
 
 
 @pytest.mark.parametrize(
-    ("actuator", "said"),
+    ("actuator", "unit"),
+    [
+        (LAG, 4 * -2),
+        (DELAY, 2),
+        (DCMOTOR, GEAR * K / R),
+        *((motor(FRICTION, gear), gear * K / R) for gear in (30.0, -30.0)),
+        *((motor(f"{FRICTION} {INNER['current']}", gear), gear) for gear in (30.0, -30.0)),
+    ],
+)
+def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit: float) -> None:
+    """The same motion, once with a command in the model's own unit and once in N m."""
+    original = mujoco.MjModel.from_xml_string(ONE.format("", actuator))
+    original.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    theirs = waved(original, 12 / unit)
+    ours = waved(robot(actuator, integrator="implicitfast").built.model, 12.0)
+    assert np.abs(theirs[:, 0]).max() > 0.1
+    np.testing.assert_allclose(ours, theirs, rtol=1e-7, atol=1e-8)
+
+
+@pytest.mark.parametrize("u", [0.7, -2.5])
+@of_all
+def test_a_demand_is_in_the_end_the_torque_at_rest(actuator: str, u: float) -> None:
+    made = robot(actuator)
+    assert torques(made.plant.edited(HEAVY), u, 1)[0] == pytest.approx(u, rel=1e-12)
+    built = torques(made.built.edited(HEAVY), u, 400)
+    assert abs(built[0]) < 0.5 * abs(u)
+    assert built[-1] == pytest.approx(u, rel=1e-6)
+
+
+def test_lag_delay_winding_and_back_emf_are_those_of_the_model() -> None:
+    """RK4 moves an exact lag nearly so, and reads a delayed input within a step, too."""
+    for actuator, constant in ((LAG, 0.02), (DCMOTOR, 0.01 / R)):
+        built = robot(actuator, integrator="implicitfast").built
+        left = 1 - torques(built.edited(HEAVY), 1.0, 20)
+        np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / constant), rtol=1e-6)
+    delay = torques(robot(DELAY, integrator="implicitfast").built, 1.0, 20)
+    assert delay.tolist() == [0.0] * 12 + [1.0] * 8
+    # Held at a speed it brakes by (gear K)^2/R.
+    brakes = torques(robot(DCMOTOR).built.edited(HEAVY), 0.0, 200, v=0.4)[-1]
+    assert brakes == pytest.approx(-0.4 * (GEAR * K) ** 2 / R, rel=1e-3)
+    assert torques(robot(DCMOTOR).plant, 0.0, 1, v=0.4)[0] == 0
+
+
+LIMITED = LAG.replace("ctrlrange", 'actlimited="true" actrange="{}" ctrlrange')
+CURRENT = motor('ctrlrange="-24 24" saturation="0.08 0 0"')
+
+
+@pytest.mark.parametrize(
+    ("actuator", "joint", "low", "high"),
+    [
+        (LAG, "", -40, 24),
+        (DELAY, "", -20, 20),
+        (DCMOTOR, "", -30, 30),
+        (LIMITED.format("-1 2"), "", -16, 8),
+        (LIMITED.format("-9 9"), "", -40, 24),
+        (SERVO, "", -8, 8),
+        (GENERAL, "", -8, 8),
+        (DELAY, " actuatorfrcrange='-2 3'", -2, 3),
+        (CURRENT, "", -4, 4),
+    ],
+)
+def test_limits_are_torques_whatever_they_were_limits_of(
+    actuator: str, joint: str, low: float, high: float
+) -> None:
+    # RK4 looks beyond an activation's limits within a step.
+    made = robot(actuator, joint, integrator="implicitfast")
+    np.testing.assert_allclose(made.plant.input_limits.T, [[low, high]], rtol=1e-12)
+    if actuator in ALL.values() and not joint:
+        np.testing.assert_array_equal(made.built.input_limits, made.plant.input_limits)
+    for u, end in ((1e3, high), (-1e3, low)):
+        assert torques(made.built.edited(HEAVY), u, 600)[-1] == pytest.approx(end, rel=1e-6)
+
+
+def test_a_motor_within_a_current_may_be_given_the_demand_that_its_speed_takes() -> None:
+    """At 8 rad/s 24 V give the 4 N m that its current allows, and 8 V are what it brakes with."""
+    built = robot(CURRENT.replace(' inductance="0.01"', "")).built.edited(HEAVY)
+    for volts, torque in ((24, 4.0), (22, 2.5), (20, 0.0), (0, -4.0)):
+        assert torques(built, volts * GEAR * K / R, 2, v=8.0)[-1] == pytest.approx(torque, abs=1e-3)
+
+
+@pytest.mark.parametrize("gear", [GEAR, -GEAR])
+@pytest.mark.parametrize("inner", INNER.values(), ids=list(INNER))
+def test_the_inner_controller_goes_and_motor_and_driver_stay(inner: str, gear: float) -> None:
+    """The torque that is demanded, wherever the joint is, as far as the supply holds it."""
+    made = robot(motor(inner, gear), integrator="implicitfast")
+    built = made.built.edited(HEAVY)
+    assert (made.plant.model.na, built.model.na) == (0, 1)
+    for q, v in ((0.0, 0.0), (0.7, 4.0), (-0.2, -4.0)):
+        assert torques(built, 2.0, 400, q, v)[-1] == pytest.approx(2.0, rel=1e-6)
+    v = 8.0
+    holds = GEAR * K * (SUPPLY - K * GEAR * v) / R
+    assert torques(built, 20.0, 400, v=v)[-1] == pytest.approx(holds, rel=1e-6)
+    # The winding is the model's: L/R.
+    left = 1 - torques(built, 1.0, 20)
+    np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 * R / 0.01), rtol=1e-6)
+    # A motor that turns the other way has the same torque to the bit.
+    turned = robot(motor(inner, -gear), integrator="implicitfast").built.model
+    np.testing.assert_array_equal(waved(turned, 5.0), waved(made.built.model, 5.0))
+
+
+def test_a_supply_beside_an_input_in_volts_limits_nothing_as_in_mujoco() -> None:
+    made = robot(motor('controller="0 0 0 0 0 24"'))
+    np.testing.assert_array_equal(made.plant.input_limits.T, [[-np.inf, np.inf]])
+    assert torques(made.built.edited(HEAVY), 100.0, 400)[-1] == pytest.approx(100.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "u"),
+    [
+        (SERVO, 5.0),
+        (GENERAL, 7.0),
+        (SERVO.replace('timeconst="0.02"', 'delay="0.01" nsample="12"'), 0.7),
+        ('<intvelocity name="drive" joint="hinge" kp="30" actrange="-1 1"/>', 3.0),
+        ('<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.01" nsample="12"/>', 3.0),
+    ],
+)
+def test_a_servo_loses_its_own_loop_and_keeps_its_lag(actuator: str, u: float) -> None:
+    """Neither place nor speed pulls, and a torque is not a place."""
+    made = robot(actuator, integrator="implicitfast")
+    assert "position servo (kp 30" in made.notes[0]
+    for q, v in ((0.0, 0.0), (0.6, 3.0)):
+        assert torques(made.plant, u, 1, q, v)[-1] == pytest.approx(u, rel=1e-12)
+        built = torques(made.built, u, 600, q, v)
+        assert built[-1] == pytest.approx(u, rel=1e-9)
+        if made.built.model.na:
+            left = u - built[:20]
+            np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / 0.02), rtol=1e-9)
+
+
+# --- what laws know ---
+
+
+@of_all
+def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else(actuator: str) -> None:
+    made, ideal, x = robot(actuator), robot(IDEAL), np.array([0.2, -0.4])
+    assert ideal.built is ideal.plant
+    model, inputs = made.plant.model, []
+    assert (model.na, model.actuator_dyntype[0], model.actuator_gear[0, 0]) == (0, 0, 1)
+    assert made.plant.hidden_states == ()
+    names = {LAG: ["drive lag"], DELAY: [], DCMOTOR: ["drive current"]}[actuator]
+    assert [state.name for state in made.built.hidden_states] == names
+    for one in (made, ideal):
+        law = law_of(one)
+        memory, _kept = law.begin()
+        terms = inertia(one.nominal, x[:1]), bias(one.nominal, x[:1], x[1:])
+        inputs.append((*terms, law.input_at(0.0, x, memory)))
+    assert inputs[0] == inputs[1]
+
+
+@pytest.mark.parametrize(
+    ("actuator", "words"),
     [
         (LAG, "the plant has a lag of 0.02 s, which no law knows; torque control within [-40, 24]"),
         (DELAY, "the plant has a delay of 0.012 s, which no law knows"),
         (DCMOTOR, "the plant has a DC motor with its back-EMF, which no law knows"),
-        (
-            LAG.replace("/>", ' delay="0.01" nsample="12"/>'),
-            "the plant has a lag of 0.02 s and a delay of 0.01 s, which no law knows",
-        ),
+        (LAG.replace("/>", ' delay="0.01" nsample="12"/>'), "a lag of 0.02 s and a delay of 0.01"),
+        (motor(INNER["position"]), "instead of the inner position controller (kp 3, ki 2, kd 1)"),
+        (motor(INNER["velocity"]), "a driver of its current within 24 V, which no law"),
+        (motor(INNER["current"]), "torque control within [-30, 30] N m"),
+        (SERVO, "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"),
     ],
 )
-def test_converted_says_what_the_plant_has(actuator: str, said: str) -> None:
-    first = robot(actuator).notes[0]
-    assert first.startswith("actuator 'drive': ")
-    assert said in first
-
-
-# --- what is refused ---
+def test_notes_say_what_the_plant_has(actuator: str, words: str) -> None:
+    note = robot(actuator).notes[0]
+    assert note.startswith("actuator 'drive': ")
+    assert words in note
 
 
 @pytest.mark.parametrize(
-    ("actuator", "said"),
+    ("actuator", "words"),
     [
-        (
-            '<general name="d" joint="hinge" dyntype="integrator" actrange="-1 1"/>',
-            r"has activation dynamics \(integrator\)",
-        ),
         (
             '<general name="d" joint="hinge" dyntype="filter" dynprm="0"/>',
             "has a lag of 0 s, which nothing can simulate",
         ),
-        (DCMOTOR.replace("/>", ' damping="0.1"/>'), "damping of its own, which belongs to its jo"),
-        (DCMOTOR.replace("/>", ' input="none"/>'), "is a DC motor without an input"),
-        ('<muscle name="d" joint="hinge" lengthrange="0 1"/>', "is a muscle, which pulls by its"),
-        (DELAY.replace('joint="hinge"', 'site="s"'), "acts on a site"),
+        (motor('damping="0.1"'), "damping of its own, which belongs to its jo"),
+        (motor('input="none"'), "is a DC motor without an input"),
         (LAG.replace('gainprm="4"', 'gaintype="affine" gainprm="4 1 0"'), "gain that depends on"),
     ],
 )
-def test_what_torque_cannot_stand_for_is_still_refused(actuator: str, said: str) -> None:
-    xml = ONE.format("", actuator).replace("</body>", '<site name="s"/></body>')
-    with pytest.raises(ModelError, match=said) as told:
-        Robot.from_mjcf(xml)
-    assert "\n" not in str(told.value)
+def test_an_actuator_that_torque_cannot_stand_for_is_refused(actuator: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words) as refused:
+        robot(actuator)
+    assert "\n" not in str(refused.value)
 
 
 # --- runs ---
 
 
-@pytest.mark.parametrize("actuator", ALL.values(), ids=list(ALL))
-def test_both_engines_run_the_built_plant_alike(actuator: str) -> None:
-    made = robot(actuator)
-    law = law_of(made)
-    runs = [
-        simulate(made.built, law, [0.1, 0.0], duration=0.2, control_period=2e-3, engine=engine)
-        for engine in ("native", "python")
-    ]
-    for name in ("state", "input", "command", "physics"):
-        np.testing.assert_array_equal(getattr(runs[0], name), getattr(runs[1], name))
-    ideal = simulate(made.plant, law, [0.1, 0.0], duration=0.2, control_period=2e-3)
-    assert not np.array_equal(ideal.state, runs[0].state)
-
-
-def test_a_batch_with_delays_is_its_single_runs() -> None:
+@of_all
+def test_both_engines_and_a_batch_run_the_built_plant_alike(actuator: str) -> None:
     """What a delay remembers of one simulation is nothing to the next one."""
-    made = robot(DELAY)
-    law, starts = law_of(made), np.array([[0.1, 0.0], [-0.5, 1.0], [0.3, 0.3], [0.1, 0.0]])
-    batch = simulate(made.built, law, starts, duration=0.1, threads=1)
-    for x0, state in zip(starts, batch.state, strict=True):
-        alone = simulate(made.built, law, x0, duration=0.1)
-        np.testing.assert_array_equal(alone.state, state)
-    np.testing.assert_array_equal(batch.state[0], batch.state[3])
+    made = robot(actuator)
+    law, starts = law_of(made), np.array([[0.1, 0.0], [-0.5, 1.0], [0.1, 0.0]])
+    options: dict[str, Any] = {"duration": 0.2, "control_period": 2e-3}
+    batch = simulate(made.built, law, starts, threads=1, **options)
+    for engine in ("native", "python"):
+        run = simulate(made.built, law, starts[0], engine=engine, **options)
+        for name in ("state", "input", "command", "physics"):
+            for i in (0, 2):
+                np.testing.assert_array_equal(getattr(run, name), getattr(batch[i], name))
+    ideal = simulate(made.plant, law, starts[0], **options)
+    assert not np.array_equal(ideal.state, batch.state[0])
 
-
-def test_a_delay_of_the_model_is_one_of_twelve_samples() -> None:
-    """The plant with its delay moves as the ideal one, twelve steps later."""
-    made = robot(DELAY, integrator="Euler")
-    task = made.task(setpoints(2), Setpoint(0.3), np.diag([100.0, 0.0]), 1.0)
-    run = simulate(made.built, linearized_lqr(task), [0.1, 0.0], duration=0.05)
-    asked = run.command[:, 0] if run.command.ndim > 1 else run.command
-    model, data = made.plant.model, mujoco.MjData(made.plant.model)
-    data.qpos[0] = 0.1
-    for step, row in enumerate(run.state[1:]):
-        data.ctrl[0] = asked[step - 12] if step >= 12 else 0.0
-        mujoco.mj_step(model, data)
-        assert data.qpos[0] == pytest.approx(row[0], rel=1e-9)
-
-
-def test_what_is_unseen_of_a_built_plant_is_named() -> None:
-    for actuator, names in ((LAG, ["drive lag"]), (DELAY, []), (DCMOTOR, ["drive current"])):
-        assert [each.name for each in robot(actuator).built.hidden_states] == names
-        assert robot(actuator).plant.hidden_states == ()
-
-
-# --- in case files ---
 
 CASE = """
 [plant]
 model = "arm.xml"
-
 [run]
 start = { hinge = "0.1 rad" }
 duration = "0.1 s"
-
 [task]
 reference = ["0.3"]
 Q = [100, 0]
 R = 1
-
 [[controller]]
 law = "grosmc"
 k = 10
@@ -305,31 +327,102 @@ epsilon = 5
 """
 
 
-@pytest.mark.parametrize("actuator", ALL.values(), ids=list(ALL))
-def test_experiments_run_on_the_built_plant(actuator: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("actuator", [DELAY, motor(INNER["position"], -50), SERVO])
+def test_a_file_runs_on_the_built_plant_and_says_what_no_law_knows(
+    actuator: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "arm.xml").write_text(ONE.format("", actuator), encoding="utf-8")
     file = tmp_path / "case.toml"
     file.write_text(CASE, encoding="utf-8")
     experiment = Experiment.load(file)
-    physics: Any = experiment.plant("physics")
-    made = experiment.nominal.robot
+    made, physics = experiment.nominal.robot, experiment.plant("physics")
     assert made is not None
     assert physics.digest == made.built.digest != made.plant.digest
     run = experiment.run("physics", "grosmc").trajectory
-    law = experiment.law("physics", "grosmc")
-    same = simulate(made.built, law, [0.1, 0.0], duration=0.1)
+    same = simulate(made.built, experiment.law("physics", "grosmc"), [0.1, 0.0], duration=0.1)
     np.testing.assert_array_equal(run.state, same.state)
-
-
-def test_the_command_line_says_what_no_law_knows(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "arm.xml").write_text(ONE.format("", DELAY), encoding="utf-8")
-    file = tmp_path / "case.toml"
-    file.write_text(CASE, encoding="utf-8")
     with pytest.raises(SystemExit) as stop:
         cli.main(["run", str(file), "--out", str(tmp_path)])
     assert stop.value.code == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "the plant has a delay of 0.012 s, which no law knows" in said
-    json.loads((tmp_path / "case.json").read_text(encoding="utf-8"))
+    assert "which no law knows; torque control" in " ".join(capsys.readouterr().out.split())
+
+
+# --- coupled joints ---
+
+TWO = """<mujoco model="two"><option timestep="0.001" integrator="implicitfast"/><worldbody>
+<body name="a"><joint name="first" axis="0 1 0"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.5" mass="1"/></body>
+<body name="b" pos="0 1 0"><joint name="second" axis="0 1 0"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.3" mass="2"/></body></worldbody>
+<actuator><motor name="one" joint="first"/>{}</actuator><equality>{}</equality></mujoco>"""
+SECOND = '<motor name="two" joint="second"/>'
+COUPLED = '<joint joint1="first" joint2="second" polycoef="0 2 0 0 0" {}/>'
+KINDS = {"stiff": COUPLED.format(""), "compliant": COUPLED.format('solref="-40 -2"')}
+WELD = '<weld body1="a" body2="b"/>'
+
+
+@pytest.mark.parametrize("coupled", KINDS.values(), ids=list(KINDS))
+def test_coupled_joints_are_the_plants_and_no_laws(coupled: str) -> None:
+    text = TWO.format(SECOND, coupled)
+    made, free = Robot.from_mjcf(text), Robot.from_mjcf(TWO.format(SECOND, ""))
+    assert (made.plant.model.neq, made.nominal.neq, made.built.model.neq) == (0, 0, 1)
+    assert made.notes == (
+        "the plant couples the joints 'first' and 'second' (equality), which no law knows: laws "
+        "move each on its own",
+        *free.notes,
+    )
+    q, dq = [0.2, -0.4], [1.0, 0.3]
+    np.testing.assert_array_equal(inertia(made.nominal, q), inertia(free.nominal, q))
+    np.testing.assert_array_equal(bias(made.nominal, q, dq), bias(free.nominal, q, dq))
+    original, runs = mujoco.MjModel.from_xml_string(text), []
+    for model in (original, made.built.model, made.plant.model):
+        data, rows = mujoco.MjData(model), []
+        for step in range(500):
+            data.ctrl[:] = math.sin(0.01 * step), 0.0
+            mujoco.mj_step(model, data)
+            rows.append(data.qpos.copy())
+        runs.append(np.array(rows))
+    np.testing.assert_array_equal(runs[0], runs[1])
+    slip, free_slip = (np.abs(run[:, 0] - 2 * run[:, 1]).max() for run in runs[1:])
+    assert slip < (0.01 if coupled == KINDS["stiff"] else 0.5) * free_slip
+
+
+def test_a_law_holds_a_coupled_plant_where_that_agrees_in_both_engines() -> None:
+    made = Robot.from_mjcf(TWO.format(SECOND, KINDS["compliant"]))
+    weights = np.diag([100.0, 0.0, 100.0, 0.0])
+    law = tracking_grosmc(made.task(setpoints(2, 2), Setpoints(0.4, 0.2), weights, 1.0), 10, 5)
+    options: dict[str, Any] = {"control_period": 2e-3}
+    runs = [
+        simulate(made.built, law, np.zeros(4), duration=0.2, engine=engine, **options)
+        for engine in ("native", "python")
+    ]
+    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+    end = simulate(made.built, law, np.zeros(4), duration=4.0, **options).state[-1]
+    np.testing.assert_allclose(end[:2], [0.4, 0.2], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("second", "constraint", "words"),
+    [
+        (SECOND, '<connect body1="a" body2="b" anchor="0 0 0"/>', r"constraints \(connect\)"),
+        (SECOND, WELD, r"constraints \(weld\): they close loops"),
+        ("", KINDS["stiff"], r"joint 'second' is coupled .* leave it out of joints"),
+    ],
+)
+def test_a_constraint_that_no_torque_tells_of_is_refused(
+    second: str, constraint: str, words: str
+) -> None:
+    with pytest.raises(ModelError, match=words) as refused:
+        Robot.from_mjcf(TWO.format(second, constraint))
+    assert "\n" not in str(refused.value)
+
+
+def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_held() -> None:
+    off = Robot.from_mjcf(TWO.format(SECOND, WELD.replace("/>", ' active="false"/>')))
+    assert off.built is off.plant
+    alone = Robot.from_mjcf(TWO.format("", KINDS["stiff"]), joints=["first"])
+    assert alone.built is alone.plant
+    assert "left out: the coupling (equality) of 'first' and 'second'" in alone.notes
+    held = '<joint joint1="first" polycoef="0.1 0 0 0 0" solref="-40 -2"/>'
+    made = Robot.from_mjcf(TWO.format(SECOND, held))
+    assert made.notes[0].startswith("the plant holds the joint 'first' (equality), which no")

@@ -32,7 +32,6 @@ from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.control.references import Setpoint, setpoints
-from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.catalogue import chapter_controller
@@ -41,7 +40,7 @@ from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, TWO_LINK_ARM, AnalyticPlant
-from grosmc_mj.plants.two_link_arm import TwoLinkParameters, tip
+from grosmc_mj.plants.two_link_arm import TwoLinkParameters
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
@@ -101,30 +100,6 @@ def test_symbolic_twin_has_mujocos_accelerations_under_edits_of_every_body() -> 
         plant = MujocoPlant.load(SYSTEM, edits=edits)
         found = acceleration_difference(plant, plant.analytic(), rng, 200)
         assert found <= AGREEMENT_BOUND == 1e-10, edits
-
-
-def test_symbolic_twin_is_the_equations_by_hand() -> None:
-    """1e-13 of the largest term: two orders of the same sums."""
-    rng = np.random.default_rng(1)
-    for edits in ((), *(random_edits(rng) for _ in range(4))):
-        plant = MujocoPlant.load(SYSTEM, edits=edits).analytic()
-        p = own(plant)
-        for _ in range(50):
-            x, tau, w = random_state(rng), rng.normal(0, 5, 2), rng.normal(0, 5, 18)
-            q, dq = x[:2], x[2:]
-            forces = (
-                tau,
-                oracle.generalized_force(q, w, p),
-                oracle.coriolis(q, dq, p),
-                oracle.gravity(q, p),
-            )
-            M = oracle.inertia(q, p)
-            largest = max(np.abs(np.linalg.solve(M, force)).max() for force in forces)
-            # What rounding makes of a force grows with the inertia matrix's condition.
-            allowed = 1e-13 * largest * np.linalg.cond(M)
-            difference = plant.derivative(x, tau, w)[2:] - oracle.acceleration(q, dq, tau, w, p)
-            assert np.abs(difference).max() <= allowed
-            assert plant.derivative(x, tau, w)[:2].tolist() == dq.tolist()
 
 
 def test_numbers_are_read_from_the_model() -> None:
@@ -205,11 +180,6 @@ def test_relative_degree_is_two_and_two_and_the_chains_are_brunovskys(
     assert chains.matched
 
 
-def test_units_follow_the_outputs() -> None:
-    assert TWO_LINK_JOINTS.units == ("rad", "rad/s") * 2
-    assert TWO_LINK_TIP.units == ("m", "m/s") * 2
-
-
 def tip_jacobian(x: Array, p: oracle.TwoLinkParameters) -> Array:
     """dy/dq by extrapolated central differences, (2, 2)."""
 
@@ -245,17 +215,6 @@ def test_decoupling_matrix_of_the_tip_is_singular_where_the_arm_is_straight_or_f
     for straight in (0.0, math.pi, -math.pi):
         E = np.reshape(matrix(np.array([0.7, straight, 1.0, -2.0]), nominal().parameters), (2, 2))
         assert abs(np.linalg.det(E)) < 1e-14
-
-
-@pytest.mark.slow
-def test_singular_states_of_the_tip_are_named() -> None:
-    """sin q2 = 0 is among the conditions that sympy finds, solved for q2."""
-    found = [each.args[1] for each in TWO_LINK_TIP.linearization.singular_states()]
-    straight = [each for each in found if isinstance(each, sp.Union)]
-    assert len(straight) == 1, found
-    for turns in range(-2, 3):
-        assert straight[0].contains(turns * sp.pi) is sp.true
-        assert straight[0].contains((turns + sp.Rational(1, 2)) * sp.pi) is sp.false
 
 
 @pytest.mark.slow
@@ -323,17 +282,6 @@ def test_place_refuses_a_point_out_of_reach() -> None:
         TWO_LINK_TIP.place(0.0, [0.5, 0.0, 0.0, 0.0], law("grosmc").parameters)
 
 
-def test_tip_outputs_are_the_tip() -> None:
-    rng, p = np.random.default_rng(6), nominal().parameters
-    symbols = sp.symbols("q1 q2 l1 l2")
-    forward = sp.lambdify(symbols, tip(), "math")
-    for _ in range(20):
-        x = random_state(rng)
-        np.testing.assert_allclose(
-            forward(x[0], x[1], p.l1, p.l2), oracle.tip(x[:2], own(nominal())), atol=1e-15
-        )
-
-
 # The closed loop
 
 
@@ -386,18 +334,6 @@ def test_physics_is_the_equations_to_rounding(name: str, case: str) -> None:
     np.testing.assert_allclose(runs[0].state, runs[1].state, rtol=0, atol=1e-10)
 
 
-def test_physics_and_equations_agree_in_norm_under_switching() -> None:
-    """Switching amplifies rounding, so that only bounds and norms are alike."""
-    for case in ("case1", "regulation1"):
-        both = [run("grosmc", case, on_physics=each, duration=2.0) for each in (True, False)]
-        assert deviation(both[0]) == pytest.approx(deviation(both[1]), rel=0.25)
-        norms = []
-        for each, _ in both:
-            assert each.sliding is not None
-            norms.append(np.sqrt(np.mean(each.sliding**2, axis=0)))
-        np.testing.assert_allclose(norms[0], norms[1], rtol=0.25)
-
-
 FIELDS = ("state", "command", "input", "sliding", "weighed", "wrench", "physics", "valid_until")
 
 
@@ -422,32 +358,6 @@ def test_engines_agree_bit_for_bit(name: str, design: str, *, on_physics: bool) 
     python = simulate(plant, law(name, design), start, engine="python", **options)
     assert native.status is Status.COMPLETED
     assert_same(native, python)
-
-
-def test_shapes_of_a_run_with_two_inputs() -> None:
-    N = 40
-    options: dict[str, Any] = {"duration": N * 1e-3, "disturbances": PUSHES}
-    for name in LAWS:
-        single = simulate(physics(), law(name), START, **options)
-        assert single.state.shape == (N + 1, 4)
-        for values in (single.command, single.input, single.weighed):
-            assert values.shape == (N, 2)
-        assert single.wrench is not None
-        assert single.wrench.shape == (N, 18)
-        assert (single.sliding is None) == (name != "grosmc")
-        if single.sliding is not None:
-            assert single.sliding.shape == (N, 2)
-    starts = np.array(START) + 0.01 * np.arange(3)[:, None]
-    plants = [physics(BodyEdit("payload", scale)) for scale in (1.0, 2.0, 3.0)]
-    batch = simulate(plants, law("grosmc"), starts, **options)
-    assert len(batch) == 3
-    assert batch.sliding is not None
-    assert batch.command.shape == batch.input.shape == batch.sliding.shape == (3, N, 2)
-    for i in range(3):
-        assert_same(batch[i], simulate(plants[i], law("grosmc"), starts[i], **options))
-    ends = simulate(plants, law("grosmc"), starts, record=False, **options)
-    assert ends.command.shape == (3, 1, 2)
-    np.testing.assert_array_equal(ends.state[:, -1], batch.state[:, -1])
 
 
 def test_limited_actuator_reports_what_it_applied() -> None:
@@ -564,14 +474,6 @@ def least_margin(weight: float, payload: float) -> float:
     return float(min(found))
 
 
-def test_weighing_the_elbow_less_keeps_the_dominance_that_1_kg_would_take() -> None:
-    """G = B+ is barely enough at 0.6 kg and loses both inputs' dominance at 1 kg."""
-    assert 0 < least_margin(1.0, 0.6) < 0.05
-    assert least_margin(1 / 3, 0.6) > 0.35
-    assert least_margin(1.0, 1.0) < -0.2
-    assert least_margin(1 / 3, 1.0) > 0.15
-
-
 def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
     ctl = law("grosmc", REGULATION)
     ratio = TWO_LINK_UNCERTAINTY.reaching_rate / ctl.parameters.eta
@@ -638,28 +540,6 @@ def test_price_of_a_law_is_what_its_nominal_loop_costs(name: str) -> None:
         costs.append(0.5 * (of_state + of_input))
         price = ctl.designed.lqr.optimal_cost(z[0])
     assert 2 * costs[1] - costs[0] == pytest.approx(price, rel=2e-5)
-
-
-def test_pd_costs_more_than_the_optimum() -> None:
-    costs = [
-        optimum.optimal_cost([-0.5, 0.0, -0.4, 0.0])
-        for optimum in (law("pd", REGULATION).designed.lqr, law("lqr", REGULATION).designed.lqr)
-        if optimum is not None
-    ]
-    assert costs[0] > 1.05 * costs[1]
-
-
-def test_a_law_that_does_not_chatter_keeps_both_surfaces() -> None:
-    """The implicit law on the nominal arm: |s_i| stays below one sample's worth of nothing."""
-    realization = replace(task_of(SYSTEM, nominal()).realization, switching=Implicit())
-    ctl = chapter_controller("grosmc", nominal(), realization)
-    found = simulate(physics(), ctl, START, duration=0.5, engine="python")
-    sign, _ = run("grosmc", duration=0.5)
-    assert found.sliding is not None
-    assert sign.sliding is not None
-    assert np.all(np.abs(found.sliding).max(axis=0) < 0.2 * np.abs(sign.sliding).max(axis=0))
-    jumps = [np.abs(np.diff(each.input, axis=0)).sum(axis=0) for each in (found, sign)]
-    assert np.all(jumps[0] < 0.01 * jumps[1])
 
 
 @pytest.mark.parametrize("engine", ["native", "python"])

@@ -257,13 +257,11 @@ def _at_rest(experiment: Experiment) -> list[str]:
 
 def _in_loop(experiment: Experiment) -> list[str]:
     """What lies between the laws and the plant, and of what the numbers are then."""
-    from grosmc_mj.loop.words import loop_words
-
     if (loop := experiment.case.loop) is None:
         return []
     return [
         "in its loop: y is true, u is given; s is what the law sees, J of what it asks for",
-        *loop_words(loop, experiment.nominal.system),
+        *loop.words(experiment.nominal.system),
     ]
 
 
