@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from grosmc_mj.experiments.metrics.recorded import Metric, cost_shares
+from grosmc_mj.experiments.metrics import Metric, cost_shares
 from grosmc_mj.results.tables import markdown_table, number, numbers, words
 
 _COLUMNS = (

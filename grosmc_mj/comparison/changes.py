@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from grosmc_mj.chapter.expected_results import tolerance_of
+from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.comparison.figures import Figure, direction
 
 # Note on a figure that the new results do not have.

@@ -13,16 +13,17 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, Mistakes, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.experiments.metrics.definitions import (
+from grosmc_mj.experiments.metrics import (
     DWELL,
     SETTLING_BAND,
     Windows,
     error_after,
     folded,
+    has_cart,
+    noted,
     rms_after,
     settled_in,
 )
-from grosmc_mj.experiments.metrics.recorded import has_cart, noted
 from grosmc_mj.simulation.trajectory import Status
 
 if TYPE_CHECKING:

@@ -35,7 +35,7 @@ from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError, UndefinedLawError
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
+from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.files import load_spec, model_path

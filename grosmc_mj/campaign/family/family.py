@@ -28,7 +28,7 @@ from grosmc_mj.experiments.file.tables.parts import (
 )
 from grosmc_mj.experiments.file.tables.table import numbers_of
 from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
-from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.machine.part import MOST

@@ -20,7 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics.recorded import Comparison
+from grosmc_mj.experiments.metrics import Comparison
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
