@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.comparison.figures import Figure, direction
+from grosmc_mj.experiments.metrics import tolerance_of
 
 # Note on a figure that the new results do not have.
 GONE = "gone"
