@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.case import case_document, seed_of
 from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.tables import (
@@ -171,35 +170,6 @@ def run_values(results: Sequence[RunResult]) -> Iterator[Value]:
 def finite(value: float | None) -> float | None:
     """The value, or None for one that JSON has no number for."""
     return value if value is not None and math.isfinite(value) else None
-
-
-def seed_of(case: Case) -> int | None:
-    """The seed of what the loop of a case draws; None without a loop."""
-    return None if case.loop is None else case.loop.seed
-
-
-def case_document(case: Case) -> dict[str, Any]:
-    """A case as plain values."""
-    return {
-        "system": case.system,
-        "case": case.name,
-        "title": case.title,
-        "source": case.source,
-        "x0": list(case.x0),
-        "duration": case.duration,
-        "edits": [asdict(edit) for edit in case.edits],
-        "disturbances": [
-            {"body": d.body, "wrench": list(d.wrench), "profile": _named(d.profile)}
-            for d in case.disturbances
-        ],
-    }
-
-
-def _named(profile: Any) -> str:
-    """A profile as its numbers, or as the function that it is."""
-    if inspect.isfunction(profile):
-        return f"{profile.__module__}:{profile.__qualname__}"
-    return repr(profile)
 
 
 def run_document(result: RunResult) -> dict[str, Any]:

@@ -185,8 +185,8 @@ class Meters:
     def of(cls, known: MeterNumbers) -> Meters:
         """Those of a new run, with room for what these numbers ask."""
         k, b, size = len(known.after), len(known.widths), len(known.transition)
-        rooms = [np.zeros(k) for _ in range(3)]
-        return cls(*rooms, np.zeros(b), -np.ones(b), *(np.zeros(size) for _ in range(4)))
+        errors: Any = (np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(b), -np.ones(b))
+        return cls(*errors, *(np.zeros(size) for _ in range(4)))
 
 
 @dataclass(frozen=True)
@@ -619,9 +619,9 @@ def measure(
     values["rms_error"] = root_mean_square(comparison.error)
     values["total_variation"] = variation_rate(run.input, float(time[-1]))
     values |= _costs(run, controller, comparison)
-    absent = {}
+    absent: dict[str, Metric] = {}
     if run.sliding is None:
-        absent = dict.fromkeys(("max_sliding", "rms_sliding"), Metric(None, "", "no surface"))
+        absent |= dict.fromkeys(("max_sliding", "rms_sliding"), Metric(None, "", "no surface"))
     else:
         values["rms_sliding"] = root_mean_square(_largest_entries(run.sliding))
     if len(comparison.outputs) > 1:

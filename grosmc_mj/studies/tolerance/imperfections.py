@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
-from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, unit_of
+from grosmc_mj.experiments.file.parts import LOOP_UNITS, unit_of
 from grosmc_mj.loop import Loop
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
