@@ -13,33 +13,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.experiments.metrics.recorded import Metric
+from grosmc_mj.experiments.metrics import Metric, tolerance_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.results.document import write_json
 
 EXPECTED_FILE = Path(__file__).with_name("expected_results.json")
-
-# Laws without switching repeat to rounding, which the step of a threshold or a sum over 1e4
-# samples amplifies: relative, absolute.
-_SMOOTH = (1e-6, 1e-9)
-# Switching amplifies rounding until whole samples differ; what then repeats are bounds and
-# norms. The deviation, the costs and the effort are averages or envelopes of the chatter.
-_SWITCHED = {
-    "deviation": (0.25, 1e-4),
-    "settling_time": (0.0, 0.02),
-    "overshoot": (0.2, 0.2),
-    "rms_error": (1e-3, 1e-5),
-    "max_sliding": (0.25, 1e-4),
-    "rms_sliding": (0.25, 1e-4),
-    "cost_continuous": (0.01, 0.0),
-    "cost_whole": (0.1, 0.0),
-    "cost_optimal": (1e-9, 0.0),
-    "total_variation": (0.1, 0.0),
-    "max_input": (0.05, 0.0),
-    "cart_travel": (0.05, 0.0),
-}
-# What depends on the chatter in ways of its own.
-_OTHER = (0.1, 0.0)
 
 
 def load_expected() -> dict[str, Any]:
@@ -90,16 +68,6 @@ def other_settings(settings: Settings) -> list[str]:
         for name, value in _comparable(settings).items()
         if value != recorded[name]
     ]
-
-
-def tolerance_of(metric: str, *, switched: bool) -> tuple[float, float]:
-    """How closely a metric repeats on another machine: relative, absolute in its unit.
-
-    Args:
-        metric: Its name.
-        switched: Whether a switching law made the run.
-    """
-    return _SWITCHED.get(metric, _OTHER) if switched else _SMOOTH
 
 
 def _repeats(name: str, metric: Metric, recorded: float | None, *, switched: bool) -> bool:

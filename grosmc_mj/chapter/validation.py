@@ -18,7 +18,7 @@ from grosmc_mj.chapter.claims.results import (
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.document import case_document, run_document
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics.recorded import Metric
+from grosmc_mj.experiments.metrics import Metric
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import ArgumentError, Mistakes
+from grosmc_mj.experiments.file.parts import in_model, loop_of_file, machine_of_file
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.tables.parts import in_model, loop_of_file, machine_of_file
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.loop import Loop
@@ -64,10 +66,39 @@ class Case:
         return min((d.window[0] for d in self.disturbances), default=math.inf)
 
 
+def seed_of(case: Case) -> int | None:
+    """The seed of what the loop of a case draws; None without a loop."""
+    return None if case.loop is None else case.loop.seed
+
+
+def case_document(case: Case) -> dict[str, Any]:
+    """A case as plain values."""
+    return {
+        "system": case.system,
+        "case": case.name,
+        "title": case.title,
+        "source": case.source,
+        "x0": list(case.x0),
+        "duration": case.duration,
+        "edits": [asdict(edit) for edit in case.edits],
+        "disturbances": [
+            {"body": d.body, "wrench": list(d.wrench), "profile": _function(d.profile)}
+            for d in case.disturbances
+        ],
+    }
+
+
+def _function(profile: Any) -> str:
+    """A profile as its numbers, or as the function that it is."""
+    if inspect.isfunction(profile):
+        return f"{profile.__module__}:{profile.__qualname__}"
+    return repr(profile)
+
+
 def case_of(
     file: CaseFile,
     system: System,
-    folder: Path | None = None,
+    folder: Path = Path(),
     rest: Sequence[float] | None = None,
 ) -> Case:
     """The experiment of a case file.
@@ -85,12 +116,11 @@ def case_of(
     with mistakes.gathered():
         x0 = state_of(file.run.start, system, "run: start", rest)
     for i, table in enumerate(file.disturbance):
-        with mistakes.gathered():
-            disturbances.append(_disturbance(table, f"disturbance {i + 1}", folder))
-    loop = None
+        with mistakes.gathered(f"disturbance {i + 1}: "):
+            disturbances.append(_disturbance(table, folder))
+    loop, edits, parts = None, (), ()
     with mistakes.gathered():
         loop = loop_of_file(file, system)
-    edits, parts = (), ()
     with mistakes.gathered():
         edits = edits_of(file, system, known=False)
     with mistakes.gathered():
@@ -128,10 +158,8 @@ def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int,
     """Values of states, by their indices, from values by their names; raises as ``state_of``."""
     names, found, mistakes = [state.name for state in system.states], {}, Mistakes()
     for name, value in given.items():
-        if name not in names:
-            mistakes.note(f"{where}: {unknown_name('state', name, names)}")
-            continue
-        with mistakes.gathered(f"{where}: {name}: "):
+        with mistakes.gathered(f"{where}: " + (f"{name}: " if name in names else "")):
+            require_known("state", name, names)
             found[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
     mistakes.refuse()
     return found
@@ -159,33 +187,28 @@ def _edit(table: EditTable, system: System) -> Edit:
     return BodyEdit(table.body, table.mass_scale, table.length_scale)
 
 
-def _disturbance(table: DisturbanceTable, where: str, folder: Path | None) -> Disturbance:
-    """One disturbance."""
+# Of each profile: its keys, the one that it needs, and the profile.
+_PROFILES: Mapping[str, tuple[tuple[str, ...], str, Callable[..., Profile]]] = {
+    "constant": ((), "", Constant),
+    "pulse": (("start", "stop"), "stop", Pulse),
+    "sine": (("frequency", "onset", "phase"), "frequency", SineFrom),
+}
+
+
+def _disturbance(table: DisturbanceTable, folder: Path) -> Disturbance:
+    """One disturbance, with its course in time."""
     wrench: Any = (*table.force, *table.torque)
     if not any(wrench):
-        raise ArgumentError(f"{where}: it has neither force nor torque")
-    try:
-        return Disturbance(table.body, wrench, _profile(table, folder), table.label)
-    except ArgumentError as error:
-        raise ArgumentError(f"{where}: {error}") from None
-
-
-def _profile(table: DisturbanceTable, folder: Path | None) -> Profile:
-    """Its course in time."""
+        raise ArgumentError("it has neither force nor torque")
     if is_named(table.profile):
-        return load_named(table.profile, folder or Path())
-    used = {"constant": (), "pulse": ("start", "stop"), "sine": ("frequency", "phase", "onset")}
-    if table.profile not in used:
-        raise ArgumentError(unknown_name("profile", table.profile, [*used, "module:name"]))
-    timed = {name for names in used.values() for name in names} & table.model_fields_set
-    if idle := sorted(timed - set(used[table.profile])):
-        raise ArgumentError(f"a {table.profile} has no {', '.join(idle)}")
-    if table.profile == "pulse":
-        if table.stop is None:
-            raise ArgumentError("a pulse needs stop")
-        return Pulse(table.start, table.stop)
-    if table.profile == "sine":
-        if table.frequency is None:
-            raise ArgumentError("a sine needs frequency")
-        return SineFrom(table.frequency, table.onset, table.phase)
-    return Constant()
+        profile = load_named(table.profile, folder)
+    else:
+        require_known("profile", table.profile, (*_PROFILES, "module:name"))
+        keys, needed, kind = _PROFILES[table.profile]
+        timed = {key for others, *_ in _PROFILES.values() for key in others}
+        if idle := sorted((timed & table.model_fields_set) - set(keys)):
+            raise ArgumentError(f"a {table.profile} has no {', '.join(idle)}")
+        if needed and getattr(table, needed) is None:
+            raise ArgumentError(f"a {table.profile} needs {needed}")
+        profile = kind(*(getattr(table, key) for key in keys))
+    return Disturbance(table.body, wrench, profile, table.label)

@@ -1,15 +1,32 @@
-"""validation.json: everything that was measured, and all that is needed to measure it again."""
+"""NAME.json of a run: everything that was measured, and all that is needed to measure it again."""
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.case import case_document, seed_of
+from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.experiments.requirements import Judgement
-from grosmc_mj.results.document import origin
+from grosmc_mj.experiments.tables import (
+    LEGEND,
+    gains_table,
+    requirements_table,
+    results_table,
+)
+from grosmc_mj.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    Sheet,
+    Standing,
+    Value,
+    result,
+)
+from grosmc_mj.results.tables import number
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -24,70 +41,135 @@ def experiment_document(
     complete: bool,
     premises: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """What a case file led to.
+    """The content of a run's JSON file.
 
     Args:
         experiment: The case file, as resolved.
         results: Its runs, in order.
-        judgements: What it requires, and whether that was kept.
+        judgements: Its requirements of these runs, judged.
         complete: Whether all its runs are there.
         premises: Those of its laws, as plain values; left out if there are none.
     """
-    return {
-        **origin(seed_of(experiment.case)),
-        "complete": complete,
-        "configuration": {
+    target = f"{experiment.case.system}/{experiment.case.name}"
+    runs = results_table(results)
+    tables = [runs.model_copy(update={"legend": LEGEND}), gains_table(results)]
+    if judgements:
+        tables.insert(0, requirements_table(judgements))
+    return result(
+        "run",
+        {
             **asdict(experiment.settings),
             "cases": [case_document(experiment.case)],
             "file": experiment.document(),
         },
-        "kept": complete and all(each.kept for each in judgements),
-        "requirements": [
-            {
-                "requirement": each.limit.kind,
-                "limit": {"value": each.limit.value, "unit": each.limit.unit},
-                "after": each.limit.after,
-                "controller": each.controller,
-                "plant": each.plant,
-                "measured": each.measured,
-                "margin": each.margin,
-                "kept": each.kept,
-                "note": each.note,
-            }
-            for each in judgements
-        ],
+        seed=seed_of(experiment.case),
+        complete=complete,
+        answers=[_answer(target, results, judgements, complete=complete)],
+        standings=_standings(target, results, judgements, complete=complete),
+        sheets=[Sheet(table=table) for table in tables],
+        values=[*_judged_values(target, results, judgements), *run_values(results)],
+        kept=complete and all(item.kept for item in judgements),
+        requirements=[_judged(item) for item in judgements],
         **({"premises": list(premises)} if premises else {}),
-        "runs": [run_document(result) for result in results],
-    }
+        runs=[run_document(run) for run in results],
+    )
 
 
-def seed_of(case: Case) -> int | None:
-    """The seed of what the loop of a case draws; None without a loop."""
-    return None if case.loop is None else case.loop.seed
+def _answer(
+    target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
+) -> Answer:
+    """Whether a case keeps its requirements, and the one that is the nearest to its limit."""
+    failed = sum(not item.kept for item in judgements)
+    ended = sum(bool(run.ended) for run in results)
+    if failed:
+        words = f"{failed} of {len(judgements)} requirements are not kept"
+    elif judgements:
+        words = f"all {len(judgements)} requirements are kept"
+    else:
+        words = f"nothing is required; {ended} of {len(results)} runs ended early"
+    broken = failed or (ended and not judgements)
+    verdict = NOT_KEPT if broken else KEPT if complete else OPEN
+    nearest = max(judgements, key=lambda item: item.share, default=None)
+    return Answer(
+        question=f"Run of {target}",
+        verdict=verdict,
+        words=words + ("" if complete else " (interrupted: not complete)"),
+        more="" if nearest is None else f"tightest: {_measured(nearest)}",
+    )
 
 
-def case_document(case: Case) -> dict[str, Any]:
-    """A case as plain values."""
+def _standings(
+    target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
+) -> Iterator[Standing]:
+    """The plant on which a law is the furthest beyond a limit, or the limit it is nearest to."""
+    for law in dict.fromkeys(run.controller.name for run in results):
+        own = [item for item in judgements if item.controller == law]
+        if own:
+            worst = max(own, key=lambda item: (not item.kept, item.share))
+            yield Standing(
+                case=target,
+                law=law,
+                breaks_at="" if worst.kept else worst.plant,
+                words=_measured(worst),
+                complete=complete,
+            )
+
+
+def _measured(item: Judgement) -> str:
+    """A requirement with its measured value."""
+    limit, unit = item.limit, f" {item.limit.unit}" if item.limit.unit not in ("", "1") else ""
+    value = f"{number(item.measured)} of {number(limit.value)}{unit}"
+    return f"{limit.kind.replace('_', ' ')}: {value} by {item.controller} on {item.plant}"
+
+
+def _judged(item: Judgement) -> dict[str, Any]:
+    """A judged requirement as plain values."""
     return {
-        "system": case.system,
-        "case": case.name,
-        "title": case.title,
-        "source": case.source,
-        "x0": list(case.x0),
-        "duration": case.duration,
-        "edits": [asdict(edit) for edit in case.edits],
-        "disturbances": [
-            {"body": d.body, "wrench": list(d.wrench), "profile": _named(d.profile)}
-            for d in case.disturbances
-        ],
+        "requirement": item.limit.kind,
+        "limit": {"value": item.limit.value, "unit": item.limit.unit},
+        "after": item.limit.after,
+        "controller": item.controller,
+        "plant": item.plant,
+        "measured": item.measured,
+        "margin": item.margin,
+        "kept": item.kept,
+        "note": item.note,
     }
 
 
-def _named(profile: Any) -> str:
-    """A profile as its numbers, or as the function that it is."""
-    if inspect.isfunction(profile):
-        return f"{profile.__module__}:{profile.__qualname__}"
-    return repr(profile)
+def _judged_values(
+    target: str, results: Sequence[RunResult], judgements: Sequence[Judgement]
+) -> Iterator[Value]:
+    """The verdict of each requirement and its margin."""
+    switched = {run.controller.name for run in results if run.controller.designed.switching}
+    for item in judgements:
+        limit, name = item.limit, f"{target} {item.plant} {item.controller}: {item.limit.words}"
+        metric = "settling_time" if limit.kind == "settles_within" else limit.metric
+        relative, absolute = tolerance_of(metric, switched=item.controller in switched)
+        yield Value(name=name, value=KEPT if item.kept else NOT_KEPT)
+        yield Value(
+            name=f"{name}, margin", value=finite(item.margin), unit=limit.unit, better=1,
+            relative=relative, absolute=absolute, size=finite(item.measured),
+        )  # fmt: skip
+
+
+def run_values(results: Sequence[RunResult]) -> Iterator[Value]:
+    """How each run ended, and its metrics."""
+    for run in results:
+        name = f"{run.case.system}/{run.case.name} {run.plant} {run.controller.name}"
+        switched = bool(run.controller.designed.switching)
+        yield Value(name=f"{name}: status", value=run.status.name.lower())
+        for key, metric in run.metrics.items():
+            relative, absolute = tolerance_of(key, switched=switched)
+            yield Value(
+                name=f"{name}: {key}", value=finite(metric.value), unit=metric.unit,
+                relative=relative, absolute=absolute,
+            )  # fmt: skip
+
+
+def finite(value: float | None) -> float | None:
+    """The value, or None for one that JSON has no number for."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def run_document(result: RunResult) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.control.uncertainty import Uncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError
 from grosmc_mj.experiments.case import Case, case_of, edits_of
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
@@ -35,7 +35,7 @@ from grosmc_mj.experiments.requirements import (
     transient,
 )
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
-from grosmc_mj.loop import Loop, in_loop
+from grosmc_mj.loop import in_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.inputs import require_answer
@@ -78,11 +78,6 @@ class Experiment:
         require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
         return experiment_of(read_case_file(path), path)
-
-    @property
-    def folder(self) -> Path:
-        """Where the file lies, and the user's own Python."""
-        return self.path.parent
 
     @property
     def key(self) -> tuple[Path, Case]:
@@ -152,32 +147,25 @@ class Experiment:
         return self._all_limits("claim", self.file.claim)
 
     def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
-        """What the tables of a kind ask for."""
-        designed = [self.laws[self.plant_names[0], name] for name in self.controllers]
-        found, mistakes = [], Mistakes()
+        """The limits in the tables of a kind."""
+        laws = [self.laws[self.plant_names[0], name] for name in self.controllers]
+        found, mistakes, end = [], Mistakes(), self.file.run.duration
         for index, table in enumerate(tables):
             with mistakes.gathered(f"{kind} {index + 1}: "):
-                found += self._limits(table, designed)
+                for name in table.of or ():
+                    require_known("controller", name, self.controllers)
+                for name in table.on or ():
+                    require_known("plant", name, self.plant_names)
+                if 0 < end <= table.after:
+                    raise ArgumentError(
+                        f"after = {table.after:g} s must be before the end of a run at {end:g} s"
+                    )
+                own = limits(table, laws, self.plant_names, self.case.duration)
+                for limit in own:
+                    if limit.of_initial_error:
+                        require_initial_error(limit.kind, laws[0], self.case.x0)
+                found += own
         mistakes.refuse()
-        return found
-
-    def _limits(self, table: RequirementTable, designed: Sequence[Controller]) -> list[Limit]:
-        """What one table requires."""
-        for kind, named, valid in (
-            ("controller", table.of or (), self.controllers),
-            ("plant", table.on or (), self.plant_names),
-        ):
-            for name in named:
-                require_known(kind, name, valid)
-        if 0 < self.file.run.duration <= table.after:
-            raise ArgumentError(
-                f"after = {table.after:g} s must be before the end of a run at "
-                f"{self.file.run.duration:g} s"
-            )
-        found = limits(table, designed, self.plant_names, self.case.duration)
-        for limit in found:
-            if limit.of_initial_error:
-                require_initial_error(limit.kind, designed[0], self.case.x0)
         return found
 
     def checked(self) -> Experiment:
@@ -221,21 +209,20 @@ class Experiment:
         key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
         try:
             if key not in self._designs:
-                made = design(table, self.file, self.nominal, plant, self.folder, period)
-                self._designs[key] = made
+                self._designs[key] = design(
+                    table, self.file, self.nominal, plant, self.path.parent, period
+                )
             made = self._designs[key]
             made = _sampled(_realized(made, self._realization_of(table, made)), period)
-            return made if self.case.loop is None else self._looped(made, self.case.loop, table)
+            if self.case.loop is None:
+                return made
+            # The law knows its loop if its table says so.
+            return _in_loop(
+                made, self.case.loop, self.nominal.system, control_period=period,
+                timestep=self.settings.timestep, predict=bool(table.predict),
+            )  # fmt: skip
         except GrosmcError as error:
             raise ArgumentError(f"controller {name}: {error}") from error
-
-    def _looped(self, made: Controller, loop: Loop, table: ControllerTable) -> Controller:
-        """A law in the loop, which it knows if its table says so."""
-        settings = self.settings
-        return _in_loop(
-            made, loop, self.nominal.system, control_period=settings.control_period,
-            timestep=settings.timestep, predict=bool(table.predict),
-        )  # fmt: skip
 
     def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:
         """The same, designed for a nominal plant that is not the file's.
@@ -244,7 +231,9 @@ class Experiment:
             GrosmcError: As for ``law``.
         """
         table, period = self.file.law(name), self.settings.control_period
-        made = design(table, self.file, NominalPlant(nominal), "corrected", self.folder, period)
+        made = design(
+            table, self.file, NominalPlant(nominal), "corrected", self.path.parent, period
+        )
         return _realized(made, self._realization_of(table, made))
 
     @property
@@ -273,15 +262,16 @@ class Experiment:
         return self._realization(self.settings.switching, self.settings.surface)
 
     def _realization_of(self, table: ControllerTable, made: Controller) -> Realization:
-        """How a law is sampled."""
-        given = {"switching", "surface"} & table.model_fields_set
+        """How a law is sampled: as its table says, unless a setting that is chosen counts."""
+        own = {"switching", "surface"} & table.model_fields_set
         if made.design is None or made.design.with_reach is None:
-            if given:
-                raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
+            if own:
+                raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(own))}")
             return AS_PRINTED
-        own = {name: getattr(table, name) for name in given - self.asked}
-        settings = {"switching": self.settings.switching, "surface": self.settings.surface, **own}
-        return self._realization(**settings)
+        settings = {name: getattr(self.settings, name) for name in ("switching", "surface")}
+        return self._realization(
+            **{**settings, **{name: getattr(table, name) for name in own - self.asked}}
+        )
 
     def _realization(self, switching: str, surface: str) -> Realization:
         law = find_switching(switching)
@@ -298,11 +288,11 @@ class Experiment:
         Raises:
             ArgumentError: If there is no such setting, or it has no such value.
         """
-        given = {name: value for name, value in changes.items() if value is not None}
-        for name in given:
+        chosen = {name: value for name, value in changes.items() if value is not None}
+        for name in chosen:
             require_known("setting", name, vars(self.settings))
-        asked = self.asked | given.keys()
-        return replace(self, settings=replace(self.settings, **given), asked=asked)
+        settings = replace(self.settings, **chosen)
+        return replace(self, settings=settings, asked=self.asked | chosen.keys())
 
     def varied(self, **changes: Any) -> Experiment:
         """The same laws in another case.
@@ -340,7 +330,7 @@ class Experiment:
         where = self.nominal.truest if plant is None else plant
         true, made = self.plant(where), self.law(where, law or self.controllers[-1])
         try:
-            with blamed(self.folder):
+            with blamed(self.path.parent):
                 # Compiled code does not say where a law fails, or that it does.
                 require_answer(made, np.array(self.case.x0), len(self.nominal.system.inputs))
                 return run_on(self, where, made, true)
@@ -428,12 +418,11 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
                 f"controller {table.called}: predict: there is no loop that it could know: give "
                 "the file a [computing], a [[sensor]] or an [[actuator]]"
             )
+        if made.controllers.count(table.called) > 1:
+            mistakes.note(f"two controllers are called {table.called!r}: give one another name")
     for name in file.plant.compare or ():
-        if name not in nominal.names:
-            mistakes.note(f"plant: compare: {unknown_name('plant', name, nominal.names)}")
-    for name in made.controllers:
-        if made.controllers.count(name) > 1:
-            mistakes.note(f"two controllers are called {name!r}: give one of them another name")
+        with mistakes.gathered("plant: compare: "):
+            require_known("plant", name, nominal.names)
     mistakes.refuse()
     return made
 

@@ -12,6 +12,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 import sympy as sp
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
@@ -112,34 +113,40 @@ def design(
         GrosmcError: If there is no such law, a number does not fit, or the design fails.
     """
     if is_named(table.law):
-        made = _users(table, file, nominal, plant, folder, control_period)
+        law = _users(table, file, nominal, plant, folder, control_period)
     else:
-        made = _ours(table, file, nominal, plant, folder)
-    return replace(made, name=table.called)
+        law = _packaged(table, file, nominal, plant, folder)
+    return replace(law, name=table.called)
 
 
-def _ours(
+def _packaged(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Controller:
     """A law of the package."""
     _refuse_memory(table)
-    if table.law in (own := FURTHER.get(nominal.system.name, {})) and nominal.shipped:
+    further = FURTHER.get(nominal.system.name, {}) if nominal.shipped else {}
+    if table.law in further:
         if table.numbers:
             _refuse(f"{table.law} has weights and numbers of its own, not {list(table.numbers)}")
-        return own[table.law](nominal.equations(plant), _linear_model(nominal, plant))
+        # MuJoCo's linear model, if the law is designed from the corrected equations.
+        corrected = design_variant(plant) == "corrected" and nominal.plant.kind == "physics"
+        model = nominal.plant.linearization() if corrected else None
+        return further[table.law](nominal.equations(plant), model)
     laws = laws_of(nominal)
     if table.law not in laws:
-        valid = dict.fromkeys([*file.laws, *laws, *own, "module:name"])
+        valid = dict.fromkeys([*file.laws, *laws, *further, "module:name"])
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker, numbers = laws[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
     make_task = _state_task if of_states else _task
-    task, valid = make_task(table, file, nominal, plant, folder), _numbers_of(maker)
+    task = make_task(table, file, nominal, plant, folder)
+    parameters = list(inspect.signature(maker).parameters.values())[1:]
+    needed = {
+        item.name: item.default is item.empty for item in parameters if item.name not in _OURS
+    }
     for name in numbers:
-        if name not in valid:
-            keys = [*ControllerTable.model_fields, "Q", "R", *valid]
-            raise ArgumentError(unknown_name("key", name, keys))
-    if missing := [name for name, needed in valid.items() if needed and name not in numbers]:
+        require_known("key", name, [*ControllerTable.model_fields, *_WEIGHTS, *needed])
+    if missing := [name for name, must in needed.items() if must and name not in numbers]:
         raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and np.ndim(value):
@@ -158,12 +165,6 @@ def laws_of(nominal: NominalPlant) -> Laws:
     return GENERAL if nominal.at is None else {**GENERAL, **AT_REST}
 
 
-def _linear_model(nominal: NominalPlant, plant: PlantName) -> Any:
-    """MuJoCo's linear model of the plant, if the law is designed from the corrected equations."""
-    corrected = design_variant(plant) == "corrected" and nominal.plant.kind == "physics"
-    return nominal.plant.linearization() if corrected else None
-
-
 def _users(
     table: ControllerTable,
     file: CaseFile,
@@ -172,38 +173,38 @@ def _users(
     folder: Path,
     control_period: float,
 ) -> Controller:
-    """A law of the user's own: a controller, what makes one, a linear system, or a law."""
+    """A law of the user's own: a controller, a function that makes one, a linear system, a law."""
     # One that numba has compiled stands for its source.
-    found = load_named(table.law, folder)
-    found = getattr(found, "py_func", found)
+    named = load_named(table.law, folder)
+    named = getattr(named, "py_func", named)
     numbers = {name: law_number(name, value) for name, value in table.numbers.items()}
-    if isinstance(found, Controller):
+    linear = not isinstance(named, Controller) and is_linear_system(named)
+    law = not linear and not isinstance(named, Controller) and _is_law(named, table.law)
+    if not law:
         _refuse_memory(table)
-        return found if not numbers else _refuse("a controller has its numbers already")
-    linear = is_linear_system(found)
-    if linear or _is_law(found, table.law):
-        whole = nominal.robot is not None or nominal.at is not None
-        like = file.law("lqr" if whole else "fl-lqr").law
+    if isinstance(named, Controller):
+        return named if not numbers else _refuse("a controller has its numbers already")
+    if linear or law:
+        at_rest = nominal.robot is not None or nominal.at is not None
+        like = file.law("lqr" if at_rest else "fl-lqr").law
         weights = {k: v for k, v in table.numbers.items() if k in _WEIGHTS}
         followed = ControllerTable.model_validate({"law": like, **weights})
-        like = _ours(followed, file, nominal, plant, folder)
+        like = _packaged(followed, file, nominal, plant, folder)
         own = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
-        if linear:
-            _refuse_memory(table)
-            if own:
-                _refuse(f"a linear system has its numbers already, not {list(own)}")
-            return from_control(found, control_period, like, table.called)
-        memory = {name: law_number(f"memory: {name}", v) for name, v in table.memory.items()}
-        return custom_controller(table.called, found, like, own, memory)
-    _refuse_memory(table)
+        if law:
+            memory = {name: law_number(f"memory: {name}", v) for name, v in table.memory.items()}
+            return custom_controller(table.called, named, like, own, memory)
+        if own:
+            _refuse(f"a linear system has its numbers already, not {list(own)}")
+        return from_control(named, control_period, like, table.called)
     # The nominal plant for a function that wants it: a robot as such, others by equations.
-    given = (nominal.robot or nominal.equations(plant),) if _needed(found) else ()
+    arguments = (nominal.robot or nominal.equations(plant),) if _needed(named) else ()
     try:
-        inspect.signature(found).bind(*given, **numbers)
+        inspect.signature(named).bind(*arguments, **numbers)
     except TypeError as error:
         _refuse(f"{table.law} cannot be called with {list(numbers) or 'no numbers'}: {error}")
     with blamed(folder):
-        made = found(*given, **numbers)
+        made = named(*arguments, **numbers)
     if not isinstance(made, Controller):
         _refuse(f"{table.law} returned a {type(made).__name__}, must return a Controller")
     return made
@@ -240,12 +241,6 @@ def _needed(found: Any) -> list[inspect.Parameter]:
         for each in inspect.signature(found).parameters.values()
         if each.default is each.empty and each.kind is each.POSITIONAL_OR_KEYWORD
     ]
-
-
-def _numbers_of(maker: Maker) -> dict[str, bool]:
-    """The numbers that a law may be given, and whether it needs them."""
-    found = list(inspect.signature(maker).parameters.values())[1:]
-    return {each.name: each.default is each.empty for each in found if each.name not in _OURS}
 
 
 def _weights(table: ControllerTable, file: CaseFile) -> tuple[Any, Any]:

@@ -13,16 +13,17 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, Mistakes, shown
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.experiments.metrics.definitions import (
+from grosmc_mj.experiments.metrics import (
     DWELL,
     SETTLING_BAND,
     Windows,
     error_after,
     folded,
+    has_cart,
+    noted,
     rms_after,
     settled_in,
 )
-from grosmc_mj.experiments.metrics.recorded import has_cart, noted
 from grosmc_mj.simulation.trajectory import Status
 
 if TYPE_CHECKING:
@@ -30,21 +31,26 @@ if TYPE_CHECKING:
 
 # s(0) is zero to rounding of z and of its reference.
 _ROUNDING = 1e-9
+# Metric and unit of each kind of limit; the metrics of the first three have an instant or a band in
+# their names, and "output", "input" and "sliding" stand for the units of the laws.
+_KINDS = {
+    "settles_within": ("", "s"),
+    "stays_within": ("", "output"),
+    "final_error_below": ("", "output"),
+    "rms_below": ("", "output"),
+    "overshoot_below": ("overshoot", "1"),
+    "deviation_below": ("deviation", "output"),
+    "input_below": ("max_input", "input"),
+    "sliding_below": ("max_sliding", "sliding"),
+    "cart_travel_below": ("cart_travel", "m"),
+    "no_reaching_phase": ("sliding_start", ""),
+    "cost_ratio_below": ("cost_ratio", "1"),
+}
 # Required of laws with a surface only.
 _OF_SURFACE = ("sliding_below", "no_reaching_phase")
-# The metric that each kind limits; the others' have an instant or a band in their names.
-_METRICS = {
-    "overshoot_below": "overshoot",
-    "deviation_below": "deviation",
-    "input_below": "max_input",
-    "sliding_below": "max_sliding",
-    "cart_travel_below": "cart_travel",
-    "no_reaching_phase": "sliding_start",
-    "cost_ratio_below": "cost_ratio",
-}
 # Of errors from an instant on.
 _AFTER = ("stays_within", "rms_below")
-# What reading the file has turned into numbers already.
+# Numbers already when the file has been read.
 _READ = ("settles_within", "cart_travel_below")
 
 
@@ -81,7 +87,7 @@ class Limit(NamedTuple):
             return settled_in(self.band)
         if self.kind == "rms_below":
             return rms_after(self.after)
-        return _METRICS.get(self.kind) or error_after(self.after)
+        return _KINDS[self.kind][0] or error_after(self.after)
 
     @property
     def of_initial_error(self) -> bool:
@@ -143,54 +149,58 @@ def limits(
     Raises:
         ArgumentError: If it requires nothing, names what is not there, or a unit does not fit.
     """
-    names = tuple(controller.name for controller in controllers)
-    named, on = tuple(table.of or ()), tuple(table.on or _judged(plants))
-    surfaced = tuple(law.name for law in controllers if law.designed.sliding_unit)
+    named = tuple(table.of or ())
+    # Physics is judged unless the file names plants, or all where there is none.
+    on = tuple(table.on or (("physics",) if "physics" in plants else plants))
     error = controllers[0].designed.error
-    output = error.units[error.output_rows[0]]
-    u = error.system.inputs[0].unit
+    surfaces = {law.name: unit for law in controllers if (unit := law.designed.sliding_unit)}
+    own = [surfaces[name] for name in named or surfaces if name in surfaces]
     units = {
-        "settles_within": "s",
-        "stays_within": output,
-        "final_error_below": output,
-        "rms_below": output,
-        "overshoot_below": "1",
-        "deviation_below": output,
-        "input_below": u,
-        "sliding_below": _sliding_unit(controllers, named),
-        "cart_travel_below": "m",
-        "no_reaching_phase": "",
-        "cost_ratio_below": "1",
+        "output": error.units[error.output_rows[0]],
+        "input": error.system.inputs[0].unit,
+        "sliding": own[0] if own else "",
     }
-    asked = {kind: getattr(table, kind) for kind in units}
-    asked = {kind: value for kind, value in asked.items() if value not in (None, False)}
-    if not asked:
-        raise ArgumentError(f"nothing is required: give one of {', '.join(units)}")
+    values = {kind: getattr(table, kind) for kind in _KINDS}
+    values = {kind: value for kind, value in values.items() if value not in (None, False)}
+    if not values:
+        raise ArgumentError(f"nothing is required: give one of {', '.join(_KINDS)}")
     found, mistakes = [], Mistakes()
-    for kind, value in asked.items():
-        of: tuple[str, ...] = named or (surfaced if kind in _OF_SURFACE else names)
+    for kind, value in values.items():
+        judged = surfaces if kind in _OF_SURFACE else [law.name for law in controllers]
+        of = named or tuple(judged)
+        unit, band = units.get(_KINDS[kind][1], _KINDS[kind][1]), None
         with mistakes.gathered(f"{kind}: "):
-            if kind in _OF_SURFACE and not of:
-                raise ArgumentError("no law has a surface")
-            if kind == "cart_travel_below" and not has_cart(error.system):
-                raise ArgumentError(f"{error.system.name} has no cart")
-            if units[kind] == output and len({error.units[row] for row in error.output_rows}) > 1:
-                raise ArgumentError("the outputs have different units: there is no one error")
-            if kind == "input_below" and len({each.unit for each in error.system.inputs}) > 1:
-                raise ArgumentError("the inputs have different units")
-            if kind == "overshoot_below" and len(error.output_rows) > 1:
-                raise ArgumentError("several outputs have no one overshoot")
-            number, band = _number(kind, value, units[kind]), None
+            _refuse_undefined(kind, error, of)
+            number = _number(kind, value, unit)
             after = table.after if kind in _AFTER else 0.0
-            written = f"{value:g} {units[kind]}" if kind in _READ else str(value)
+            written = f"{value:g} {unit}" if kind in _READ else str(value)
             if kind == "final_error_below":
                 after = (1 - DWELL) * duration
             if kind == "settles_within" and table.band is not None:
-                band = _number("band", table.band, output)
+                band = _number("band", table.band, units["output"])
                 written += f" to {table.band}"
-            found.append(Limit(kind, written, number, units[kind], after, of, on, band=band))
+            found.append(Limit(kind, written, number, unit, after, of, on, band=band))
     mistakes.refuse()
     return found
+
+
+def _refuse_undefined(kind: str, error: Any, of: Sequence[str]) -> None:
+    """Refuse a limit of a quantity that these laws or this plant do not have."""
+    outputs = {error.units[row] for row in error.output_rows}
+    inputs = {signal.unit for signal in error.system.inputs}
+    reasons = {
+        "no law has a surface": kind in _OF_SURFACE and not of,
+        f"{error.system.name} has no cart": kind == "cart_travel_below"
+        and not has_cart(error.system),
+        "the outputs have different units: there is no one error": len(outputs) > 1
+        and _KINDS[kind][1] == "output",
+        "the inputs have different units": kind == "input_below" and len(inputs) > 1,
+        "several outputs have no one overshoot": kind == "overshoot_below"
+        and len(error.output_rows) > 1,
+    }
+    for reason, present in reasons.items():
+        if present:
+            raise ArgumentError(reason)
 
 
 def initial_error(law: Controller, x0: Sequence[float]) -> float:
@@ -221,17 +231,6 @@ def require_initial_error(kind: str, law: Controller, x0: Sequence[float]) -> No
             f"{kind}: {share} of the error at the start, and runs start without error: ask for "
             "stays_within with after instead, or start elsewhere"
         )
-
-
-def _sliding_unit(controllers: Sequence[Controller], named: Sequence[str]) -> str:
-    """Unit of s of the laws that are meant."""
-    units = [law.designed.sliding_unit for law in controllers if law.name in named or not named]
-    return next((unit for unit in units if unit), "")
-
-
-def _judged(plants: Sequence[str]) -> Sequence[str]:
-    """Plants that are judged unless the file names them: physics, or all without it."""
-    return ("physics",) if "physics" in plants else plants
 
 
 def _number(kind: str, value: Any, unit: str) -> float:

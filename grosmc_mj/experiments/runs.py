@@ -12,7 +12,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import DivergenceError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.metrics.recorded import (
+from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
     compare_with_optimum,

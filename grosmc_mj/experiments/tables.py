@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grosmc_mj.experiments.metrics.recorded import Metric
+from grosmc_mj.experiments.metrics import Metric
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words

@@ -37,7 +37,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     content["title"] = f"{experiment.case.title}, as identified from {log}"
     content["plant"] = dict(content.get("plant", {"system": experiment.case.system}))
     if "model" in content["plant"] and ":" not in content["plant"]["model"]:
-        model = experiment.folder / content["plant"]["model"]
+        model = experiment.path.parent / content["plant"]["model"]
         content["plant"]["model"] = os.path.relpath(model, path.parent)
     names = {quantity.name for quantity in fit.parameters.quantities}
     own = zip(content.get("uncertain", []), experiment.file.uncertain, strict=False)

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, one_line
-from grosmc_mj.experiments.file.tables.log import ColumnTable, LogTable
+from grosmc_mj.experiments.file.schema import ColumnTable, LogTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.plants import Signal, System
 

@@ -14,7 +14,7 @@ from grosmc_mj.campaign.family.family import Quantity, family_of
 from grosmc_mj.campaign.family.plant_sample import plant_sample_of
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, UncertainTable
+from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
 from grosmc_mj.plants import Plant
 
 # Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.

@@ -12,8 +12,7 @@ import numpy as np
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.experiments.metrics.definitions import Recording
-from grosmc_mj.experiments.metrics.running import meters_of, said_by
+from grosmc_mj.experiments.metrics import Recording, meters_of, said_by
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, costs_wanted, margins_of, windows
 from grosmc_mj.loop import Loop, in_loop

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, unit_of
+from grosmc_mj.experiments.file.parts import LOOP_UNITS, unit_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.loop import Loop

@@ -9,7 +9,7 @@ import pytest
 from campaign_cases import PAIR, PLANT, campaign
 
 from grosmc_mj.campaign.runs.shard import EQUATIONS, evaluate_all
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.simulation.simulate import simulate
 
 UNCERTAIN = '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 3]\n'

@@ -18,7 +18,7 @@ from grosmc_mj.campaign.report.document import replay_document, worst_document
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import found_values, replay
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.results.document import json_text
 
 ENGINES: list[Any] = ["native", "python"]

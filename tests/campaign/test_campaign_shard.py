@@ -12,9 +12,15 @@ from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, serv
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import UndefinedLawError
-from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, folded
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
-from grosmc_mj.experiments.metrics.running import METRICS, meters_of
+from grosmc_mj.experiments.metrics import (
+    METRICS,
+    NO_WINDOWS,
+    Recording,
+    compare_with_optimum,
+    folded,
+    measure,
+    meters_of,
+)
 from grosmc_mj.experiments.requirements import Limit, margins_of, required, windows
 from grosmc_mj.simulation.simulate import simulate
 

@@ -11,7 +11,7 @@ import pytest
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment, undesigned
-from grosmc_mj.experiments.file.tables.laws import ControllerTable
+from grosmc_mj.experiments.file.schema import ControllerTable
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

@@ -14,7 +14,7 @@ from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.films.marks import trace_site
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.robots.dynamics import bias, inertia

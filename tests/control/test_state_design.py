@@ -14,7 +14,7 @@ from grosmc_mj.control.switching import Implicit
 from grosmc_mj.control.task import Realization, StateTask
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.plants import OperatingPoint, equilibrium
 
 

@@ -38,7 +38,7 @@ from grosmc_mj.errors import ArgumentError, GainError, GrosmcError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.experiments.metrics.recorded import crossings
+from grosmc_mj.experiments.metrics import crossings
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings, Surface
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

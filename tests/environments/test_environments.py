@@ -32,7 +32,7 @@ from grosmc_mj.errors import (
 )
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
+from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.machine import Stop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

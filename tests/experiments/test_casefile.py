@@ -14,9 +14,9 @@ from shipped import PENDULUM_DISTURBANCE, cases, find_case
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file import schema
+from grosmc_mj.experiments.file.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files, starter
-from grosmc_mj.experiments.file.tables.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.physics.files import load_model
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

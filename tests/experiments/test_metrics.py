@@ -14,12 +14,15 @@ from shipped import find_case, run_case
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
-from grosmc_mj.experiments.metrics.definitions import MeterNumbers, Meters, note, note_all
-from grosmc_mj.experiments.metrics.recorded import (
+from grosmc_mj.experiments.metrics import (
     Comparison,
+    MeterNumbers,
+    Meters,
     Metric,
     compare_with_optimum,
     measure,
+    note,
+    note_all,
     overshoot,
     settling_time,
 )
@@ -276,7 +279,7 @@ def test_rows_are_noted_by_compiled_code_as_in_python() -> None:
     rows, known = random.normal(size=(500, 5)), MeterNumbers(np.array([0.1]), onset=0.3)
     rows[:, 2:4] = np.abs(rows[:, 2:4])
     rows[7, :4] = np.nan
-    meters, time = Meters(), 1e-3 * np.arange(500)
+    meters, time = Meters.of(MeterNumbers()), 1e-3 * np.arange(500)
     for t, (e, d, u, s, x) in zip(time.tolist(), rows.tolist(), strict=True):
         note(t, e, d, u, s, x, meters, known)
     (found,) = note_all(time, rows, known)

@@ -145,13 +145,6 @@ def test_a_wrong_base_is_told_in_one_line(tmp_path: Path, name: str, said: str) 
     assert "\n" not in str(refused.value)
 
 
-def test_files_that_extend_each_other_without_end_are_refused(tmp_path: Path) -> None:
-    for index in range(8):
-        (tmp_path / f"f{index}.toml").write_text(f'extends = "f{index + 1}.toml"')
-    with pytest.raises(ArgumentError, match="more than 5 files extend each other"):
-        read_case_file(tmp_path / "f0.toml")
-
-
 def test_bases_are_no_cases() -> None:
     assert [each.case.name for each in find_experiments("arm")] == [
         "nominal",

@@ -12,8 +12,7 @@ import pytest
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics.definitions import Recording
-from grosmc_mj.experiments.metrics.running import meters_of, said_by
+from grosmc_mj.experiments.metrics import Recording, meters_of, said_by
 from grosmc_mj.experiments.requirements import Limit, judge, windows
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.simulate import simulate

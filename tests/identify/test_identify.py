@@ -17,13 +17,14 @@ from grosmc_mj.campaign.family.specification import specification_of
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
-from grosmc_mj.experiments.file.tables.log import LogTable
+from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import best_rung, compared, rungs_of
 from grosmc_mj.identify.fit import _Residual, _weak, fit, quality
 from grosmc_mj.identify.log import Log, held, read_log
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor, require_matching
+from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
 
 SERVO = find_system("servo")
@@ -291,7 +292,9 @@ def test_the_commands_write_and_say_what_they_found(
     document = json.loads((tmp_path / "identify_servo_bench.json").read_text())
     assert document["parameters"][0]["name"] == "rotor mass scale"
     assert (tmp_path / "identify_servo_bench.png").is_file()
-    assert Experiment.load(tmp_path / "identify_servo_bench.toml").case.edits[0].mass_scale > 1.2
+    (edit,) = Experiment.load(tmp_path / "identify_servo_bench.toml").case.edits
+    assert isinstance(edit, BodyEdit)
+    assert edit.mass_scale > 1.2
     assert run("compare", path, "servo/nominal", "--out", tmp_path) == cli.DONE
     assert "has the least error after 1 s" in capsys.readouterr().out
     assert run("identify", path, "servo/nominal", "--hold-out", 1.5) == cli.WRONG

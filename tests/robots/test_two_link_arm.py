@@ -35,7 +35,7 @@ from grosmc_mj.control.references import Setpoint, setpoints
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, GainError, ModelError, PremiseError, UndefinedLawError
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

@@ -39,7 +39,7 @@ from grosmc_mj.control.task import Realization
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
-from grosmc_mj.experiments.metrics.recorded import settling_time
+from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize

@@ -22,8 +22,7 @@ from grosmc_mj.campaign.family.specification import Specification, specification
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
-from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS
-from grosmc_mj.experiments.metrics.running import meters_of
+from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import (
     Limit,

@@ -10,7 +10,7 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.file.tables.uncertain import DistributionTable
+from grosmc_mj.experiments.file.schema import DistributionTable
 from grosmc_mj.experiments.file.units import number_in
 
 # The numbers of each distribution, and those that it may have besides.

@@ -13,7 +13,7 @@ from grosmc_mj.campaign.family.family import Family, Quantity
 from grosmc_mj.campaign.family.sampling import inside
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, MistakesError
-from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, MACHINE_UNITS
+from grosmc_mj.experiments.file.parts import LOOP_UNITS, MACHINE_UNITS
 from grosmc_mj.loop import Loop, relooped
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant

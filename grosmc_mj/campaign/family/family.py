@@ -18,17 +18,16 @@ from grosmc_mj.campaign.family.distributions import Distribution, distribution
 from grosmc_mj.campaign.family.sampling import all_corners
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.experiments.file.tables.parts import (
+from grosmc_mj.experiments.file.parts import (
     LOOP_UNITS,
     MACHINE_PARTS,
     MACHINE_UNITS,
     in_model,
     unit_of,
 )
-from grosmc_mj.experiments.file.tables.table import numbers_of
-from grosmc_mj.experiments.file.tables.uncertain import QUANTITIES, CorrelationTable, UncertainTable
-from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.experiments.file.schema import QUANTITIES, CaseFile, CorrelationTable, UncertainTable
+from grosmc_mj.experiments.file.units import numbers_of
+from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.machine.part import MOST

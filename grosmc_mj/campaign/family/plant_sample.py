@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.tables.parts import LOOP_UNITS, table_of
+from grosmc_mj.experiments.file.parts import LOOP_UNITS, table_of
 from grosmc_mj.machine import MachinePart
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.plants import Plant

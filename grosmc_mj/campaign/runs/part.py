@@ -17,7 +17,7 @@ from grosmc_mj.campaign.family.family import MARGIN, SCREENING
 from grosmc_mj.campaign.runs.manifest import SCHEMA_VERSION
 from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.experiments.metrics import METRICS
 
 _OURS = b"grosmc_mj"
 _CHECKSUM = "sha256"

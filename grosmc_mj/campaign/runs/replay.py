@@ -20,8 +20,7 @@ from grosmc_mj.campaign.runs.manifest import read_json
 from grosmc_mj.campaign.runs.part import margin_column
 from grosmc_mj.campaign.runs.shard import EQUATIONS, Outcomes, laws_with_meters, outcomes, plants_of
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
-from grosmc_mj.experiments.metrics.recorded import Metric, compare_with_optimum, measure, settling
-from grosmc_mj.experiments.metrics.running import METRICS
+from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate

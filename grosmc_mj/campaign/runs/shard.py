@@ -14,8 +14,14 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.metrics.definitions import DWELL, Recording, transient_of
-from grosmc_mj.experiments.metrics.running import METRICS, meters_of, said_by
+from grosmc_mj.experiments.metrics import (
+    DWELL,
+    METRICS,
+    Recording,
+    meters_of,
+    said_by,
+    transient_of,
+)
 from grosmc_mj.experiments.requirements import (
     costs_wanted,
     initial_error,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.case import seed_of
 from grosmc_mj.experiments.curves.panels import (
     Panel,
     calmest_last,
@@ -17,7 +18,6 @@ from grosmc_mj.experiments.curves.panels import (
     panels_of,
     told,
 )
-from grosmc_mj.experiments.document import seed_of
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.experiments.metrics.recorded import has_cart
+from grosmc_mj.experiments.metrics import has_cart
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.loop.controllers import rate_positions

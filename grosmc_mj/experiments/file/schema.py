@@ -1,16 +1,28 @@
-"""What a case file may say."""
+"""The tables and keys of a case file."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    create_model,
+    model_validator,
+)
 
-from grosmc_mj.errors import shown
-from grosmc_mj.experiments.file.tables.laws import ControllerTable, LawTable, TaskTable
-from grosmc_mj.experiments.file.tables.log import LogTable
-from grosmc_mj.experiments.file.tables.parts import LOOP_PARTS, MACHINE_PARTS, TABLES
-from grosmc_mj.experiments.file.tables.table import (
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import shown, unknown_name
+from grosmc_mj.experiments.file.parts import (
+    LOOP_PARTS,
+    LOOP_UNITS,
+    MACHINE_PARTS,
+    MACHINE_UNITS,
+    TABLES,
+)
+from grosmc_mj.experiments.file.units import (
     Kilograms,
     Metres,
     NewtonMetres,
@@ -21,9 +33,6 @@ from grosmc_mj.experiments.file.tables.table import (
     Table,
     Three,
 )
-from grosmc_mj.experiments.file.tables.uncertain import CorrelationTable, UncertainTable
-
-_LONGEST_NAME = 100
 
 
 def file_name(name: str) -> str:
@@ -33,10 +42,10 @@ def file_name(name: str) -> str:
         ValueError: If it is another.
     """
     plain = name.isprintable() and "/" not in name and name not in {".", ".."}
-    if not plain or len(name) > _LONGEST_NAME:
+    if not plain or len(name) > 100:
         raise ValueError(
-            f"{shown(name)} must be a name for files: no slash, no dots alone, printable, "
-            f"{_LONGEST_NAME} characters at most"
+            f"{shown(name)} must be a name for files: no slash, no dots alone, printable, 100 "
+            "characters at most"
         )
     return name
 
@@ -273,6 +282,265 @@ class ClaimTable(RequirementTable):
     under: Literal["nominal", "case1", "case2", "under load"] = "nominal"
 
 
+def _weight(value: Any) -> Any:
+    """A number, a diagonal or the rows of a matrix, of numbers."""
+    rows = value if isinstance(value, list) else [value]
+    entries = [each for row in rows for each in (row if isinstance(row, list) else [row])]
+    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
+        raise ValueError(f"{shown(value)} must be a number, a list of numbers or a list of rows")
+    return value
+
+
+Weight = Annotated[Any, BeforeValidator(_weight)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class OutputsTable(Table):
+    """``outputs`` of ``[task]``: what of the plant is regulated.
+
+    Attributes:
+        of: ``plant`` for the plant's own outputs, a name such as ``tip`` where the package has
+            further ones, or ``module:name`` of a function that returns expressions in the states.
+        guess: A state near which the outputs determine the states, by name; it matters where
+            several states have the same outputs.
+        unit: Unit of outputs that are no states.
+    """
+
+    of: str = "plant"
+    guess: dict[str, Any] = {}
+    unit: str = ""
+
+
+class TaskTable(Table):
+    """``[task]``: what the laws are designed for; the package's systems have theirs.
+
+    Attributes:
+        name: What results call the laws of this task together; the system's name by default.
+        outputs: What is regulated.
+        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
+            ``module:name`` of a reference with its parameters.
+        sign: 1 for the error y - y_r, -1 for y_r - y.
+        Q: Weight of the error state, a matrix or its diagonal.
+        R: Weight of the input, a number, a matrix or its diagonal.
+        region: Where the premises are looked at: bounds of |z1|, |z2| ..., each in its unit; what
+            the gains are declared for, or what the run spans, by default.
+        slope: L of the super-twisting law, in the unit of s per second squared.
+    """
+
+    name: str = ""
+    outputs: OutputsTable = OutputsTable()
+    reference: list[str] | None = None
+    sign: Literal[1, -1] = 1
+    Q: Weight = None
+    R: Weight = None
+    region: list[Positive] | None = None
+    slope: Positive | None = None
+
+
+class LawTable(Table):
+    """``[laws.NAME]``: a law with numbers, which a ``[[controller]]`` may name.
+
+    Its numbers stand beside these keys.
+
+    Attributes:
+        law: A law by its name, or ``module:name`` of a law, of a function that makes a controller
+            of the nominal plant, or of a controller.
+        switching: Switching law of a sliding mode law.
+        surface: ``printed`` or ``discrete``.
+        memory: What a law of the user's own remembers, by names, as a run begins: numbers and
+            lists of them.
+        predict: Whether the law knows the dead time of its loop, and is told the state at the
+            instant when its output arrives.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    law: str
+    switching: str = "sign"
+    surface: Literal["printed", "discrete"] = "printed"
+    memory: dict[str, Any] = {}
+    predict: bool | None = None
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The law's numbers."""
+        return dict(self.model_extra or {})
+
+
+class ControllerTable(LawTable):
+    """``[[controller]]``: a law that is run, with what it has other than its ``[laws.NAME]``.
+
+    Attributes:
+        name: What it is called; its law by default.
+    """
+
+    name: str | None = None
+
+    @property
+    def called(self) -> str:
+        """Its name."""
+        return self.name or self.law.split(":")[-1]
+
+
+# What may be uncertain, by what it belongs to, with the unit of its values; states and the parts of
+# a loop have their own, and those of a joint are written without one, as in [[edit]].
+QUANTITIES: dict[str, dict[str, str]] = {
+    "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
+    "joint": {"damping": "", "friction": "", "armature": ""},
+    "disturbance": {"amplitude": "", "frequency": "rad/s", "phase": "rad", "onset": "s"},
+    "start": {"value": ""},
+    "parameter": {"scale": ""},
+    **{owner: dict.fromkeys(numbers, "") for owner, numbers in LOOP_UNITS.items()},
+    **{owner: dict.fromkeys(numbers, "") for owner, numbers in MACHINE_UNITS.items()},
+}
+_KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
+
+
+class DistributionTable(Table):
+    """A distribution and its numbers, each with the unit of the quantity.
+
+    Attributes:
+        distribution: ``uniform`` and ``loguniform`` from ``least`` to ``most``; ``triangular`` with
+            its top at ``mode``; ``normal`` with ``mean`` and ``deviation``; ``lognormal`` with
+            ``median`` and ``spread``, the standard deviation of its logarithm. The last two are cut
+            off at ``least`` and ``most``, where given.
+        least: Smallest value.
+        most: Largest value.
+        mode: Most likely value.
+        mean: Before it is cut off.
+        deviation: Standard deviation, before it is cut off.
+        median: Before it is cut off.
+        spread: A pure number.
+    """
+
+    distribution: str
+    least: Any = None
+    most: Any = None
+    mode: Any = None
+    mean: Any = None
+    deviation: Any = None
+    median: Any = None
+    spread: Any = None
+
+
+def _spread(value: Any) -> list[Any] | DistributionTable:
+    """A range as it is, a table as a distribution."""
+    if isinstance(value, list) and len(value) == 2:
+        return value
+    if not isinstance(value, dict):
+        raise ValueError(  # noqa: TRY004
+            f"{shown(value)} must be a range [least, most] or a table such as "
+            '{ distribution = "normal", mean = 0.1, deviation = 0.02 }'
+        )
+    for key in value:
+        require_known("key", key, DistributionTable.model_fields, error=ValueError)
+    if value.get("distribution") not in _KINDS:
+        raise ValueError(unknown_name("distribution", value.get("distribution"), _KINDS))
+    return DistributionTable(**value)
+
+
+# A range, or a table with a distribution and its numbers.
+Spread = Annotated[Any, BeforeValidator(_spread)]
+
+
+_OwnersTable = create_model(
+    "_OwnersTable",
+    __base__=Table,
+    **{name: (Spread, None) for names in QUANTITIES.values() for name in names},  # pyright: ignore[reportArgumentType, reportCallIssue]
+    **dict.fromkeys(QUANTITIES, (str | None, None)),  # pyright: ignore[reportArgumentType]
+)
+
+
+class UncertainTable(_OwnersTable):
+    """``[[uncertain]]``: a number of plant, disturbance, start, loop or machine not known.
+
+    Its numbers are those of ``QUANTITIES``, for what it is of. Each is a range ``[least, most]``,
+    uniform in between, or a table with a ``distribution``. Times of a loop are rounded to whole
+    timesteps.
+
+    Attributes:
+        body: A body of the model.
+        at: Of an added mass: where on the body, in its own frame [m], (3,).
+        joint: A joint of the model.
+        disturbance: A disturbance of the file, by its label.
+        start: A state, by its name.
+        parameter: A parameter of an analytic plant of one's own.
+        computing: ``true`` for the computer, whose delay, jitter or missed samples are uncertain.
+        sensor: The state of a [[sensor]] of the file.
+        estimator: The state of an [[estimator]].
+        actuator: The input of an [[actuator]].
+        transmission: The joint of a [[transmission]].
+        lugre: The joint of a [[lugre]].
+        stop: The joint of a [[stop]].
+        motor: The input of a [[motor]].
+        swinging_load: The body of a [[swinging_load]].
+        sliding_load: The body of a [[sliding_load]].
+        wall: The body of a [[wall]].
+        name: What it is called; what it is of and the quantity by default.
+        nominal: The value that is no uncertainty, from which the radius is measured: by default
+            what the file has without this table, and no disturbance.
+    """
+
+    computing: Literal[True] | None = None
+    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
+    name: str = ""
+    nominal: Any = None
+
+    @model_validator(mode="after")
+    def _one_number_of_one_thing(self) -> UncertainTable:
+        owners = [name for name in QUANTITIES if getattr(self, name) is not None]
+        if len(owners) != 1:
+            raise ValueError(f"name one of {', '.join(QUANTITIES)}, not {owners or 'none'}")
+        valid = list(QUANTITIES[owners[0]])
+        every = {name for names in QUANTITIES.values() for name in names}
+        given = sorted(every & self.model_fields_set)
+        if idle := [name for name in given if name not in valid]:
+            owner = f"{'an' if owners[0][0] in 'ae' else 'a'} {owners[0]}"
+            raise ValueError(f"{owner} has no {', '.join(idle)}; valid: {', '.join(valid)}")
+        if len(given) != 1:
+            raise ValueError(
+                f"give one of {', '.join(valid)}, not {', '.join(given) or 'none'}: one "
+                "[[uncertain]] is one number"
+            )
+        if "at" in self.model_fields_set and given != ["added_mass"]:
+            raise ValueError("at is where an added_mass is: give it one")
+        return self
+
+    @property
+    def owner(self) -> str:
+        """What it belongs to, a key of ``QUANTITIES``."""
+        return next(name for name in QUANTITIES if getattr(self, name) is not None)
+
+    @property
+    def of(self) -> str:
+        """Name of the body, joint, disturbance, state, input or parameter."""
+        return "computing" if self.owner == "computing" else getattr(self, self.owner)
+
+    @property
+    def quantity(self) -> str:
+        """Which of its numbers is uncertain."""
+        return next(name for name in QUANTITIES[self.owner] if getattr(self, name) is not None)
+
+    @property
+    def called(self) -> str:
+        """Its name."""
+        if self.name:
+            return self.name
+        return self.of if self.owner == "start" else f"{self.of} {self.quantity.replace('_', ' ')}"
+
+
+class CorrelationTable(Table):
+    """``[[correlation]]``: two uncertain numbers that are not independent.
+
+    Attributes:
+        between: Their names.
+        coefficient: Correlation of the Gaussian copula, from -1 to 1.
+    """
+
+    between: Annotated[list[str], Field(min_length=2, max_length=2)]
+    coefficient: Annotated[float, Field(gt=-1, lt=1)]
+
+
 class _Beginning(Table):
     """What a file begins with."""
 
@@ -294,6 +562,38 @@ _WithParts = create_model(
         for kind in (*LOOP_PARTS, *MACHINE_PARTS)
     },  # pyright: ignore[reportArgumentType, reportCallIssue]
 )
+
+
+class ColumnTable(Table):
+    """``[log.columns]``: value = sign scale (column - offset), in its unit.
+
+    Attributes:
+        column: Its header.
+        unit: Of its numbers; that of the signal, or the one in its header, by default.
+        sign: -1 for an axis that points the other way.
+        scale: Such as radians in a count.
+        offset: In the column's own numbers.
+    """
+
+    column: str
+    unit: str = ""
+    sign: Literal[1, -1] = 1
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+class LogTable(Table):
+    """``[log]``: how the columns of a log of the machine are to be read.
+
+    Attributes:
+        time: Header of the time's column; ``time`` or ``t`` by default.
+        sampling: Time between two samples, of a log without such a column.
+        columns: By the name of an input or a state.
+    """
+
+    time: str = ""
+    sampling: Seconds | None = None
+    columns: dict[str, ColumnTable] = {}
 
 
 class CaseFile(_WithParts):

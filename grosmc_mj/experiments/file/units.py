@@ -1,14 +1,17 @@
-"""Numbers with units, as people write them."""
+"""Numbers with units, as people write them, and the tables of a case file that have them."""
 
 from __future__ import annotations
 
 import logging
 import math
 import re
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from typing import TYPE_CHECKING, Annotated, Any
 
-from grosmc_mj.errors import ArgumentError, shown
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from grosmc_mj.errors import ArgumentError, Mistakes, shown
 
 if TYPE_CHECKING:
     import pint
@@ -91,15 +94,12 @@ def number_in(value: Any, unit: str) -> float:
     try:
         quantity = _registry().Quantity(number, _registry().parse_units(written))
         converted = float(quantity.to(unit).magnitude)
-    except DimensionalityError:
-        raise ArgumentError(
-            f'"{text}" cannot be converted to {unit}: write it as in "{example}"'
-        ) from None
     # pint has no common class for what it cannot read.
-    except Exception:
-        raise ArgumentError(
-            f'"{text}": {shown(written)} is no unit; write it as in "{example}"'
-        ) from None
+    except Exception as error:
+        unfit = f'"{text}" cannot be converted to {unit}'
+        unknown = f'"{text}": {shown(written)} is no unit'
+        why = unfit if isinstance(error, DimensionalityError) else unknown
+        raise ArgumentError(f'{why}: write it as in "{example}"') from None
     return _finite(converted, value)
 
 
@@ -108,3 +108,44 @@ def _finite(number: float, value: Any) -> float:
     if not math.isfinite(number):
         raise ArgumentError(f"{shown(value)} must be finite")
     return number
+
+
+Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
+Kilograms = Annotated[float, BeforeValidator(partial(number_in, unit="kg"))]
+Metres = Annotated[float, BeforeValidator(partial(number_in, unit="m"))]
+Newtons = Annotated[float, BeforeValidator(partial(number_in, unit="N"))]
+NewtonMetres = Annotated[float, BeforeValidator(partial(number_in, unit="N m"))]
+Radians = Annotated[float, BeforeValidator(partial(number_in, unit="rad"))]
+RadiansPerSecond = Annotated[float, BeforeValidator(partial(number_in, unit="rad/s"))]
+Three = Field(min_length=3, max_length=3)
+
+
+class Table(BaseModel):
+    """A table of a case file: no other keys, no conversions between types."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def numbers_of(
+    table: Table, names: Iterable[str], unit_of: Callable[[str], str]
+) -> dict[str, float]:
+    """The numbers that a table gives.
+
+    Args:
+        table: With a value, or None, for each name.
+        names: Of the numbers.
+        unit_of: The unit of a number, by its name.
+
+    Raises:
+        ArgumentError: All that do not fit.
+    """
+    found, mistakes = {}, Mistakes()
+    for name in names:
+        if (value := getattr(table, name)) is None:
+            continue
+        with mistakes.gathered():
+            unit = unit_of(name)
+            with mistakes.gathered(f"{name}: "):
+                found[name] = number_in(value, unit)
+    mistakes.refuse()
+    return found

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.document import case_document
+from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.results.document import origin
 from grosmc_mj.results.tables import Table, numbers, table, words
 from grosmc_mj.studies.region.axes import Axis

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.tables.laws import ControllerTable
+from grosmc_mj.experiments.file.schema import ControllerTable
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import judge
 

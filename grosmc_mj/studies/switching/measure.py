@@ -22,7 +22,7 @@ from grosmc_mj.control.switching import (
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics.recorded import crossings, root_mean_square, variation_rate
+from grosmc_mj.experiments.metrics import crossings, root_mean_square, variation_rate
 from grosmc_mj.experiments.runs import RunResult, Surface
 
 # The laws for one input; those for several are the same ones then.

@@ -25,7 +25,7 @@ from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics.definitions import SETTLING_BAND
+from grosmc_mj.experiments.metrics import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize

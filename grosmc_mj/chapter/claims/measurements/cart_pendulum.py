@@ -16,7 +16,7 @@ from grosmc_mj.chapter.claims.measurements.measures import (
 )
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, settling_time
+from grosmc_mj.experiments.metrics import compare_with_optimum, settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

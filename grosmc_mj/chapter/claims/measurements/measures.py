@@ -22,7 +22,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics.recorded import Comparison, compare_with_optimum
+from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.trajectory import Status, Trajectory

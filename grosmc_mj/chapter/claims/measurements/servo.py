@@ -21,7 +21,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics.recorded import overshoot
+from grosmc_mj.experiments.metrics import overshoot
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import Plant
 

@@ -25,7 +25,7 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
-from grosmc_mj.experiments.metrics.recorded import compare_with_optimum
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit

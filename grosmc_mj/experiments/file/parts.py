@@ -14,7 +14,7 @@ from pydantic import create_model
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
-from grosmc_mj.experiments.file.tables.table import Metres, Table, Three, numbers_of
+from grosmc_mj.experiments.file.units import Metres, Table, Three, numbers_of
 from grosmc_mj.fields import range_of
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.loop.rows import numbers_of as names_of_numbers

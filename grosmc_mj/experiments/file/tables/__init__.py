@@ -1,1 +1,0 @@
-"""The tables of a case file but for those of ``schema``: laws, loop, machine, uncertain numbers."""
