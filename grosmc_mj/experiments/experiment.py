@@ -275,7 +275,7 @@ class Experiment:
     def _realization_of(self, table: ControllerTable, made: Controller) -> Realization:
         """How a law is sampled."""
         given = {"switching", "surface"} & table.model_fields_set
-        if made.design is None or made.design.with_reach is None:
+        if made.design is None or not made.design.switching:
             if given:
                 raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(given))}")
             return AS_PRINTED

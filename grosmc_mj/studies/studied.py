@@ -193,7 +193,7 @@ def laws_of(experiment: Experiment) -> list[StudiedLaw]:
             continue
         if made.design is None:
             continue
-        if made.design.with_reach is None:
+        if not made.design.switching:
             found.append(StudiedLaw(name, made, base=name))
         else:
             switching.append(name)
