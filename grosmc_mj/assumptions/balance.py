@@ -87,10 +87,10 @@ def balance(
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
     """
-    error, x = law.designed.error, np.asarray(x, float)
-    drift, gain = error.moved(t, x, law.parameters, true.rigid, w, u)
-    z = error.error_state(t, x, law.parameters)[None]
-    return _balances(law, [t], x[None], z, (drift[None], gain[None])).at(0)
+    error, x = law.designed.error, np.asarray(x, float)[None]
+    inputs = None if u is None else np.atleast_1d(u)[None]
+    motion = error.error_dynamics([t], x, law.parameters, true.rigid, np.asarray(w)[None], inputs)
+    return _balances(law, [t], x, error.error_state(t, x[0], law.parameters)[None], motion).at(0)
 
 
 def balances(
@@ -107,7 +107,7 @@ def balances(
     """
     error, p = law.designed.error, law.parameters
     assert isinstance(error, ErrorCoordinates)
-    return _balances(law, t, x, error.along(t, x, p), error.moved_along(t, x, p, true, w))
+    return _balances(law, t, x, error.along(t, x, p), error.error_dynamics(t, x, p, true, w))
 
 
 def balances_along(

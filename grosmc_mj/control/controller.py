@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import reals, require
+from grosmc_mj.arguments import real, reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import (
-    Coordinates,
-    InputMap,
-    OutputCoordinates,
-    Workspace,
-)
+from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, Workspace
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.law import Law, around, writing
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.fields import Is, Name, checked_call
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import extended
 
@@ -61,7 +57,7 @@ class Design:
         linearizing: Whether it goes through feedback linearization, eqs. (23) and (44).
         switching: Name of its switching law; empty if it has none.
         control_period: The one sampling time that it is designed for [s]; None for any.
-        with_reach: Makes its law for another switching law, if it has one.
+        switched_law: Makes its law for another switching law, if it has one.
         numbers_at: Its numbers that depend on the control period [s], by their names; None for
             none.
         follows_optimum: Whether the error of the nominal loop is that of the optimum: the law is
@@ -77,13 +73,9 @@ class Design:
     linearizing: bool = False
     switching: str = ""
     control_period: float | None = None
-    with_reach: Callable[[SwitchingTerm], Law] | None = None
+    switched_law: Callable[[SwitchingTerm], Law] | None = None
     numbers_at: Callable[[float], Mapping[str, Any]] | None = None
     follows_optimum: bool = True
-
-    def __post_init__(self) -> None:
-        require("error", self.error, Coordinates, "error coordinates of the plant")
-        require("lqr", self.lqr, LqrDesign, "an optimum, such as lqr(A, B, Q, R)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +101,8 @@ class Controller:
     loop: AppliedLoop | None = None
 
     def __post_init__(self) -> None:
-        require("name of the controller", self.name, str, "a text")
-        require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
-        for what in ("law", "memory"):
-            if not callable(getattr(self, what)):
-                raise ArgumentError(
-                    f"{self.name}: {what} = {shown(getattr(self, what))} must be a function"
-                )
-
+        if not callable(self.law):
+            raise ArgumentError(f"{self.name}: law = {shown(self.law)} must be a function")
         object.__setattr__(self, "law", writing(self.law))
 
     def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:
@@ -178,10 +164,11 @@ class Controller:
         return memory, workspace
 
 
+@checked_call
 def custom_controller(
-    name: str,
-    law: Law,
-    like: Controller,
+    name: Name,
+    law: Any,
+    like: Annotated[Controller, Is(Controller, "a controller, such as chapter_controller's")],
     numbers: Mapping[str, Any] | None = None,
     memory: Mapping[str, Any] | None = None,
 ) -> Controller:
@@ -201,55 +188,35 @@ def custom_controller(
     Raises:
         ArgumentError: If ``like`` has no optimum, or a name or a value cannot be a field.
     """
-    require("name", name, str, "a text")
-    require("like", like, Controller, "a controller with an optimum, such as chapter_controller's")
-    require("numbers", {} if numbers is None else numbers, Mapping, "numbers by their names")
     if not callable(law):
         raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p, u)")
-    design, m = like.designed, like.designed.error.inputs
+    design, numbers, remembered = like.designed, numbers or {}, {}
+    taken = [(key, ("plant", "reference", "period")) for key in numbers]
+    for key, own in [*taken, *((key, _OF_THE_RUN) for key in memory or {})]:
+        if not key.isidentifier() or keyword.iskeyword(key) or key in own:
+            raise ArgumentError(f"{key!r} cannot name a number or memory: take another")
+    for key, value in (memory or {}).items():
+        entries = reals(value)
+        if not np.all(np.isfinite(entries)):
+            raise ArgumentError(f"memory: {key} = {shown(value)} must be finite")
+        remembered[key] = entries if entries.ndim else float(entries)
+    nominal = {"plant": like.parameters.plant, "reference": like.parameters.reference}
     _, virtual_input = design.error.input_maps(linearizing=design.linearizing)
-    given = {"plant": like.parameters.plant, "reference": like.parameters.reference}
-    _require_names(numbers or {}, {*given, "period"}, "a law's number")
-    parameters = extended(Sampled(), **given, **(numbers or {}))
+    gains = {key: number for key, value in numbers.items() if math.isfinite(number := real(value))}
     return Controller(
         name=name,
         law=_noting(law, virtual_input),
-        parameters=parameters,
-        memory=memory_of(m, **_started(memory or {})),
+        parameters=extended(Sampled(), **nominal, **numbers),
+        memory=memory_of(design.error.inputs, **remembered),
         design=Design(
             design.error,
             design.lqr,
             source="a law of one's own",
-            gains={key: float(v) for key, v in (numbers or {}).items() if np.ndim(v) == 0},
+            gains=gains,
             linearizing=design.linearizing,
             follows_optimum=False,
         ),
     )
-
-
-def _require_names(named: Mapping[str, Any], taken: Iterable[str], what: str) -> None:
-    """Refuse names that cannot be fields, or are fields already."""
-    for key in named:
-        plain = isinstance(key, str) and key.isidentifier() and not keyword.iskeyword(key)
-        if not plain or key in taken:
-            raise ArgumentError(f"{key!r} cannot be the name of {what}: take another")
-
-
-def _started(memory: Mapping[str, Any]) -> dict[str, float | Array]:
-    """What a law remembers as a run begins.
-
-    Raises:
-        ArgumentError: If a name is taken, or a value is no finite number or array.
-    """
-    require("memory", memory, Mapping, "numbers and arrays by their names")
-    _require_names(memory, _OF_THE_RUN, "what a law remembers")
-    started = {}
-    for key, value in memory.items():
-        entries = reals(value)
-        if not np.all(np.isfinite(entries)):
-            raise ArgumentError(f"memory: {key} = {shown(value)} must be finite")
-        started[key] = entries.copy() if entries.ndim else float(entries)
-    return started
 
 
 def named_gains(**matrices: Array) -> dict[str, float]:

@@ -16,7 +16,7 @@ from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.lqr import LqrDesign, priced
 from grosmc_mj.control.memory import memory_of
-from grosmc_mj.control.surface import drift_of_surface, held_gain, surface_matrix
+from grosmc_mj.control.surface import surface_matrix, surface_rates
 from grosmc_mj.control.task import (
     AS_PRINTED,
     AnyTask,
@@ -177,7 +177,7 @@ def realized(controller: Controller, realization: Realization) -> Controller:
     It stays as it is if it does not switch, or the realization is that of the printed law.
     """
     design = controller.design
-    if realization == AS_PRINTED or design is None or design.with_reach is None:
+    if realization == AS_PRINTED or design is None or not design.switching:
         return controller
     return _switched(controller.name, controller.parameters, design, realization)
 
@@ -240,7 +240,7 @@ def _sliding(
         source=source,
         sliding_unit=_sliding_unit(task.error, G, GB),
         linearizing=linearizing,
-        with_reach=partial(laws.grosmc, task.error, law_gains, linearizing),
+        switched_law=partial(laws.grosmc, task.error, law_gains, linearizing),
     )
     declared = ""
     if not isinstance(gains, Mapping):
@@ -254,21 +254,18 @@ def _sliding(
 
 def _switched(name: str, p: Any, design: Design, realization: Realization) -> Controller:
     """A sliding mode controller with a switching law, and with its surface at a period."""
-    switching, period, changes, n = realization.switching, None, {}, 1
+    switching, period, n = realization.switching, None, 1
     # A shaped law has no matrix S that a period would enter.
     if isinstance(p, GrosmcParameters):
         period, n = realization.control_period, p.G.shape[1]
-        changes = {
-            "S": drift_of_surface(p.G, design.lqr, period),
-            "GB_held": held_gain(p.G, design.lqr, period),
-        }
-    assert design.with_reach
-    m = design.error.inputs
+        S, GB_held = surface_rates(p.G, design.lqr, period)
+        p = replace(p, S=S, GB_held=GB_held)
+    assert design.switched_law
     return Controller(
         name,
-        design.with_reach(switching.reach),
-        replace(p, switching=switching, **changes),
-        switching.new_memory(m, n),
+        design.switched_law(switching.reach),
+        replace(p, switching=switching),
+        switching.new_memory(design.error.inputs, n),
         replace(design, switching=switching.name, control_period=period),
     )
 

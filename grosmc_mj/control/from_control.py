@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, custom_controller
-from grosmc_mj.control.coordinates.base import OutputCoordinates
-from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.law import Law
+from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_feedback
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Is, Name, Range, checked_call
-from grosmc_mj.jitable import jitable
 
 
 @checked_call
@@ -57,11 +53,22 @@ def from_control(
             f"{outputs} errors and give {inputs} inputs of {error.system.name}"
         )
     order = len(found["A"])
-    memory = {"q": order, "after": order, "z": error.size, "e": outputs}
-    memory = {field: np.zeros(size) for field, size in memory.items()}
-    law = custom_controller(name, _law(error), like, found, memory)
-    design = replace(law.designed, source="python-control", control_period=period)
-    return replace(law, design=design)
+    # e = C z of the outputs' errors, with their sign.
+    C = -float(error.sign) * np.eye(error.size)[list(error.output_rows)]
+    dynamics = Dynamics(
+        K=-found["D"] @ C,
+        H=-found["C"],
+        F=found["A"],
+        G=found["B"] @ C,
+        L=np.zeros((order, inputs)),
+        start=np.zeros((order, error.size)),
+    )
+    sizes = {"z": error.size, "q": order, "after": order, "within": inputs, "applied": inputs}
+    memory = {field: np.zeros(size) for field, size in sizes.items()}
+    own = dynamic_feedback(error, linearizing=False, holds=False)
+    law = custom_controller(name, own, like, {"dynamics": dynamics, "limit": math.inf}, memory)
+    source = {"source": "python-control", "gains": {}, "control_period": period}
+    return replace(law, design=replace(law.designed, **source))
 
 
 def is_linear_system(found: Any) -> bool:
@@ -92,36 +99,3 @@ def _sampled(sys: Any, period: float, name: str) -> dict[str, Array]:
     if not len(A):
         A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
     return {key: np.ascontiguousarray(M) for key, M in zip("ABCD", (A, B, C, D), strict=True)}
-
-
-@cache
-def _law(error: OutputCoordinates | StateCoordinates) -> Law:
-    """The law of a state space on some error coordinates."""
-    error_state, (apply, _) = error.state, error.input_maps(linearizing=False)
-    rows, sign = tuple(error.output_rows), float(error.sign)
-
-    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        z, e, q, after = memory.z, memory.e, memory.q, memory.after
-        error_state(t, x, p, z)
-        for i in range(len(e)):
-            e[i] = -sign * z[rows[i]]
-        for i in range(len(u)):
-            u[i] = _output(i, p.C, q, p.D, e)
-        for i in range(len(q)):
-            after[i] = _output(i, p.A, q, p.B, e)
-        for i in range(len(q)):
-            q[i] = after[i]
-        apply(t, x, u, memory, p, u)
-
-    return law
-
-
-@jitable
-def _output(i: int, M: Any, q: Any, N: Any, e: Any) -> float:
-    """Entry i of M q + N e."""
-    total = 0.0
-    for j in range(len(q)):
-        total += M[i, j] * q[j]
-    for j in range(len(e)):
-        total += N[i, j] * e[j]
-    return total

@@ -33,41 +33,6 @@ class Memory:
     first: float = 0.0
 
 
-def memory_of(m: int, **own: float | Array) -> Callable[[], Any]:
-    """Makes the memory of each run of a law of m inputs.
-
-    Args:
-        m: Number of inputs.
-        own: Further fields by name, with the values that they begin with.
-    """
-    return partial(_new, Memory, {"v": np.zeros(m)}, own)
-
-
-def surface_memory_of(m: int, n: int, **own: float | Array) -> Callable[[], Any]:
-    """Makes the memory of each run of a law with a surface, for m inputs and n entries of z.
-
-    Args:
-        m: Number of inputs.
-        n: Number of entries of z.
-        own: Further fields by name, with the values that they begin with.
-    """
-    rows: dict[str, Any] = dict.fromkeys(("v", "s", "integral", "rate", "phi"), np.zeros(m))
-    return partial(_new, SurfaceMemory, rows | dict.fromkeys(("z", "z0"), np.zeros(n)), own)
-
-
-def _new(kind: type[Memory], sized: Mapping[str, Any], own: Mapping[str, Any]) -> Any:
-    fields: dict[str, Any] = {name: value.copy() for name, value in sized.items()}
-    return extended(kind(**fields), **deepcopy(dict(own)))
-
-
-def _row() -> Array:
-    return np.zeros(1)
-
-
-def _pair() -> Array:
-    return np.zeros(2)
-
-
 @dataclass
 class SurfaceMemory(Memory):
     """Memory of the integral surface, eqs. (8), (31) and (51), for m inputs and n entries of z.
@@ -84,12 +49,32 @@ class SurfaceMemory(Memory):
         elapsed: Time between the last two samples [s]; 0 at the first.
     """
 
-    v: Any = field(default_factory=_row)
-    z: Array = field(default_factory=_pair)
-    s: Array = field(default_factory=_row)
-    phi: Array = field(default_factory=_row)
-    z0: Array = field(default_factory=_pair)
-    integral: Array = field(default_factory=_row)
-    rate: Array = field(default_factory=_row)
+    v: Any = field(default_factory=partial(np.zeros, 1))
+    z: Array = field(default_factory=partial(np.zeros, 2))
+    s: Array = field(default_factory=partial(np.zeros, 1))
+    phi: Array = field(default_factory=partial(np.zeros, 1))
+    z0: Array = field(default_factory=partial(np.zeros, 2))
+    integral: Array = field(default_factory=partial(np.zeros, 1))
+    rate: Array = field(default_factory=partial(np.zeros, 1))
     t: float = 0.0
     elapsed: float = 0.0
+
+
+def memory_of(m: int, n: int = 0, **own: float | Array) -> Callable[[], Any]:
+    """Makes the memory of each run of a law.
+
+    Args:
+        m: Number of inputs.
+        n: Number of entries of z, of a law with a surface; 0 without one.
+        own: Further fields by name, with the values that they begin with.
+    """
+    sized: dict[str, Any] = {"v": np.zeros(m)}
+    if n:
+        sized |= dict.fromkeys(("s", "integral", "rate", "phi"), np.zeros(m))
+        sized |= dict.fromkeys(("z", "z0"), np.zeros(n))
+    return partial(_new, SurfaceMemory if n else Memory, sized, own)
+
+
+def _new(kind: type[Memory], sized: Mapping[str, Any], own: Mapping[str, Any]) -> Any:
+    fields: dict[str, Any] = {name: value.copy() for name, value in sized.items()}
+    return extended(kind(**fields), **deepcopy(dict(own)))

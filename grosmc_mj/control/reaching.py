@@ -61,7 +61,7 @@ class Nominal(NamedTuple):
         reaches s through the rows without an input counts too, if G looks at them.
 
         Args:
-            motion: drift (N, n) and gain (N, n, m), as ``error.moved`` gives them.
+            motion: drift (N, n) and gain (N, n, m), as ``error.error_dynamics`` gives them.
         """
         dz = motion[0] + times(motion[1], self.u_c)
         return Reaching(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
@@ -12,13 +11,13 @@ from typing import Annotated, Any
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
-from pydantic import PlainValidator
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
-from grosmc_mj.fields import Items, Range, checked_call, refused
+from grosmc_mj.fields import Items, Range, checked_call
 from grosmc_mj.jitable import jitable
+from grosmc_mj.plants.equations import Expressions
 
 # (t, p.reference) -> y_r1, y_r1', ... up to the relative degree, then the next output's.
 ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
@@ -29,23 +28,11 @@ TIME = sp.Symbol("t")
 _LONGEST, _HIGHEST = 500, 20
 
 
-def _expressions(outputs: Any) -> list[sp.Expr]:
-    """Outputs as expressions; they are never text, which sympy would execute."""
-    if isinstance(outputs, (list, tuple)):
-        with suppress(sp.SympifyError):
-            rows = [sp.sympify(output, strict=True) for output in outputs]
-            if all(isinstance(row, sp.Expr) for row in rows):
-                return rows
-    raise refused("a list of which each must be an expression of sympy in TIME, or a number")
-
-
 Degrees = Annotated[Sequence[int], Items(int, "whole numbers, one relative degree for each output")]
 
 
 @checked_call
-def reference(
-    outputs: Annotated[Sequence[Any], PlainValidator(_expressions)], degrees: Degrees = (2,)
-) -> ReferenceFunction:
+def reference(outputs: Expressions, degrees: Degrees = (2,)) -> ReferenceFunction:
     """The reference whose outputs are expressions in ``TIME``, with derivatives up to r_i.
 
     Args:

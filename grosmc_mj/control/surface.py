@@ -27,7 +27,7 @@ def integral_surface(t: float, z: Any, memory: Any, p: Any) -> None:
         t: Time [s].
         z: Error state, (n,).
         memory: A ``SurfaceMemory``, which is brought up to this sample.
-        p: With G (m, n) and S (m, n), see ``drift_of_surface``.
+        p: With G (m, n) and S (m, n), see ``surface_rates``.
     """
     z0, s = memory.z0, memory.s
     if t == memory.first:
@@ -52,12 +52,15 @@ def integrate(t: float, memory: Any) -> None:
         memory.integral[i] += memory.rate[i] * memory.elapsed
 
 
-def drift_of_surface(G: Array, optimum: LqrDesign, control_period: float | None) -> Array:
-    """S of the surface: what G z drifts by, per second, on the optimal trajectory.
+def surface_rates(
+    G: Array, optimum: LqrDesign, control_period: float | None
+) -> tuple[Array, Array]:
+    """S and GB: what G z moves by, per second, on the optimal trajectory and by a unit of input.
 
-    As printed it is G (A - B K), summed over the samples, which leaves an error of the order of
-    the control period T. The discrete-time surface takes G (A_d - B_d K - I) / T, with the exact
-    transition A_d, B_d under a held input: it is zero at every sample of the nominal plant.
+    As printed they are G (A - B K), summed over the samples, which leaves an error of the order of
+    the control period T, and G B. The discrete-time surface takes G (A_d - B_d K - I) / T and
+    G B_d / T, with the exact transition A_d, B_d under a held input: it is zero at every sample of
+    the nominal plant.
 
     Args:
         G: Projection, (m, n).
@@ -65,34 +68,15 @@ def drift_of_surface(G: Array, optimum: LqrDesign, control_period: float | None)
         control_period: T [s] of the discrete-time surface; None for the printed one.
 
     Returns:
-        S, (m, n).
+        S (m, n) and GB (m, m).
     """
     if control_period is None:
-        return G @ optimum.closed_loop
-    A_d, B_d = _held(optimum, control_period)
-    return G @ (A_d - B_d @ optimum.K - np.eye(len(A_d))) / control_period
-
-
-def held_gain(G: Array, optimum: LqrDesign, control_period: float | None) -> Array:
-    """What a unit of held input moves G z by, per second: G B as printed, else G B_d / T, (m, m).
-
-    Args:
-        G: Projection, (m, n).
-        optimum: The design that the surface follows.
-        control_period: T [s] of the discrete-time surface; None for the printed one.
-    """
-    if control_period is None:
-        return G @ optimum.B
-    return G @ _held(optimum, control_period)[1] / control_period
-
-
-def _held(optimum: LqrDesign, control_period: float) -> tuple[Array, Array]:
-    """A_d (n, n) and B_d (n, m) of z over a control period under a held input."""
+        return G @ optimum.closed_loop, G @ optimum.B
     n, m = optimum.B.shape
     held = np.zeros((n + m, n + m))
     held[:n, :n], held[:n, n:] = optimum.A, optimum.B
-    transition = scipy.linalg.expm(held * control_period)
-    return transition[:n, :n], transition[:n, n:]
+    A_d, B_d = np.split(scipy.linalg.expm(held * control_period)[:n], [n], axis=1)
+    return G @ (A_d - B_d @ optimum.K - np.eye(n)) / control_period, G @ B_d / control_period
 
 
 def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
@@ -102,12 +86,9 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
         GainError: If G does not fit B or G B is singular.
     """
     given, G = G, np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
-    if np.ndim(reals(given)) == 0 and given is not None and not np.isfinite(reals(given)):
-        raise GainError(f"G = {shown(given)} must be a matrix of finite numbers")
-    if G.shape != B.T.shape:
-        raise GainError(f"G has shape {G.shape}, must be {B.T.shape}")
-    if not np.all(np.isfinite(G)):
-        raise GainError(f"G = {G.tolist()} must be finite")
+    if G.shape != B.T.shape or not np.all(np.isfinite(G)):
+        rows, columns = B.T.shape
+        raise GainError(f"G = {shown(given)} must be {rows} x {columns} finite numbers")
     least = np.linalg.svd(G @ B, compute_uv=False).min()
     # Against what G and B could give: a 1x1 G B has no condition number worth the name.
     if not least > 1e-12 * np.linalg.norm(G) * np.linalg.norm(B):

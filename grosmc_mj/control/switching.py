@@ -20,7 +20,7 @@ import numpy as np
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.matrices import norm
-from grosmc_mj.control.memory import surface_memory_of
+from grosmc_mj.control.memory import memory_of
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import Positive, Range, checked
 from grosmc_mj.jitable import jitable
@@ -75,7 +75,7 @@ class Switching:
 
     def new_memory(self, m: int, n: int) -> Callable[[], Any]:
         """Makes the memory of a new run, for m inputs and n entries of z."""
-        return surface_memory_of(m, n, **self.remembered(m))
+        return memory_of(m, n, **self.remembered(m))
 
 
 @checked(GainError)

@@ -22,9 +22,6 @@ from grosmc_mj.errors import ArgumentError, GainError, shown
 from grosmc_mj.fields import Is, Range, checked, refused
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 
-# A rate that rounding could be, in the unit of z per second.
-_AT_REST = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class FeedbackParameters:
@@ -50,7 +47,7 @@ class GrosmcParameters(FeedbackParameters):
 
     Attributes:
         G: Projection, (m, n).
-        S: What G z drifts by on the optimal trajectory [1/s], (m, n): ``drift_of_surface``.
+        S: What G z drifts by on the optimal trajectory [1/s], (m, n): ``surface_rates``.
         GB: G B, (m, m).
         GB_inverse: Its inverse, (m, m).
         GB_held: What a unit of input that is cut off takes from s per second, (m, m): G B as
@@ -140,23 +137,7 @@ class Task:
     realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
-        # The relative degrees of outputs and reference must agree before anything is made of them.
-        degrees = self.error.linearization.relative_degree
-        try:
-            values = self.error.reference(0.0, self.reference)
-        except (ArithmeticError, ValueError) as error:
-            raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
-        except (AttributeError, TypeError) as error:
-            raise ArgumentError(
-                f"{type(self.reference).__name__} does not fit the reference: {error}"
-            ) from None
-        count = sum(degrees) + len(degrees)
-        if reals(values).shape != (count,) or not np.all(np.isfinite(reals(values))):
-            raise ArgumentError(
-                f"the reference gives {shown(values)} at t = 0, must give {count} finite "
-                f"values: each output with derivatives up to {degrees}"
-            )
-        self.error.require_regular(self.feedback(np.zeros((0, 0))))
+        self.error.require_task(self.plant, self.feedback(np.zeros((0, 0))))
         for name, size in (("Q", self.error.size), ("R", self.error.inputs)):
             weight = getattr(self, name)
             if np.shape(weight) not in ((), (size, size)):
@@ -189,15 +170,8 @@ class Task:
         if linearizing:
             chains = self.error.linearization
             return lqr(chains.A, chains.B, self.Q, self.R)
-        error = self.symbolic
-        p = self.feedback(np.zeros((error.inputs, error.size)))
-        alpha = error.dynamics(0.0, error.place(0.0, np.zeros(error.size), p), p)[0]
-        if np.abs(alpha).max() > _AT_REST:
-            raise GainError(
-                f"{self.plant.system.name}: zero error is no equilibrium without input, z' = "
-                f"{alpha.tolist()} there: linearize by feedback instead"
-            )
-        return lqr(*error.jacobian(p), self.Q, self.R)
+        p = self.feedback(np.zeros((0, 0)))
+        return lqr(*self.symbolic.linear_model(self.plant, p), self.Q, self.R)
 
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
@@ -231,7 +205,7 @@ class StateTask:
     realization: Realization = AS_PRINTED
 
     def __post_init__(self) -> None:
-        self.plant.operating_point(self.point.x, self.point.u)
+        self.error.require_task(self.plant, self.feedback(np.zeros((0, 0))))
 
     @property
     def point(self) -> OperatingPoint:
@@ -253,7 +227,8 @@ class StateTask:
             ArgumentError: If the plant does not rest there.
             GainError: If the weights do not fit, or the input cannot stabilize it there.
         """
-        model = self.model or self.plant.linearization(self.point.x, self.point.u)
+        p = self.feedback(np.zeros((0, 0)))
+        model = self.model or self.error.linear_model(self.plant, p)
         return lqr(*model, self.Q, self.R)
 
     def feedback(self, K: Array) -> FeedbackParameters:

@@ -28,7 +28,7 @@ from grosmc_mj.control.reaching import (
 )
 from grosmc_mj.errors import GainError, shown
 from grosmc_mj.fields import Name, NotNegative, Positive, Range, Reals, checked, refused
-from grosmc_mj.plants import OperatingPoint, Plant
+from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
@@ -171,8 +171,7 @@ class Uncertainty:
         grid = [state for state in itertools.product(*axes) if any(state)]
         z = np.array([np.zeros(error.size), *(_NEAR * np.eye(error.size)), *grid])
         t, x = [0.0] * len(z), np.array([error.place(0.0, state, p) for state in z])
-        law, equations = nominal(design, p, t, x, z), error.system.equations
-        slopes, still = error.slopes(x, p), error.raised_along(t, p)
+        law = nominal(design, p, t, x, z)
         wrenches = [np.tile(w, (len(z), 1)) for w in np.diag(self.wrench) if w.any()]
 
         def family() -> Iterator[tuple[str, Reaching, Array]]:
@@ -180,11 +179,11 @@ class Uncertainty:
             for factors in itertools.product(*axes):
                 scales = dict(zip(self.scales, factors, strict=True))
                 changes = {name: getattr(p.plant, name) * k for name, k in scales.items()}
-                plant, disturbed = replace(p.plant, **changes), np.zeros_like(law.v_0)
+                plant = AnalyticPlant(error.system, replace(p.plant, **changes))
+                disturbed = np.zeros_like(law.v_0)
                 for w in wrenches:
-                    away = error.pushed_by(equations, x, plant, w, slopes)
-                    disturbed += np.abs(times(law.G, away))
-                motion = error.moved_by(equations, x, plant, slopes, still)
+                    disturbed += np.abs(times(law.G, error.disturbances(x, p, plant, w)))
+                motion = error.error_dynamics(t, x, p, plant)
                 yield _scaled(scales), law.reaching(motion), disturbed
 
         gains = suprema(error.system.name, law, self.reaching_rate, family())

@@ -264,7 +264,7 @@ class Experiment:
     def _realization_of(self, table: ControllerTable, made: Controller) -> Realization:
         """How a law is sampled: as its table says, unless a setting that is chosen counts."""
         own = {"switching", "surface"} & table.model_fields_set
-        if made.design is None or made.design.with_reach is None:
+        if made.design is None or not made.design.switching:
             if own:
                 raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(own))}")
             return AS_PRINTED

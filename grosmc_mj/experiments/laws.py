@@ -31,7 +31,7 @@ from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
-from grosmc_mj.control.task import FeedbackParameters, NoNumbers, StateTask, Task
+from grosmc_mj.control.task import NoNumbers, StateTask, Task
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
@@ -290,7 +290,6 @@ def _task(
     if outputs or nominal.rest is not None:
         guess = state_of(named.guess, system, "task: outputs: guess", nominal.rest)
     error = _coordinates(system, moving, wanted.sign, outputs, guess, named.unit if outputs else "")
-    error.require_regular(FeedbackParameters(equations.parameters, parameters, np.zeros((0, 0))))
     weights = weight("Q", Q, error.size), weight("R", R, error.inputs)
     return Task(equations, error, parameters, *weights)
 

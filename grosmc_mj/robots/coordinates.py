@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,9 +13,14 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, StateMap
-from grosmc_mj.control.coordinates.chains import Chains
-from grosmc_mj.control.coordinates.torques import LinearTorques
+from grosmc_mj.control.coordinates.base import (
+    Chains,
+    InputMap,
+    LinearTorques,
+    OutputCoordinates,
+    StateMap,
+)
+from grosmc_mj.errors import ModelError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mjdata import forward
 from grosmc_mj.plants import Plant
@@ -47,14 +52,8 @@ class RobotCoordinates(OutputCoordinates):
 
     @cached_property
     def linearization(self) -> Chains:
-        """Two integrators for each joint.
-
-        Raises:
-            PremiseError: If the reference has derivatives for others.
-        """
-        chains = Chains((2,) * self.inputs)
-        self.require_derivatives(chains.relative_degree, f"{self.inputs} joints")
-        return chains
+        """Two integrators for each joint."""
+        return Chains((2,) * self.inputs)
 
     @property
     def output_units(self) -> tuple[str, ...]:
@@ -144,37 +143,45 @@ class RobotCoordinates(OutputCoordinates):
         """An mjData of the nominal model, for one run."""
         return NominalData(self.model)
 
-    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
-        """(alpha, E) of z_i'' = alpha_i + (E u)_i: (m,) and (m, m)."""
-        x, n = np.asarray(x, float), self.inputs
-        E = np.linalg.inv(inertia(self.model, x[:n]))
-        alpha = -E @ bias(self.model, x[:n], x[n:]) - self.raised_along([t], p)[0, 1::2]
+    def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
+        """As for all coordinates."""
+        n = self.inputs
+        E = np.array([np.linalg.inv(inertia(self.model, row[:n])) for row in x])
+        torques = np.array([bias(self.model, row[:n], row[n:]) for row in x])
+        alpha = -np.einsum("nij,nj->ni", E, torques) - self.raised_along(t, p)[:, 1::2]
         return self.sign * alpha, self.sign * E
 
-    def moved(
+    def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
+        """A robot's laws have none: they go through feedback linearization."""
+        raise ModelError(f"{self.system.name} has no equations in symbols to linearize")
+
+    def error_dynamics(
         self,
-        t: float,
+        t: Sequence[float],
         x: Array,
         p: Any,
         plant: Plant,
-        w: ArrayLike | None = None,
-        u: ArrayLike | None = None,
+        w: Array | None = None,
+        u: Array | None = None,
     ) -> tuple[Array, Array]:
-        """As for every coordinates, of a plant in MuJoCo.
+        """As for all coordinates, of a plant in MuJoCo.
 
         The drift is MuJoCo's own forward dynamics less what the input does to the free bodies:
-        joint friction, limits and contacts are in it as they answer to the input u, (m,), none by
+        joint friction, limits and contacts are in it as they answer to the inputs u, none by
         default. How their answer changes with u is not in the gain, which is M*^-1.
         """
         model, n = plant.undrawn_model, self.inputs
-        wrench, given = (None if values is None else np.asarray(values, float) for values in (w, u))
-        data, M = forward(model, x, given, wrench, self.system.bodies), np.zeros((n, n))
-        mujoco.mj_fullM(model, data, M)
-        drift, gain = np.zeros(self.size), np.zeros((self.size, n))
-        gain[1::2] = np.linalg.inv(M)
-        # The torques of the motors, which are the inputs within their limits.
-        drift[0::2], drift[1::2] = x[n:], data.qacc - gain[1::2] @ data.qfrc_actuator
-        return self.sign * (drift - self.raised_along([t], p)[0]), self.sign * gain
+        drift, gain = np.zeros((len(x), self.size)), np.zeros((len(x), self.size, n))
+        M = np.zeros((n, n))
+        for i, state in enumerate(x):
+            inputs, wrench = (None if each is None else each[i] for each in (u, w))
+            data = forward(model, state, inputs, wrench, self.system.bodies)
+            mujoco.mj_fullM(model, data, M)
+            gain[i, 1::2] = np.linalg.inv(M)
+            # The torques of the motors, which are the inputs within their limits.
+            drift[i, 0::2] = state[n:]
+            drift[i, 1::2] = data.qacc - gain[i, 1::2] @ data.qfrc_actuator
+        return self.sign * (drift - self.raised_along(t, p)), self.sign * gain
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """q and q' of each joint at every state of a trajectory, (N, n); returns (N, size)."""

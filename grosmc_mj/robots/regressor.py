@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from grosmc_mj.compilation import array_at, pointer
-from grosmc_mj.control.coordinates.torques import LinearTorques
+from grosmc_mj.control.coordinates.base import LinearTorques
 from grosmc_mj.jitable import jitable
 from grosmc_mj.robots.dynamics import WORKSPACE, inertia, mj_com_vel, mj_rne, place, vector_at
 

@@ -204,7 +204,7 @@ def laws_of(experiment: Experiment) -> list[StudiedLaw]:
             if name in experiment.controllers:
                 raise
             continue
-        if design is not None and design.with_reach is not None:
+        if design is not None and design.switching:
             switching.append(name)
         elif design is not None:
             kind = str(table["law"]).removeprefix("linear-")

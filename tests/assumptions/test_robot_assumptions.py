@@ -196,8 +196,10 @@ def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
     x, error, p = np.array([0.3, -0.4, 0.0, 1.0]), controller.coordinates, controller.parameters
     for side in (-1.0, 1.0):
         x[3] = side
-        still, _ = error.moved(0.0, x, p, plant, u=np.zeros(N))
-        without, gain = error.moved(0.0, x, p, arm().plant, u=np.zeros(N))
+        (still,), _ = error.error_dynamics([0.0], x[None], p, plant, u=np.zeros((1, N)))
+        (without,), (gain,) = error.error_dynamics(
+            [0.0], x[None], p, arm().plant, u=np.zeros((1, N))
+        )
         # Sliding friction is against the motion, of its full size.
         np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
 

@@ -145,13 +145,13 @@ def test_three_plants_have_relative_degree_two_and_the_hand_written_K_and_E(
 @pytest.mark.parametrize("name", HAND_WRITTEN)
 def test_wrench_meets_the_row_of_the_input_alone(name: str) -> None:
     """Eq. (24): the mechanical plants are matched, and d(t) is the hand-written acceleration."""
-    found, system, by_hand = chains(name), find_system(name), HAND_WRITTEN[name]
-    p, random = plant(name).parameters, np.random.default_rng(2)
+    system, by_hand, random = find_system(name), HAND_WRITTEN[name], np.random.default_rng(2)
+    error, p = ErrorCoordinates(system, setpoints(2)), plant(name).parameters
+    numbers = FeedbackParameters(p, Setpoint(), np.zeros((1, 2)))
     velocity = system.output + system.degrees_of_freedom
-    assert found.matched
     for x in states(name, 20):
         w = random.normal(0, 1, 6 * len(system.bodies))
-        pushed = found.disturbance(x, w, p)
+        pushed = tuple(error.disturbances(x[None], numbers, plant(name), w[None])[0])
         terms = [by_hand.disturbance(x, row, p)[velocity] for row in np.diag(w)]
         tolerance = 1e-14 * np.abs(terms).sum()
         expected = (0, pytest.approx(by_hand.disturbance(x, w, p)[velocity], abs=tolerance))
@@ -304,13 +304,13 @@ def test_motor_with_inductance_is_a_chain_of_three() -> None:
 
 def test_load_of_the_motor_is_not_matched_and_its_voltage_is() -> None:
     """The load is in the row of y'', where no input is: Assumption 5 fails for it."""
-    load, voltage = (feedback_linearization(motor(load)) for load in (True, False))
-    assert not load.matched
-    assert voltage.matched
     p, x, w = Motor(), np.array([0.2, 1.5, -0.4]), np.array([0.3])
-    expected = (0, -0.3 / p.J, 0.3 * p.B / p.J**2)
-    assert load.disturbance(x, w, p) == pytest.approx(expected, rel=1e-14)
-    assert voltage.disturbance(x, w, p) == pytest.approx((0, 0, 0.3 * p.Kt / p.J / p.L), rel=1e-14)
+    by_load = (0, -0.3 / p.J, 0.3 * p.B / p.J**2)
+    for load, expected in ((True, by_load), (False, (0, 0, 0.3 * p.Kt / p.J / p.L))):
+        equations = motor(load)
+        slope = np.reshape(feedback_linearization(equations).slope(x, p), (3, 3))
+        pushed = slope @ np.array(equations.disturbance(x, w, p))
+        np.testing.assert_allclose(pushed, expected, rtol=1e-13)
 
 
 def test_state_of_the_motor_is_found_from_its_derivatives() -> None:
@@ -577,12 +577,12 @@ def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign
 
 
 def test_jacobian_of_two_outputs_is_that_of_the_plant() -> None:
-    """About x = (0.2, 0, -0.4): x1 x3 has the slopes (-0.4, 0, 0.2), x2 - x3 (0, 1, -1)."""
-    A, B = ErrorCoordinates(SQUARE, setpoints(2, 1)).jacobian(square_numbers())
-    expected = [[0, 1, 0], [-0.4, 0, 0.2], [0, 1, -1]]
-    np.testing.assert_allclose(A, expected, rtol=0, atol=1e-8)
-    inputs = [[0, 0], [2 + math.sin(-0.4), 0.2], [1, 3]]
-    np.testing.assert_allclose(B, inputs, rtol=0, atol=1e-8)
+    """About x = (0.2, 0, 0): x1 x3 has the slopes (0, 0, 0.2), x2 - x3 (0, 1, -1)."""
+    numbers = Numbers(Nothing(), Setpoints(0.2, 0.0), np.zeros((2, 3)))
+    plant = AnalyticPlant(SQUARE, Nothing())
+    A, B = ErrorCoordinates(SQUARE, setpoints(2, 1)).linear_model(plant, numbers)
+    np.testing.assert_allclose(A, [[0, 1, 0], [0, 0, 0.2], [0, 1, -1]], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(B, [[0, 0], [2, 0.2], [1, 3]], rtol=0, atol=1e-8)
 
 
 def test_units_of_outputs_that_are_no_states_are_those_of_their_derivatives() -> None:
@@ -609,7 +609,10 @@ def test_error_moves_as_the_true_plant_makes_it(system: System, sign: Any) -> No
     for x in states(system.name, 10):
         w, t = random.normal(0, 1, 6 * len(system.bodies)), 0.7
         for wrench in (w, None):
-            drift, gain = error.moved(t, x, p, AnalyticPlant(system, true), wrench)
+            w_of = None if wrench is None else wrench[None]
+            true_plant = AnalyticPlant(system, true)
+            motion = error.error_dynamics([t], x[None], p, true_plant, w_of)
+            drift, gain = motion[0][0], motion[1][0]
             assert (drift.shape, gain.shape) == ((2,), (2, 1))
             pushed = 0.0 if wrench is None else by_hand.disturbance(x, w, true)[velocity]
             fallen = by_hand.drift(x, true)[velocity]
@@ -627,15 +630,16 @@ def test_uncertain_kinematics_are_not_matched() -> None:
     third, angle = motor_system(), np.array([0.2, 1.5, -0.4])
     error = ErrorCoordinates(third, setpoints(3))
     p = FeedbackParameters(Motor(), Setpoint(0.0), np.zeros((1, 3)))
-    drift, gain = error.moved(0.0, angle, p, AnalyticPlant(third, Motor(J=0.04)))
+    motion = error.error_dynamics([0.0], angle[None], p, AnalyticPlant(third, Motor(J=0.04)))
+    drift, gain = motion[0][0], motion[1][0]
     force = 0.7 * -0.4 - 0.1 * 1.5
     np.testing.assert_allclose(drift[:2], [1.5, force / 0.04], rtol=1e-13)
     np.testing.assert_allclose(gain, [[0], [0], [0.7 / 0.02 / 0.05]], rtol=1e-13)
     expected = [0, force / 0.04 - force / 0.02]
     z = np.array(error.error_state(0.0, angle, p))
     np.testing.assert_allclose(error.unmatched(z, drift), expected, atol=1e-12)
-    certain, _ = error.moved(0.0, angle, p, AnalyticPlant(third, Motor()))
-    np.testing.assert_allclose(error.unmatched(z, certain), [0, 0], atol=1e-12)
+    certain, _ = error.error_dynamics([0.0], angle[None], p, AnalyticPlant(third, Motor()))
+    np.testing.assert_allclose(error.unmatched(z, certain[0]), [0, 0], atol=1e-12)
 
 
 def test_place_is_the_inverse_of_the_error_state() -> None:

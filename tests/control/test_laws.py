@@ -341,15 +341,17 @@ def test_reference_gives_its_own_derivatives(y_r, p, t):
 def test_jacobian_of_the_servo_is_its_linear_equation_18():
     plant = nominal("servo")
     p: Any = plant.parameters
-    A, B = SERVO_ERROR.jacobian(FeedbackParameters(p, SERVO_STEP, np.zeros((1, 2))))
+    A, B = SERVO_ERROR.linear_model(plant, FeedbackParameters(p, SERVO_STEP, np.zeros((1, 2))))
     np.testing.assert_allclose(A, [[0, 1], [0, -p.B / p.J]], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(B, [[0], [-p.Kt / p.J]], rtol=1e-9)
 
 
 def test_jacobian_of_the_pendulum_is_the_linearized_lagrangian():
     """Upright: theta'' = (g theta + u/(M+m)) / (L (4/3 - m/(M+m)))."""
-    p: Any = nominal("cart_pendulum").parameters
-    A, B = PENDULUM_ERROR.jacobian(FeedbackParameters(p, Setpoint(0.0), np.zeros((1, 2))))
+    plant = nominal("cart_pendulum")
+    p: Any = plant.parameters
+    numbers = FeedbackParameters(p, Setpoint(0.0), np.zeros((1, 2)))
+    A, B = PENDULUM_ERROR.linear_model(plant, numbers)
     inertia = p.L * (4 / 3 - p.m / (p.M + p.m))
     np.testing.assert_allclose(A, [[0, 1], [p.g / inertia, 0]], rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(B, [[0], [1 / (p.M + p.m) / inertia]], rtol=1e-7)

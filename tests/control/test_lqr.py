@@ -235,7 +235,7 @@ def test_default_surface_matrix_is_the_pseudoinverse_so_that_GB_is_the_identity(
     [
         ([[1.0, 0.0]], r"G B = \[\[0\.0\]\] is singular"),
         ([1.0, 0.0], r"G B = \[\[0\.0\]\] is singular"),
-        ([[1.0, 2.0, 3.0]], r"G has shape \(1, 3\), must be \(1, 2\)"),
+        ([[1.0, 2.0, 3.0]], r"G = .* must be 1 x 2 finite numbers"),
     ],
 )
 def test_surface_that_the_input_cannot_steer_is_refused(G, message):

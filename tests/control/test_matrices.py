@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -19,7 +18,6 @@ from grosmc_mj.control.matrices import (
     norm,
     norm_of_product,
     quadratic,
-    regular,
     row_times,
     solve,
 )
@@ -138,21 +136,6 @@ def test_solve_leaves_the_matrix_alone(m: int) -> None:
     np.testing.assert_array_equal(E, before)
 
 
-@each_size
-def test_singular_matrix_gives_no_finite_solution(m: int) -> None:
-    """As C has it: no exception can leave a compiled law. Python may raise one."""
-    E, b = np.zeros((m, m)), np.ones(m)
-    E[:, 0] = 1.0  # for m > 1 of rank one
-    if m == 1:
-        E[0, 0] = 0.0
-    compiled(solve, 2)(row(E), b)
-    assert not np.all(np.isfinite(b))
-    b = np.ones(m)
-    with np.errstate(all="ignore"), contextlib.suppress(ZeroDivisionError):
-        solve(row(E), b)
-        assert not np.all(np.isfinite(b))
-
-
 def test_row_of_a_product() -> None:
     K, z = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), (0.5, -1.0, 2.0)
     assert both(row_times, 0, K, z) == 4.5
@@ -173,6 +156,13 @@ def test_norm_of_any_length(z: list[float]) -> None:
     assert norm(tuple(z)) == pytest.approx(math.hypot(*z), rel=1e-14, abs=1e-150)
 
 
+def regular(E: Any, m: int) -> bool:
+    """Whether there is a solution, which compiled code agrees on."""
+    said = compiled(solve, 2)(E, np.ones(m))
+    assert solve(E, np.ones(m)) == said
+    return said
+
+
 @pytest.mark.parametrize("decades", [0, 8])
 @pytest.mark.parametrize("m", [1, 2, 3, 4, 7])
 def test_a_matrix_is_regular_in_any_units_unless_a_row_repeats_others(
@@ -182,9 +172,9 @@ def test_a_matrix_is_regular_in_any_units_unless_a_row_repeats_others(
     for _ in range(50):
         rows, columns = 10.0 ** random.uniform(-decades, decades, (2, m, 1))
         E = random.normal(size=(m, m))
-        assert both(regular, row(rows * E * columns.T), m)
+        assert regular(row(rows * E * columns.T), m)
         E[-1] = random.normal(size=m - 1) @ E[:-1]
-        assert not both(regular, row(rows * E * columns.T), m)
+        assert not regular(row(rows * E * columns.T), m)
 
 
 @pytest.mark.parametrize("m", [2, 3, 7])
@@ -193,7 +183,7 @@ def test_a_matrix_is_regular_up_to_a_condition_number_of_1e11(m: int) -> None:
     for exponent, said in [(0, True), (3, True), (11, True), (14, False)]:
         left, right = (np.linalg.qr(random.normal(size=(m, m)))[0] for _ in range(2))
         values = np.logspace(0, -exponent, m)
-        assert both(regular, row(left * values @ right), m) == said
+        assert regular(row(left * values @ right), m) == said
 
 
 @pytest.mark.parametrize(
@@ -215,4 +205,4 @@ def test_a_matrix_is_regular_up_to_a_condition_number_of_1e11(m: int) -> None:
     ],
 )
 def test_a_matrix_of_any_scale_is_regular_or_not(E: tuple[float, ...], said: bool) -> None:
-    assert both(regular, E, math.isqrt(len(E))) is said
+    assert regular(E, math.isqrt(len(E))) is said

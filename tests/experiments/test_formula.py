@@ -159,7 +159,7 @@ def test_text_never_reaches_sympy(tmp_path: Path):
     for text in (f'sin("{octal}")', f"sin({octal})", f'"{octal}"'):
         with pytest.raises(ArgumentError):
             formula(text, TIME)
-        with pytest.raises(ArgumentError, match="must be an expression of sympy"):
+        with pytest.raises(ArgumentError, match="must be a list of expressions of sympy"):
             reference([text])
     assert not canary.exists()
 

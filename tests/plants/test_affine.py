@@ -134,7 +134,7 @@ def test_a_reference_of_other_degrees_is_refused(degrees: tuple[int, ...]) -> No
 def test_a_setpoint_of_one_output_is_refused_for_two() -> None:
     masses = two_masses()
     error = gm.control.ErrorCoordinates(masses.system, gm.control.setpoints(2, 2))
-    with pytest.raises(ArgumentError, match="Setpoint does not fit the reference"):
+    with pytest.raises(ArgumentError, match="the reference has no value at t = 0: 'Setpoint'"):
         gm.Task(masses, error, gm.control.Setpoint(0.0), np.eye(4), np.eye(2))
 
 
@@ -176,10 +176,9 @@ def test_gains_cover_what_reaches_s_through_the_row_without_an_input() -> None:
         true = plant.with_parameters(a=random.uniform(1, 3))
         alpha, E = law.coordinates.dynamics(0.0, x, p)
         u_0 = np.linalg.solve(E, -(p.K @ z) - alpha)
-        drift, gain = law.coordinates.moved(0.0, x, p, true)
-        found = nominal(law.designed, p, [0.0], x[None], z[None]).reaching(
-            (drift[None], gain[None])
-        )
+        motion = law.coordinates.error_dynamics([0.0], x[None], p, true)
+        found = nominal(law.designed, p, [0.0], x[None], z[None]).reaching(motion)
+        drift, gain = motion[0][0], motion[1][0]
         assert found.push[0] == pytest.approx(p.G @ (drift + gain @ u_0) - S @ z, abs=1e-12)
         assert found.R[0] == pytest.approx(p.G @ gain / (p.GB @ E), rel=1e-12)
         rho = p.eta + (p.gamma0 + p.gamma1 * np.linalg.norm(z)) * np.linalg.norm(p.GB @ E)

@@ -206,14 +206,17 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
         )
         for mine, other in (
             (ours.dynamics(1.0, x, p), theirs.dynamics(1.0, x, symbolic)),
-            (ours.moved(1.0, x, p, true, w), theirs.moved(1.0, x, symbolic, twin, w)),
+            (
+                ours.error_dynamics([1.0], x[None], p, true, w[None]),
+                theirs.error_dynamics([1.0], x[None], symbolic, twin, w[None]),
+            ),
         ):
             for a, b in zip(mine, other, strict=True):
                 np.testing.assert_allclose(a, b, **close)
         z = np.array(ours.error_state(1.0, x, p))
         np.testing.assert_allclose(ours.place(1.0, z, p), x, **close)
         np.testing.assert_allclose(ours.along([1.0], x[None], p)[0], z, **close)
-        drift, _ = ours.moved(1.0, x, p, true, w)
+        (drift,), _ = ours.error_dynamics([1.0], x[None], p, true, w[None])
         np.testing.assert_allclose(ours.unmatched(z, drift), 0, atol=1e-15)
 
 

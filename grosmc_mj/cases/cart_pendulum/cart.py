@@ -168,7 +168,7 @@ def holding_pfl(
         sliding_unit="rad/s",
         linearizing=True,
         switching=switching.name,
-        with_reach=shaped_regulator,
+        switched_law=shaped_regulator,
     )
     return Controller(
         name="cart-pfl",

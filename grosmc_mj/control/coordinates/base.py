@@ -1,4 +1,4 @@
-"""Outputs' errors as what a law regulates, whatever their plant's dynamics are computed by."""
+"""Error coordinates z of a law, and how the inputs move them."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import require, whole
+from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.chains import Chains
-from grosmc_mj.control.coordinates.torques import LinearTorques
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.errors import ArgumentError, PremiseError, shown
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.plants import AnalyticPlant, Plant, System
 
 _PER_SECOND = ("", "/s", "/s²", "/s³")
 
@@ -39,6 +37,62 @@ class Workspace(Protocol):
     def address(self) -> float:
         """Where it is."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """z_i^(r_i) = v_i: the Brunovsky form z' = A z + B v of eqs. (24) and (45).
+
+    Attributes:
+        relative_degree: r_1 ... r_m: how often each output is differentiated until an input
+            appears.
+    """
+
+    relative_degree: tuple[int, ...]
+
+    @cached_property
+    def last_rows(self) -> tuple[int, ...]:
+        """Rows of z' in which the inputs appear."""
+        return tuple((np.cumsum(self.relative_degree) - 1).tolist())
+
+    @cached_property
+    def first_rows(self) -> tuple[int, ...]:
+        """Entries of z that are outputs."""
+        return tuple(r - d + 1 for r, d in zip(self.last_rows, self.relative_degree, strict=True))
+
+    @cached_property
+    def A(self) -> Array:
+        """State matrix, (sum r, sum r)."""
+        matrix = np.eye(sum(self.relative_degree), k=1)
+        matrix[list(self.last_rows)] = 0.0
+        return matrix
+
+    @cached_property
+    def B(self) -> Array:
+        """Input matrix, (sum r, m)."""
+        return np.eye(sum(self.relative_degree))[:, list(self.last_rows)]
+
+
+class LinearTorques(NamedTuple):
+    """M(q) a + C(q, q') r + G(q) = known + Y theta, in the unit of the inputs.
+
+    C is the matrix of Christoffel's symbols, so that M' - 2 C is skew-symmetric. All but
+    ``inertia`` are jitable, and ``known`` and ``regressor`` take (x, r, a, memory, p): the state,
+    reference rates and accelerations, the run's memory and the law's parameters.
+
+    Attributes:
+        size: k, the number of parameters.
+        nominal: p -> theta by which the nominal plant's torques come out, k numbers.
+        known: The torques that no unknown parameter has a part in, (m,).
+        regressor: Y row by row, m k numbers.
+        inertia: (q, plant's parameters) -> the nominal M(q), (m, m).
+    """
+
+    size: int
+    nominal: Callable[[Any], Any]
+    known: Callable[..., Any]
+    regressor: Callable[..., Any]
+    inertia: Callable[[Array, Any], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +138,33 @@ class Coordinates(ABC):
             linearizing: Whether v goes through feedback linearization, eqs. (23) and (44).
         """
 
+    @abstractmethod
+    def require_task(self, plant: Plant, p: Any) -> None:
+        """Refuse a plant and a reference for which no law on these coordinates can be designed.
+
+        Args:
+            plant: The nominal plant.
+            p: The law's parameters, with ``plant`` and ``reference``.
+
+        Raises:
+            GrosmcError: With the reason.
+        """
+
+    @abstractmethod
+    def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
+        """(A, B) of z' = A z + B v about zero error, without feedback linearization.
+
+        Args:
+            plant: The nominal plant.
+            p: The law's parameters, with ``plant`` and ``reference``.
+
+        Returns:
+            A (size, size) and B (size, m).
+
+        Raises:
+            GrosmcError: If zero error is no equilibrium, or there is no such model.
+        """
+
     def error_state(self, t: float, x: ArrayLike, p: Any) -> Array:
         """z of one state x, (n,)."""
         z = np.zeros(self.size)
@@ -91,30 +172,30 @@ class Coordinates(ABC):
         return z
 
     @abstractmethod
-    def moved(
+    def error_dynamics(
         self,
-        t: float,
+        t: Sequence[float],
         x: Array,
         p: Any,
         plant: Plant,
-        w: ArrayLike | None = None,
-        u: ArrayLike | None = None,
+        w: Array | None = None,
+        u: Array | None = None,
     ) -> tuple[Array, Array]:
         """(drift, gain) of z' = drift + gain v on a true plant, as the law sees it: eq. (24).
 
         z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
 
         Args:
-            t: Time [s].
-            x: State, (n,).
+            t: Times [s], (N,).
+            x: States, (N, n).
             p: The law's parameters, with ``plant`` and ``reference``.
             plant: The true plant.
-            w: Wrenches on it, (6 * bodies,); None for none.
-            u: Input to which friction, limits and contacts answer, (m,); None for none.
-                Equations have no use for it.
+            w: Wrenches on it, (N, 6 * bodies); None for none.
+            u: Inputs to which friction, limits and contacts answer, (N, m); None for none.
+                Equations have no use for them.
 
         Returns:
-            drift (size,) and gain (size, m); of a law of outputs v is the input u.
+            drift (N, size) and gain (N, size, m); of a law of outputs v is the input u.
         """
 
     def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
@@ -166,30 +247,17 @@ class OutputCoordinates(Coordinates):
                 f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
                 "derivatives, such as setpoints(2)"
             )
-        if whole(self.sign) not in (1, -1):
+        if type(self.sign) is not int or abs(self.sign) != 1:
             raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")
 
     @cached_property
     @abstractmethod
     def linearization(self) -> Chains:
-        """The chains that the feedback makes of the plant."""
-
-    def require_derivatives(self, degrees: tuple[int, ...], whose: str) -> None:
-        """Refuse a reference that has not as many derivatives as the outputs need.
-
-        Args:
-            degrees: Relative degrees of the outputs.
-            whose: The outputs in words.
+        """The chains that the feedback makes of the plant.
 
         Raises:
-            PremiseError: If it has others.
+            PremiseError: If the outputs have no vector relative degree.
         """
-        given = getattr(self.reference, "degrees", degrees)
-        if given != degrees:
-            raise PremiseError(
-                f"{self.system.name}: {whose} have relative degrees {degrees}, the reference has "
-                f"derivatives for {given}"
-            )
 
     @property
     @abstractmethod
@@ -214,13 +282,22 @@ class OutputCoordinates(Coordinates):
         return (self.feedback, self.virtual_input) if linearizing else (_copy, _copy)
 
     @abstractmethod
-    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
-        """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
-
     def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
-        """``dynamics`` at instants (N,) and states (N, n): (N, m) and (N, m, m)."""
-        both = [self.dynamics(*each, p) for each in zip(t, x, strict=True)]
-        return np.array([alpha for alpha, _ in both]), np.array([E for _, E in both])
+        """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i, by the law's model.
+
+        Args:
+            t: Times [s], (N,).
+            x: States, (N, n).
+            p: The law's parameters, with ``plant`` and ``reference``.
+
+        Returns:
+            alpha (N, m) and E (N, m, m).
+        """
+
+    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
+        """The same at one instant and state, (m,) and (m, m)."""
+        alpha, E = self.dynamics_along([t], np.asarray(x, float)[None], p)
+        return alpha[0], E[0]
 
     @abstractmethod
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
@@ -240,15 +317,33 @@ class OutputCoordinates(Coordinates):
             PremiseError: If there is none near the guess.
         """
 
-    def require_regular(self, p: Any) -> None:
-        """Refuse a design where no input brings every v about at zero error.
+    def require_task(self, plant: Plant, p: Any) -> None:
+        """Refuse a plant without equations, and a reference that does not fit the outputs.
 
         Args:
+            plant: The nominal plant.
             p: The law's parameters, with ``plant`` and ``reference``.
 
         Raises:
-            PremiseError: With the reason and what is possible instead.
+            ArgumentError: If the reference has no finite values at t = 0.
+            PremiseError: If it has other derivatives than the outputs need.
         """
+        require("plant", plant, AnalyticPlant, "an analytic plant, such as plant.analytic()")
+        degrees = self.linearization.relative_degree
+        if (derivatives := getattr(self.reference, "degrees", degrees)) != degrees:
+            raise PremiseError(
+                f"{self.system.name}: the outputs have relative degrees {degrees}, the reference "
+                f"has derivatives for {derivatives}"
+            )
+        try:
+            values = reals(self.reference(0.0, p.reference))
+        except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
+            raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
+        if values.shape != (sum(degrees) + len(degrees),) or not np.all(np.isfinite(values)):
+            raise ArgumentError(
+                f"the reference gives {shown(values)} at t = 0, must give finite values of each "
+                f"output with derivatives up to {degrees}"
+            )
 
     def torques(self, body: str | None = None) -> LinearTorques:
         """The joints' torques, linear in what is unknown; for outputs that are all joints.
@@ -283,14 +378,14 @@ class OutputCoordinates(Coordinates):
         return self.linearization.first_rows
 
     @cached_property
+    def _highest(self) -> tuple[int, ...]:
+        """Places of the reference's derivatives of order r_i."""
+        return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
+
+    @cached_property
     def _lower(self) -> tuple[int, ...]:
         """Places of the reference's values that z is measured from."""
         return tuple(i for i in range(self.size + self.inputs) if i not in self._highest)
-
-    @cached_property
-    def _highest(self) -> tuple[int, ...]:
-        """Where the reference's derivatives of order r_i are."""
-        return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
 
     def unmatched(self, z: Array, drift: Array) -> Array:
         """What a drift of z' does to the rows without an input, beyond the chains of eq. (24).

@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from grosmc_mj.arguments import require, require_each
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
-from grosmc_mj.control.coordinates.chains import Chains
-from grosmc_mj.control.coordinates.expressions import complement, determinant, is_zero
-from grosmc_mj.errors import ArgumentError, GrosmcError, PremiseError, shown
-from grosmc_mj.plants.equations import Equations
+from grosmc_mj.control.coordinates.base import Chains
+from grosmc_mj.errors import PremiseError, shown
+from grosmc_mj.fields import Is, checked_call
+from grosmc_mj.plants.equations import Equations, Expressions
 
-# A rate that rounding could be.
-_STILL = 1e-9
-# A root is found within this, to rounding; next to it a step gains half of the digits.
-_FOUND, _STEPS = 1e-13, 8
+# Rounding of a rate, and of a sum of terms of size one.
+_ROUNDING = 1e-9
+# Random points at which an expression is tried before it is called zero: no expression of the
+# plants vanishes at all of these without being zero.
+_POINTS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,17 @@ class ZeroDynamics:
         Raises:
             PremiseError: If xi = 0 is no equilibrium.
         """
-        numbers = _numbers(sp.Matrix(self.rates), parameters)
-        still = numbers.subs(dict.fromkeys(self.states, 0))
-        if any(abs(float(rate)) > _STILL for rate in still):
-            raise PremiseError(f"the zero dynamics are not at rest at zero: rates {list(still)}")
-        slope = numbers.jacobian(self.states).subs(dict.fromkeys(self.states, 0))
-        return np.linalg.eigvals(np.array(slope.evalf(), float)).astype(complex)
+        rates, zero = sp.Matrix(self.rates), dict.fromkeys(self.states, 0)
+        numbers = {s: getattr(parameters, str(s)) for s in rates.free_symbols - set(self.states)}
+        still, slope = (
+            np.array(part.subs(numbers).subs(zero).evalf(), float)
+            for part in (rates, rates.jacobian(self.states))
+        )
+        if np.abs(still).max() > _ROUNDING:
+            raise PremiseError(
+                f"the zero dynamics are not at rest at zero: rates {still.ravel().tolist()}"
+            )
+        return np.linalg.eigvals(slope).astype(complex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,6 @@ class FeedbackLinearization(Chains):
         T: z of eq. (22): each output and its derivatives below r_i.
         K: L_f^r_i h_i of eq. (23), m expressions.
         E: Decoupling matrix of eq. (21), (m, m).
-        pushed: L_d L_f^k h_i of a wrench, in the rows of z': eq. (24) has it in the last rows only.
     """
 
     equations: Equations
@@ -72,45 +76,26 @@ class FeedbackLinearization(Chains):
     T: tuple[Any, ...]
     K: tuple[Any, ...]
     E: Any
-    pushed: tuple[Any, ...]
 
     @property
     def complete(self) -> bool:
         """Whether z has all of the state: sum r = n, Assumption 7."""
         return sum(self.relative_degree) == len(self.equations.x)
 
-    @property
-    def matched(self) -> bool:
-        """Whether no wrench reaches z' but through the rows of the inputs."""
-        rows = set(range(len(self.T))) - set(self.last_rows)
-        return all(is_zero(self.pushed[row], self.equations) for row in rows)
-
     @cached_property
     def singularity(self) -> Any:
         """The numerator of det E(x), in lowest terms: where it is zero, no input brings v about."""
-        whole = sp.expand_trig(determinant(self.E))
-        # Rational in the sines and cosines, which sin^2 + cos^2 = 1 then reduces.
-        names = {each: sp.Dummy() for each in whole.atoms(sp.sin, sp.cos)}
-        numerator, _ = sp.fraction(sp.cancel(whole.subs(names)))
-        circles = [
-            names[sp.sin(angle)] ** 2 + names[sp.cos(angle)] ** 2 - 1
-            for angle in {each.args[0] for each in names}
-            if sp.sin(angle) in names and sp.cos(angle) in names
-        ]
-        if circles:
-            numerator = sp.reduced(numerator, circles, *names.values())[1]
-        return sp.factor(sp.sympify(numerator).subs({name: each for each, name in names.items()}))
+        return sp.factor(sp.fraction(sp.factor(sp.simplify(_determinant(self.E))))[0])
 
     def singular_states(self) -> list[sp.Basic]:
         """Where E is singular, as far as sympy can solve for it: conditions on single states."""
-        found: list[sp.Basic] = []
-        for factor in sp.factor_list(self.singularity)[1]:
-            states = [x for x in self.equations.x if factor[0].has(x)]
-            for x in states[:1]:
-                solutions = sp.solveset(factor[0], x, sp.Reals)
+        conditions: list[sp.Basic] = []
+        for factor, _ in sp.factor_list(self.singularity)[1]:
+            for x in [x for x in self.equations.x if factor.has(x)][:1]:
+                solutions = sp.solveset(factor, x, sp.Reals)
                 if solutions is not sp.S.EmptySet:
-                    found.append(sp.Contains(x, solutions, evaluate=False))
-        return found
+                    conditions.append(sp.Contains(x, solutions, evaluate=False))
+        return conditions
 
     @cached_property
     def transformation(self) -> Callable[[Any, Any], tuple[float, ...]]:
@@ -128,11 +113,6 @@ class FeedbackLinearization(Chains):
         return self._generate("decoupling_matrix", self.E.flat())
 
     @cached_property
-    def disturbance(self) -> Callable[[Any, Any, Any], tuple[float, ...]]:
-        """Jitable (x, w, p) -> what a wrench does to z', row by row."""
-        return generate("disturbance", self.pushed, "x, w, p", self.equations.places())
-
-    @cached_property
     def slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
         """Jitable (x, p) -> the Jacobian of T at x, row by row."""
         return self._generate("slope", tuple(sp.Matrix(self.T).jacobian(self.equations.x)))
@@ -140,9 +120,8 @@ class FeedbackLinearization(Chains):
     @cached_property
     def nonlinearity_slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
         """Jitable (x, p) -> the Jacobian of K at x, row by row."""
-        return self._generate(
-            "nonlinearity_slope", tuple(sp.Matrix(self.K).jacobian(self.equations.x))
-        )
+        slopes = tuple(sp.Matrix(self.K).jacobian(self.equations.x))
+        return self._generate("nonlinearity_slope", slopes)
 
     def _generate(self, name: str, expressions: Sequence[Any]) -> Callable[..., Any]:
         return generate(name, expressions, "x, p", self.equations.places())
@@ -157,23 +136,20 @@ class FeedbackLinearization(Chains):
         Raises:
             PremiseError: If E is singular there, with E and what is possible instead.
         """
-        m = self.equations.inputs
-
-        def matrix(state: Array) -> Array:
+        m, steps = self.equations.inputs, 0.1 * np.eye(len(x))
+        matrices = []
+        for state in (x, *(x - steps), *(x + steps)):
             try:
-                return np.reshape(self.decoupling_matrix(state, p), (m, m))
+                matrices.append(np.reshape(self.decoupling_matrix(state, p), (m, m)))
             except (ArithmeticError, ValueError):  # outside a function's domain
-                return np.full((m, m), np.nan)
-
-        here = matrix(x)
-        if not np.all(np.isfinite(here)):
-            return
-        beside = [matrix(x + side * row) for row in np.eye(len(x)) for side in (-0.1, 0.1)]
-        sizes = np.abs([E for E in (here, *beside) if np.all(np.isfinite(E))])
+                matrices.append(np.full((m, m), np.nan))
         # In units in which no entry is above one, here or beside.
+        sizes = np.abs([E for E in matrices if np.all(np.isfinite(E))])
+        if not np.all(np.isfinite(matrices[0])):
+            return
         rows = sizes.max(axis=(0, 2))[:, None] + np.finfo(float).tiny
         columns = (sizes / rows).max(axis=(0, 1)) + np.finfo(float).tiny
-        if np.linalg.svd(here / rows / columns, compute_uv=False).min() > _STILL:
+        if np.linalg.svd(matrices[0] / rows / columns, compute_uv=False).min() > _ROUNDING:
             return
         E = self.E[0] if m == 1 else self.E.tolist()
         raise PremiseError(
@@ -195,8 +171,7 @@ class FeedbackLinearization(Chains):
                 f"T(x) has {len(self.T)} of {len(self.equations.x)} states: the other ones are the "
                 "zero dynamics, and it has no inverse"
             )
-        equations = [t - each for t, each in zip(self.T, z, strict=True)]
-        return sp.solve(equations, self.equations.x, dict=True)
+        return sp.solve(sp.Matrix(self.T) - sp.Matrix(z), self.equations.x, dict=True)
 
     def place(self, z: Array, p: Any, guess: Array) -> Array:
         """A state with T(x) = z, the rest of it as in ``guess``.
@@ -209,41 +184,29 @@ class FeedbackLinearization(Chains):
         Raises:
             PremiseError: If there is none near the guess.
         """
-        x = np.array(guess, float)
+        x, names = np.array(guess, float), list(self.equations.x)
         if self.plain is not None:
             x[self.plain] = z
             return x
-        free = self.seen
+        free = [i for i, name in enumerate(names) if name not in self.inner]
 
         def residual(part: Array) -> Array:
             x[free] = part
             return np.array(self.transformation(x, p)) - z
 
-        def slope(part: Array) -> Any:
+        def slope(part: Array) -> Array:
             x[free] = part
             return np.reshape(self.slope(x, p), (len(self.T), -1))[:, free]
 
-        scale = max(1.0, float(np.abs(z).max()))
-        try:
-            part = _newton(residual, slope, x[free], scale)
-            if part is None:
-                # Here, for it is a part of scipy that little needs.
-                import scipy.optimize
+        # Here, for it is a part of scipy that little needs.
+        import scipy.optimize
 
-                # Damped: Newton's own steps from afar can leave for another branch.
-                part = scipy.optimize.least_squares(
-                    residual,
-                    x[free],
-                    slope,  # pyright: ignore[reportArgumentType]  scipy takes a function too
-                    method="lm",
-                    xtol=1e-15,
-                    ftol=1e-15,
-                    gtol=1e-15,
-                ).x
-            missed = float(np.abs(residual(part)).max())
+        try:
+            root = scipy.optimize.root(residual, x[free], jac=slope, tol=1e-13)
+            missed = float(np.abs(residual(root.x)).max())
         except (ArithmeticError, ValueError):  # outside the domain of a function in T
             missed = np.inf
-        if missed > 1e-9 * scale:
+        if missed > 1e-9 * max(1.0, float(np.abs(z).max())):
             raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
         return x
 
@@ -254,59 +217,41 @@ class FeedbackLinearization(Chains):
         return [names.index(t) for t in self.T] if all(t in names for t in self.T) else None
 
     @cached_property
-    def seen(self) -> list[int]:
-        """States that z determines: as many as z has."""
-        left_out = set(complement(self.T, self.equations)) if not self.complete else set()
-        return [i for i, x in enumerate(self.equations.x) if x not in left_out]
+    def inner(self) -> tuple[sp.Symbol, ...]:
+        """States that complete z to a transformation of the whole state."""
+        n, inner = len(self.equations.x), []
+        point = {name: values[0] for name, values in _points(self.equations).items()}
+        rows = np.array(sp.Matrix(self.T).jacobian(self.equations.x).subs(point).evalf(), float)
+        for i, x in enumerate(self.equations.x):
+            wider = np.vstack([rows, np.eye(n)[i]])
+            if np.linalg.matrix_rank(wider) > len(rows):
+                rows = wider
+                inner.append(x)
+        return tuple(inner)
 
     def zero_dynamics(self) -> ZeroDynamics | None:
         """The dynamics inside while y = 0; None if z has all of the state.
 
         Raises:
-            PremiseError: If sympy cannot solve T(x) = 0.
+            PremiseError: If sympy cannot solve T(x) = 0, or finds several branches.
         """
         if self.complete:
             return None
-        inner = complement(self.T, self.equations)
-        outer = [x for x in self.equations.x if x not in inner]
+        outer = [x for x in self.equations.x if x not in self.inner]
         solutions = sp.solve(self.T, outer, dict=True)
-        if not solutions:
-            raise PremiseError(f"T(x) = 0 has no solution for {outer} in closed form")
-        if len(solutions) > 1:
-            raise PremiseError(f"T(x) = 0 has {len(solutions)} branches: {solutions}")
+        if len(solutions) != 1:
+            raise PremiseError(f"T(x) = 0 has {len(solutions)} branches for {outer}: {solutions}")
         u = -self.E.inv() * sp.Matrix(self.K)
-        rates = [
-            (f + (sp.Matrix([row]) * u)[0]).subs(solutions[0])
-            for x, f, row in zip(self.equations.x, self.equations.f, self.equations.g, strict=True)
-            if x in inner
-        ]
-        return ZeroDynamics(tuple(inner), tuple(sp.simplify(rate) for rate in rates))
+        rates = sp.Matrix(self.equations.f) + sp.Matrix(self.equations.g) * u
+        rows = [self.equations.x.index(x) for x in self.inner]
+        held = tuple(sp.simplify(rates[row].subs(solutions[0])) for row in rows)
+        return ZeroDynamics(self.inner, held)
 
 
-def _newton(
-    residual: Callable[[Array], Array],
-    slope: Callable[[Array], Array],
-    start: Array,
-    scale: float,
-) -> Array | None:
-    """A root by Newton's steps from nearby, or None as soon as a step does not help enough."""
-    part, missed = np.array(start), residual(start)
-    for _ in range(_STEPS):
-        if np.abs(missed).max() <= _FOUND * scale:
-            return part
-        try:
-            following = part - np.linalg.solve(slope(part), missed)
-        except np.linalg.LinAlgError:
-            return None
-        left = residual(following)
-        if not np.abs(left).max() < 0.25 * np.abs(missed).max():
-            return None
-        part, missed = following, left
-    return None
-
-
+@checked_call
 def feedback_linearization(
-    equations: Equations, h: Sequence[Any] | None = None
+    equations: Annotated[Equations, Is(Equations, "Equations of a plant, such as plant.system's")],
+    h: Expressions | None = None,
 ) -> FeedbackLinearization:
     """Differentiate each output until an input appears: eqs. (21)-(25) and (43)-(46).
 
@@ -317,58 +262,70 @@ def feedback_linearization(
     Raises:
         PremiseError: If an output has no relative degree, or E is singular everywhere.
     """
-    require("equations", equations, Equations, "Equations of a plant, such as plant.system's")
-    given = equations.h if h is None else h
-    require("h", given, Sequence, "a list of expressions in the states")
-    try:
-        outputs = tuple(sp.sympify(each) for each in given)
-        require_each("h", outputs, sp.Expr, "a list of expressions in the states")
-    except (sp.SympifyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, GrosmcError):
-            raise
-        raise ArgumentError(f"h = {shown(given)} cannot be read: {error}") from error
-    m = equations.inputs
-    if len(outputs) != m:
-        raise PremiseError(f"{len(outputs)} outputs for {m} inputs: E(x) must be square, eq. (21)")
-    return _linearized(equations, outputs)
+    return _linearized(equations, equations.h if h is None else h)
 
 
 @lru_cache(maxsize=64)
 def _linearized(equations: Equations, outputs: tuple[sp.Expr, ...]) -> FeedbackLinearization:
     """The same, once for all laws of a plant."""
-    f, g, d = (sp.Matrix(each) for each in (equations.f, equations.g, equations.d))
-    degrees, T, K, E, pushed = [], [], [], [], []
+    if len(outputs) != (m := equations.inputs):
+        raise PremiseError(f"{len(outputs)} outputs for {m} inputs: E(x) must be square, eq. (21)")
+    f, g = sp.Matrix(equations.f), sp.Matrix(equations.g)
+    degrees, T, K, E = [], [], [], []
     for index, output in enumerate(outputs):
-        derivative, degree = output, 0
-        while True:
-            slope = sp.Matrix([derivative]).jacobian(equations.x)
-            T.append(derivative)
-            pushed.append((slope * d)[0])
-            degree += 1
-            row = slope * g
-            derivative = (slope * f)[0]
-            if not all(is_zero(each, equations) for each in row):
-                break
+        derivative, degree, row = output, 0, sp.zeros(1, m)
+        while all(is_zero(entry, equations) for entry in row):
             if degree == len(equations.x):
                 raise PremiseError(
                     f"output {index + 1}, {output}, has no relative degree: no input appears in "
                     f"its first {degree} derivatives (section 3.2, Assumption 7)"
                 )
+            T.append(derivative)
+            slope, degree = sp.Matrix([derivative]).jacobian(equations.x), degree + 1
+            row, derivative = slope * g, (slope * f)[0]
         degrees.append(degree)
         K.append(derivative)
         E.append(list(row))
     matrix = sp.ImmutableMatrix(E)
-    if is_zero(determinant(matrix), equations):
+    if is_zero(_determinant(matrix), equations):
         raise PremiseError(
             f"the decoupling matrix E(x) = {matrix.tolist()} is singular everywhere, so the "
             f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
         )
-    return FeedbackLinearization(
-        tuple(degrees), equations, outputs, tuple(T), tuple(K), matrix, tuple(pushed)
-    )
+    return FeedbackLinearization(tuple(degrees), equations, outputs, tuple(T), tuple(K), matrix)
 
 
-def _numbers(matrix: sp.Matrix, parameters: Any) -> sp.Matrix:
-    """Expressions with the plant's numbers in place of its parameters."""
-    names = {symbol for symbol in matrix.free_symbols if hasattr(parameters, str(symbol))}
-    return matrix.subs({symbol: getattr(parameters, str(symbol)) for symbol in names})
+def _determinant(matrix: Any) -> Any:
+    """By minors: sympy's other methods simplify at every step."""
+    return matrix.det(method="laplace")
+
+
+def is_zero(expression: sp.Expr, equations: Equations) -> bool:
+    """Whether an expression vanishes wherever it was tried, against the size of its terms.
+
+    Raises:
+        PremiseError: If it has no value at any of the points.
+    """
+    if expression.is_zero:
+        return True
+    points = _points(equations)
+    values = sp.lambdify(list(points), list(sp.Add.make_args(expression)), "numpy")
+    with np.errstate(all="ignore"):
+        terms = np.array([np.broadcast_to(term, _POINTS) for term in values(*points.values())])
+    terms = terms[:, np.all(np.isfinite(terms), axis=0)]
+    if not terms.size:
+        raise PremiseError(f"{expression} has no real value at {_POINTS} random points")
+    return bool(np.all(np.abs(terms.sum(axis=0)) <= _ROUNDING * np.abs(terms).sum(axis=0)))
+
+
+def _points(equations: Equations) -> dict[sp.Symbol, Array]:
+    """Random states and parameters, of two sizes in turn.
+
+    Parameters mostly are positive: every other time they are. Those that are not get their turn.
+    """
+    random, n = np.random.default_rng(0), len(equations.x)
+    symbols, small = (*equations.x, *equations.parameters), np.arange(_POINTS) % 2 == 0
+    values = np.where(small, 1.0, 4.0) * random.uniform(0.2, 1, (len(symbols), _POINTS))
+    signs = random.choice([-1, 1], values.shape)
+    signs[n:, small] = 1
+    return dict(zip(symbols, signs * values, strict=True))

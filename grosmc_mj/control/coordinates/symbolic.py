@@ -11,17 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, StateMap
+from grosmc_mj.control.coordinates.base import (
+    InputMap,
+    LinearTorques,
+    OutputCoordinates,
+    StateMap,
+)
 from grosmc_mj.control.coordinates.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
-from grosmc_mj.control.coordinates.torques import LinearTorques, torques_of
-from grosmc_mj.control.matrices import regular, solve
-from grosmc_mj.errors import ArgumentError, PremiseError
+from grosmc_mj.control.matrices import solve
+from grosmc_mj.errors import ArgumentError, GainError, PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
-from grosmc_mj.plants.equations import Equations
+
+# A rate that rounding could be, in the unit of z per second.
+_AT_REST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +51,9 @@ class ErrorCoordinates(OutputCoordinates):
         """T, K and E of the outputs.
 
         Raises:
-            PremiseError: If they have no vector relative degree, or the reference another one.
+            PremiseError: If they have no vector relative degree.
         """
-        chains = feedback_linearization(self.system.equations, self.outputs)
-        self.require_derivatives(chains.relative_degree, "the outputs")
-        return chains
+        return feedback_linearization(self.system.equations, self.outputs)
 
     @property
     def output_units(self) -> tuple[str, ...]:
@@ -76,25 +80,21 @@ class ErrorCoordinates(OutputCoordinates):
 
         It is not defined outside the system's region and where E is singular.
         """
-        chains, linearizable, reference = (
-            self.linearization,
-            self.system.linearizable,
-            self.reference,
-        )
+        chains, linearizable = self.linearization, self.system.linearizable
         nonlinearity, matrix = chains.nonlinearity, chains.decoupling_matrix
-        sign, highest = float(self.sign), self._highest
+        sign, highest, reference = float(self.sign), self._highest, self.reference
 
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
-            m, E = len(u), matrix(x, p.plant)
-            if not (linearizable(x) and regular(E, m)):
-                memory.undefined = 1.0
+            m = len(u)
+            if linearizable(x):
+                K, y_r = nonlinearity(x, p.plant), reference(t, p.reference)
                 for i in range(m):
-                    u[i] = 0.0
-                return
-            K, y_r = nonlinearity(x, p.plant), reference(t, p.reference)
+                    u[i] = sign * v[i] - (K[i] - y_r[highest[i]])
+                if solve(matrix(x, p.plant), u):
+                    return
+            memory.undefined = 1.0
             for i in range(m):
-                u[i] = sign * v[i] - (K[i] - y_r[highest[i]])
-            solve(E, u)
+                u[i] = 0.0
 
         return jitable(feedback)
 
@@ -115,91 +115,47 @@ class ErrorCoordinates(OutputCoordinates):
 
         return jitable(virtual_input)
 
-    def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
-        """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i: (m,) and (m, m)."""
-        alpha, E = self.dynamics_along([t], np.asarray(x, float)[None], p)
-        return alpha[0], E[0]
-
     def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
-        """``dynamics`` at instants (N,) and states (N, n): (N, m) and (N, m, m)."""
+        """As for all coordinates."""
         chains, m = self.linearization, self.inputs
-        K = np.array(_along(x, lambda at: chains.nonlinearity(at, p.plant)))
-        E = np.reshape(_along(x, lambda at: chains.decoupling_matrix(at, p.plant)), (-1, m, m))
+        K = _along(chains.nonlinearity, x, p.plant)
+        E = np.reshape(_along(chains.decoupling_matrix, x, p.plant), (-1, m, m))
         y_r = np.array([self.reference(at, p.reference) for at in t])[:, self._highest]
         return self.sign * (K - y_r), self.sign * E
 
-    def moved(
+    def error_dynamics(
         self,
-        t: float,
+        t: Sequence[float],
         x: Array,
         p: Any,
         plant: Plant,
-        w: ArrayLike | None = None,
-        u: ArrayLike | None = None,
+        w: Array | None = None,
+        u: Array | None = None,
     ) -> tuple[Array, Array]:
-        """As for every coordinates, by the true plant's own equations."""
-        here = np.asarray(x, float)[None]
-        pushed = None if w is None else np.asarray(w, float)[None]
-        drift, gain = self.moved_along([t], here, p, plant, pushed)
-        return drift[0], gain[0]
+        """As for all coordinates, by the true plant's own equations."""
+        equations, true, slopes = plant.system.equations, plant.parameters, self._slopes(x, p)
+        f = _along(equations.drift, x, true)
+        g = np.reshape(_along(equations.input_matrix, x, true), (*f.shape, -1))
+        drift = self.sign * (np.einsum("nij,nj->ni", slopes, f) - self.raised_along(t, p))
+        if w is not None:
+            drift = drift + self.disturbances(x, p, plant, w)
+        return drift, self.sign * (slopes @ g)
 
-    def moved_along(
-        self, t: Sequence[float], x: Array, p: Any, plant: Plant, w: Array | None = None
-    ) -> tuple[Array, Array]:
-        """``moved`` at instants (N,) and states (N, n), with wrenches (N, 6 * bodies).
+    def disturbances(self, x: Array, p: Any, plant: Plant, w: Array) -> Array:
+        """What wrenches (N, 6 * bodies) add to z' at states (N, n) of a true plant, (N, size)."""
+        d = _along(plant.system.equations.disturbance, x, plant.parameters, w)
+        return self.sign * np.einsum("nij,nj->ni", self._slopes(x, p), d)
 
-        Returns:
-            drift (N, size) and gain (N, size, m).
-        """
-        equations, true, slopes = plant.system.equations, plant.parameters, self.slopes(x, p)
-        drift, gain = self.moved_by(equations, x, true, slopes, self.raised_along(t, p))
-        if w is None:
-            return drift, gain
-        return drift + self.pushed_by(equations, x, true, w, slopes), gain
-
-    def slopes(self, x: Array, p: Any) -> Array:
+    def _slopes(self, x: Array, p: Any) -> Array:
         """The Jacobians of T by the law's model, at states (N, n); returns (N, size, n)."""
-        slope = self.linearization.slope
-        rows = _along(x, lambda at: slope(at, p.plant))
-        return np.reshape(rows, (len(x), self.size, -1))
-
-    def moved_by(
-        self, equations: Equations, x: Array, plant: Any, slopes: Array, raised: Array
-    ) -> tuple[Array, Array]:
-        """``moved`` at states (N, n) by equations and a true plant's parameters.
-
-        Args:
-            equations: The true plant's.
-            x: States, (N, n).
-            plant: Its parameters.
-            slopes: Of T by the law's model, (N, size, n).
-            raised: Derivatives of what z is measured from, (N, size).
-
-        Returns:
-            (N, size) and (N, size, m).
-        """
-        drift, matrix = equations.drift, equations.input_matrix
-        f = np.array(_along(x, lambda at: drift(at, plant)))
-        g = np.reshape(_along(x, lambda at: matrix(at, plant)), (*f.shape, -1))
-        moved = np.einsum("nij,nj->ni", slopes, f) - raised
-        return self.sign * moved, self.sign * (slopes @ g)
-
-    def pushed_by(
-        self, equations: Equations, x: Array, plant: Any, w: Array, slopes: Array
-    ) -> Array:
-        """What wrenches (N, 6 * bodies) do to z' at states (N, n), as the law sees it, (N, size).
-
-        Other arguments are as those of ``moved_by``.
-        """
-        d = _along(x, lambda here, wrench: equations.disturbance(here, wrench, plant), w)
-        return self.sign * np.einsum("nij,nj->ni", slopes, np.array(d))
+        return np.reshape(_along(self.linearization.slope, x, p.plant), (len(x), self.size, -1))
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
         x, chains = np.asarray(x, float), self.linearization
         if chains.plain is not None:
             return x[:, chains.plain]
-        return np.array(_along(x, lambda at: chains.transformation(at, plant)))
+        return _along(chains.transformation, x, plant)
 
     def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
         """A state with this error, with all else at rest or as it is near, (n,)."""
@@ -207,8 +163,21 @@ class ErrorCoordinates(OutputCoordinates):
         guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
         return self.linearization.place(self.placed(t, z, p), p.plant, guess)
 
+    @cached_property
+    def _torques(self) -> LinearTorques:
+        """The torques of the system's parametrization: all of them are Y theta."""
+        linear: Any = self.system.parametrization
+        regressor, nominal, none = linear.regressor, linear.nominal, (0.0,) * self.inputs
+        return LinearTorques(
+            size=len(linear.theta),
+            nominal=jitable(lambda p: nominal(p.plant)),
+            known=jitable(lambda x, r, a, memory, p: none),
+            regressor=jitable(lambda x, r, a, memory, p: regressor(x, r, a, p.plant)),
+            inertia=linear.inertia,
+        )
+
     def torques(self, body: str | None = None) -> LinearTorques:
-        """As for every coordinates: all parameters of the plant's torques are unknown.
+        """As for all coordinates: all parameters of the plant's torques are unknown.
 
         Args:
             body: None, for there is none to choose.
@@ -217,73 +186,65 @@ class ErrorCoordinates(OutputCoordinates):
             ArgumentError: If a body is given.
             PremiseError: If the system has no parametrization, or other outputs than its joints.
         """
-        name, found = self.system.name, self.system.parametrization
-        joints = list(self.system.equations.x[: self.inputs]) if found else []
-        if found is None or list(found.x[: self.inputs]) != joints:
+        name, joints = self.system.name, tuple(self.system.equations.x[: self.inputs])
+        if self.system.parametrization is None:
             return super().torques(body)
         if body is not None:
             raise ArgumentError(f"adaptive: {name} has no body to choose: all of it is adapted")
-        if list(self.linearization.h) != joints:
+        if self.linearization.h != joints:
             raise PremiseError(
                 f"adaptive: the outputs of {name} must be its joints, {', '.join(map(str, joints))}"
             )
-        return torques_of(found)
+        return self._torques
 
-    def require_regular(self, p: Any) -> None:
-        """Refuse outputs whose E is singular at zero error, as far as a state with it is found."""
+    def require_task(self, plant: Plant, p: Any) -> None:
+        """As for outputs; outputs whose E is singular at zero error are refused too."""
+        super().require_task(plant, p)
         try:
             x = self.place(0.0, np.zeros(self.size), p)
-        except (PremiseError, ArithmeticError, ValueError, AttributeError, TypeError):
+        except (PremiseError, ArithmeticError, ValueError):  # it is not known where that is
             return
         self.linearization.require_regular(x, p.plant)
 
-    def jacobian(self, p: Any) -> tuple[Array, Array]:
-        """(A, B) of the linearization of z' about z = 0 with the other coordinates at rest.
+    def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
+        """(A, B) of the Jacobian linearization, with the other coordinates at rest.
 
-        Args:
-            p: With ``plant`` and ``reference``, as the laws have them.
-
-        Returns:
-            A (size, size) and B (size, m).
+        Raises:
+            GainError: If zero error is no equilibrium without input.
+            PremiseError: If the outputs do not determine the state.
         """
-        chains, x = self.linearization, self.place(0.0, np.zeros(self.size), p)
+        name, chains = self.system.name, self.linearization
+        x = self.place(0.0, np.zeros(self.size), p)
+        alpha, E = self.dynamics(0.0, x, p)
+        if np.abs(alpha).max() > _AT_REST:
+            raise GainError(
+                f"{name}: zero error is no equilibrium without input, z' = {alpha.tolist()} there: "
+                "linearize by feedback instead"
+            )
         if self.inputs > 1 and not chains.complete:
-            raise PremiseError(f"{self.system.name}: z leaves out a part of the state")
-        seen, n = chains.seen, len(x)
-        of_T = np.reshape(chains.slope(x, p.plant), (self.size, n))[:, seen]
-        of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, n))[:, seen]
+            raise PremiseError(f"{name}: z leaves out a part of the state")
+        seen = [i for i, state in enumerate(chains.equations.x) if state not in chains.inner]
+        of_T = np.reshape(chains.slope(x, p.plant), (self.size, len(x)))[:, seen]
+        of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, len(x)))[:, seen]
         if not np.all(np.isfinite(of_T)) or np.linalg.matrix_rank(of_T) < self.size:
             raise PremiseError(
-                f"{self.system.name}: the outputs' errors do not determine the state at "
-                f"x = {x.tolist()}, where they are linearized: name an operating point with "
-                "[plant] at, or linearize by feedback"
+                f"{name}: the outputs' errors do not determine the state at x = {x.tolist()}: "
+                "name an operating point with [plant] at, or linearize by feedback"
             )
         A, B, rows = chains.A.copy(), np.zeros((self.size, self.inputs)), list(chains.last_rows)
         # Of alpha + E u at u = 0, through x = T^-1; a sign of z takes itself out.
-        A[rows] = of_K @ np.linalg.inv(of_T)
-        B[rows] = self.dynamics(0.0, x, p)[1]
+        A[rows], B[rows] = of_K @ np.linalg.inv(of_T), E
         return A, B
 
 
-def _at(x: Any, values: Callable[[Any], tuple[float, ...]]) -> tuple[float, ...]:
-    """What a generated function gives at a state.
+def _along(values: Callable[..., tuple[float, ...]], x: Array, p: Any, *w: Array) -> Array:
+    """A generated function (x, w, p) at states (N, n) and wrenches (N, 6 * bodies).
 
     In Python's floats it is computed several times as fast as in NumPy's, which are for where the
     former have no value, as 1/0.
     """
+    wrenches = [part.tolist() for part in w]
     try:
-        return values(np.asarray(x, float).tolist())
+        return np.array([values(*row, p) for row in zip(x.tolist(), *wrenches, strict=True)])
     except ArithmeticError:
-        return values(x)
-
-
-def _along(
-    x: Array, values: Callable[..., tuple[float, ...]], *beside: ArrayLike
-) -> list[tuple[float, ...]]:
-    """The same at states (N, n), each with its row of what is beside them."""
-    own = [np.asarray(each, float).tolist() for each in beside]
-    try:
-        return [values(*row) for row in zip(x.tolist(), *own, strict=True)]
-    except ArithmeticError:
-        rows = zip(x, *own, strict=True)
-        return [_at(here, lambda at, row=row: values(at, *row)) for here, *row in rows]
+        return np.array([values(*row, p) for row in zip(x, *wrenches, strict=True)])

@@ -3,50 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arguments import real, require
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Design, Sampled
-from grosmc_mj.control.coordinates.base import OutputCoordinates
-from grosmc_mj.control.coordinates.torques import LinearTorques
+from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.coordinates.base import LinearTorques, OutputCoordinates
+from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.matrices import row_times
-from grosmc_mj.control.memory import memory_of
-from grosmc_mj.control.task import Task
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.control.task import Limit, Task
+from grosmc_mj.fields import Positive, checked_call
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AdaptiveParameters(Sampled):
-    """Numbers of the adaptive law.
-
-    Attributes:
-        plant: The nominal plant's parameters, which the estimates begin with.
-        reference: The reference's parameters.
-        frequency: Lambda of s = e' + Lambda e [1/s].
-        damping: K_D, (m, m), in the unit of the input per that of the rate.
-        adaptation: gamma.
-        limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
-    """
-
-    plant: Any
-    reference: Any
-    frequency: float
-    damping: Array
-    adaptation: float
-    limit: float
-
-
+@checked_call
 def adaptive(
     task: Task,
-    frequency: float,
-    adaptation: float,
-    limit: float = math.inf,
+    frequency: Positive,
+    adaptation: Positive,
+    limit: Limit = math.inf,
     body: str | None = None,
     *,
     linearizing: bool = True,
@@ -78,58 +55,30 @@ def adaptive(
             against that of the plant's linearization.
 
     Raises:
-        ArgumentError: If there is no such body.
-        GainError: If a number is not positive.
+        ArgumentError: If a number is not positive, or there is no such body.
         PremiseError: If the system has no parametrization, or other outputs than its joints.
     """
-    require("task", task, Task, "a Task(plant, error, reference, Q, R)")
-    for name, value in (("frequency", frequency), ("adaptation", adaptation)):
-        if not 0 < real(value) < math.inf:
-            raise GainError(f"adaptive: {name} = {shown(value)} must be finite and positive")
-    if not real(limit) > 0:
-        raise GainError(f"adaptive: limit = {shown(limit)} must be positive")
-    if body is not None:
-        require("adaptive: body", body, str, "the name of a body")
     error, torques, m = task.error, task.error.torques(body), task.error.inputs
     q_d = np.array(error.reference(0.0, task.reference))[::3]
-    parameters = AdaptiveParameters(
-        plant=task.plant.parameters,
-        reference=task.reference,
-        frequency=float(frequency),
-        damping=frequency * torques.inertia(q_d, task.plant.parameters),
-        adaptation=float(adaptation),
-        limit=float(limit),
-    )
-    optimum = task.optimum(linearizing=linearizing)
-    return Controller(
+    gains = {"frequency": frequency, "adaptation": adaptation}
+    damping = frequency * torques.inertia(q_d, task.plant.parameters)
+    # The estimates for the next sample, and s of the last one by the sign of e = q - q_d.
+    sizes = {"theta": torques.size, "composite": m, "z": error.size, "r": m, "a": m}
+    law = custom_controller(
         "adaptive",
         slotine_li(error, torques),
-        parameters,
-        # The estimates for the next sample, and s of the last one by the sign of e = q - q_d.
-        memory_of(
-            m,
-            theta=np.zeros(torques.size),
-            composite=np.zeros(m),
-            z=np.zeros(error.size),
-            r=np.zeros(m),
-            a=np.zeros(m),
-        ),
-        Design(
-            error,
-            optimum,
-            source="Slotine and Li 1987",
-            gains={"frequency": float(frequency), "adaptation": float(adaptation)},
-            linearizing=linearizing,
-            follows_optimum=False,
-        ),
+        (linearized_lqr if linearizing else linear_lqr)(task),
+        {**gains, "damping": damping, "limit": limit},
+        {field: np.zeros(size) for field, size in sizes.items()},
     )
+    return replace(law, design=replace(law.designed, source="Slotine and Li 1987", gains=gains))
 
 
 @cache
 def slotine_li(error: OutputCoordinates, torques: LinearTorques) -> Law:
     """The law on some error coordinates, of one reference with two derivatives a joint."""
     k, sign = torques.size, float(error.sign)
-    error_state, reference, virtual_input = error.state, error.reference, error.virtual_input
+    error_state, reference = error.state, error.reference
     nominal, known, regressor = torques.nominal, torques.known, torques.regressor
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
@@ -152,7 +101,6 @@ def slotine_li(error: OutputCoordinates, torques: LinearTorques) -> Law:
             for j in range(k):
                 u[i] += Y[i * k + j] * theta[j]
             cut = cut or abs(u[i]) > p.limit
-        virtual_input(t, x, u, memory, p, memory.v)
         if not cut:
             for j in range(k):
                 change = 0.0

@@ -18,7 +18,7 @@ import numpy as np
 from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Design, Sampled
-from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.matrices import row_times
@@ -66,7 +66,7 @@ class DynamicParameters(Sampled):
 
 
 @cache
-def dynamic_feedback(error: OutputCoordinates, *, linearizing: bool, holds: bool) -> Law:
+def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> Law:
     """The law on some error coordinates.
 
     Args:

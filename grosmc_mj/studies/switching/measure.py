@@ -282,7 +282,7 @@ def _law_that_switches(experiment: Experiment) -> str:
         )
     plant, names = experiment.nominal.truest, experiment.controllers
     designs = {name: experiment.law(plant, name).design for name in names}
-    found = [name for name, made in designs.items() if made is not None and made.with_reach]
+    found = [name for name, made in designs.items() if made is not None and made.switching]
     if not found:
         raise ArgumentError(f'{where}: none of {", ".join(names)} switches: add law = "grosmc"')
     return "grosmc" if "grosmc" in found else found[0]
