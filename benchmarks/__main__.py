@@ -19,11 +19,11 @@ from benchmarks.timing import Throughput
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.physics.mujoco_plant import Integrator
-from grosmc_mj.report.markdown import replace_marked
-from grosmc_mj.report.tables import TableData, table
+from grosmc_mj.results.markdown import replace_marked
+from grosmc_mj.results.tables import Table
 
 INTEGRATORS: tuple[Integrator, ...] = ("RK4", "implicitfast")
-Answer = tuple[str, list[TableData]]
+Answer = tuple[str, list[Table]]
 
 
 def campaign(rounds: int | None) -> Answer:
@@ -86,7 +86,7 @@ def main() -> None:
         parser.error(f"--rounds {options.rounds} must be from 1 to 10000")
     console = screen.console()
 
-    def measured(names: Iterable[str]) -> list[TableData]:
+    def measured(names: Iterable[str]) -> list[Table]:
         """The tables of these parts; their answers are printed."""
         answers = [PARTS[name](options.rounds) for name in names]
         for sentence, _ in answers:
@@ -100,7 +100,7 @@ def main() -> None:
             parser.error(str(error))
     else:
         for data in measured(options.parts):
-            console.print(table(*data))
+            console.print(data)
 
 
 if __name__ == "__main__":

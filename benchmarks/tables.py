@@ -6,25 +6,24 @@ from collections.abc import Iterable, Sequence
 
 from benchmarks.campaigns import Cost, Scaling
 from benchmarks.timing import Throughput
-from grosmc_mj.report.document import origin
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import TableData, numbers, words
+from grosmc_mj.results.document import origin
+from grosmc_mj.results.tables import Table, numbers, table, words
 from grosmc_mj.versions import DECISIVE, versions
 
 
-def tables_text(tables: Iterable[TableData]) -> str:
+def tables_text(tables: Iterable[Table]) -> str:
     """All tables in Markdown, below what they were measured on."""
     decisive = versions(("python", *DECISIVE)).items()
     on = [origin(None)["machine"], *(f"{name} {version}" for name, version in decisive)]
     lines = [f"Measured on {', '.join(on)}."]
-    for title, columns, rows in tables:
-        lines += ["", f"### {title}", "", *markdown_table(columns, rows)]
+    for each in tables:
+        lines += ["", f"### {each.title}", "", *each.markdown()]
     return "\n".join(lines)
 
 
-def costs_table(found: Sequence[Cost]) -> TableData:
+def costs_table(found: Sequence[Cost]) -> Table:
     """Time and memory of whole campaigns."""
-    return TableData(
+    return table(
         "Whole campaigns of the pendulum under GROSMC, each a process of its own",
         numbers(
             "plants", "each [s]", "integrator", "physics steps", "time [s]", "largest memory [MB]"
@@ -40,18 +39,18 @@ def costs_table(found: Sequence[Cost]) -> TableData:
     )  # fmt: skip
 
 
-def scalings_table(found: Sequence[Scaling]) -> TableData:
+def scalings_table(found: Sequence[Scaling]) -> Table:
     """Rate and efficiency of worker processes."""
-    return TableData(
+    return table(
         "Worker processes of one thread each",
         numbers("workers", "runs a second", "efficiency"),
         [(str(each.workers), f"{each.rate:.1f}", f"{each.efficiency:.2f}") for each in found],
     )
 
 
-def throughput_table(rows: Sequence[Throughput], what: str) -> TableData:
+def throughput_table(rows: Sequence[Throughput], what: str) -> Table:
     """What the benchmark measured of a system."""
-    return TableData(
+    return table(
         f"{what}, a sample of the law at every timestep",
         [*words("loop"), *numbers("runs", "steps/s", "ratio", "middle half"), *words("to")],
         [

@@ -13,7 +13,7 @@ import colours
 import pytest
 import repository
 
-from grosmc_mj.report import palette
+from grosmc_mj.results import palette
 
 ROOT = Path(__file__).parents[1]
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("link", "href")}

@@ -8,11 +8,10 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.claims.claim import Claim, Drawing, Finding, Verdict
-from grosmc_mj.chapter.claims_tables import VERDICT_COLOURS
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.report.envelope import jumps
-from grosmc_mj.report.figure import TITLE_SIZE, figure_written
-from grosmc_mj.report.palette import COLOURS, FAILED, KEPT, OPTIMUM
+from grosmc_mj.results.envelope import jumps
+from grosmc_mj.results.figure import TITLE_SIZE, figure_written
+from grosmc_mj.results.palette import COLOURS, FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
 
 _DOTS = {
     Verdict.SUPPORTED: "o",
@@ -60,7 +59,7 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
             axes.plot(tried.value, row, marker, ms=6, color=colour, clip_on=False)
     for row, plant in enumerate(finding.plants):
         found = finding.plants[plant]
-        colour, marker = VERDICT_COLOURS[found.verdict], _DOTS[found.verdict]
+        colour, marker = VERDICT_COLOURS[found.verdict.value], _DOTS[found.verdict]
         for measured, face in ((found.measured, colour), (found.refined, "none")):
             if measured is not None and measured.value is not None:
                 axes.plot(

@@ -22,8 +22,7 @@ from grosmc_mj.chapter.claims_tables import decisive, shown, turning
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.files import written_aside
 from grosmc_mj.plants import find_system
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import numbers, words
+from grosmc_mj.results.tables import markdown_table, numbers, words
 
 _SLIPS = Path(__file__).parent / "claims" / "slips.toml"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from rich.table import Table
 from rich.text import Text
 
 from grosmc_mj.assumptions.audit import Audit, Reading
@@ -20,24 +19,16 @@ from grosmc_mj.chapter.claims.claim import (
 from grosmc_mj.chapter.claims.self_test import Caught
 from grosmc_mj.chapter.claims.sweep import Swept, flips_of
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.report.formulas import in_text
-from grosmc_mj.report.palette import FAILED, KEPT, OPEN
-from grosmc_mj.report.tables import WIDTH, numbers, table, text, words
+from grosmc_mj.results.formulas import in_text
+from grosmc_mj.results.palette import VERDICT_COLOURS
+from grosmc_mj.results.tables import WIDTH, Table, numbers, table, text, verdicts, words
 
-# Of verdicts, in figures too.
-VERDICT_COLOURS = {
-    Verdict.SUPPORTED: KEPT,
-    Verdict.REFUTED: FAILED,
-    Verdict.UNDETERMINED: OPEN,
-    Verdict.PREMISE_NOT_MET: FAILED,
-    Verdict.INCONCLUSIVE: OPEN,
-}
 _SIGNS = {"at most": "<=", "at least": ">="}
 
 
 def word(verdict: Verdict) -> Text:
     """A verdict in words and colour."""
-    return Text(verdict.value.upper(), style=f"bold {VERDICT_COLOURS[verdict]}")
+    return Text(verdict.value.upper(), style=f"bold {VERDICT_COLOURS[verdict.value]}")
 
 
 def shown(measured: Measured) -> str:
@@ -64,12 +55,12 @@ def sentences_table(findings: Sequence[Finding]) -> Table:
     """Each sentence of the chapter with its verdict and the claims under it."""
     return table(
         Kind.CLAIM.plural,
-        [*text("sentence"), *text("claims under it"), *words("verdict")],
+        [*text("sentence"), *text("claims under it"), *verdicts("verdict")],
         [
             (
                 sentence.quote,
                 ", ".join(finding.claim.id for finding in sentence.findings),
-                word(sentence.verdict),
+                sentence.verdict.value.upper(),
             )
             for sentence in sentences_of(findings)
         ],
@@ -84,13 +75,13 @@ def ledger_tables(findings: Sequence[Finding]) -> Iterator[Table]:
             continue
         yield table(
             "claims under them" if kind is Kind.CLAIM else kind.plural,
-            [*words("claim"), *text("statement"), *numbers("found"), *words("verdict")],
+            [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")],
             [
                 (
                     finding.claim.id,
                     finding.claim.statement + (f" (with {finding.needs})" if finding.needs else ""),
                     f"{shown(decisive(finding))} {_criterion(finding.claim)}",
-                    word(finding.verdict) + (" *" if turning(finding) else ""),
+                    finding.verdict.value.upper() + (" *" if turning(finding) else ""),
                 )
                 for finding in own
             ],
@@ -174,12 +165,12 @@ def audit_table(audit: Audit) -> Table:
         said += [premise.note] if premise.note else []
         said += [f"restored by {premise.restores}"] if premise.restores else []
         margins = (_margin(each, premise.unit) for each in (premise.region, premise.along))
-        holds = Text("holds", f"bold {KEPT}") if premise.holds else Text("FAILS", f"bold {FAILED}")
+        holds = "holds" if premise.holds else "FAILS"
         rows.append((premise.name, *margins, holds, "; ".join(said)))
     return table(
         f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}",
         [
-            *words("premise"), *numbers("region", "along run"), *words(""),
+            *words("premise"), *numbers("region", "along run"), *verdicts(),
             *text("what is required, and what was found"),
         ],
         rows,

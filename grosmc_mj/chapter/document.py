@@ -9,7 +9,7 @@ from typing import Any
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.document import case_document, run_document
 from grosmc_mj.experiments.runs import RunResult, Settings
-from grosmc_mj.report.document import origin
+from grosmc_mj.results.document import origin
 from grosmc_mj.studies.agreement import Agreement
 
 

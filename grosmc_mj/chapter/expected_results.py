@@ -15,7 +15,7 @@ from typing import Any
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.metrics.recorded import Metric
 from grosmc_mj.experiments.runs import RunResult, Settings
-from grosmc_mj.report.document import write_json
+from grosmc_mj.results.document import write_json
 
 EXPECTED_FILE = Path(__file__).with_name("expected_results.json")
 

@@ -15,8 +15,16 @@ from grosmc_mj.chapter.claims.measurements.two_link_arm import true_tip
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves.figure import shade_disturbances
 from grosmc_mj.experiments.runs import PlantName, RunResult
-from grosmc_mj.report.figure import TITLE_SIZE, figure_written, labelled_below
-from grosmc_mj.report.palette import COLOURS, LINES, OPTIMUM, PLANTS, REFERENCE, colour_of, label_of
+from grosmc_mj.results.figure import TITLE_SIZE, figure_written, labelled_below
+from grosmc_mj.results.palette import (
+    COLOURS,
+    LINES,
+    OPTIMUM,
+    PLANTS,
+    REFERENCE,
+    colour_of,
+    label_of,
+)
 
 _SIZE = (7.2, 6.4)
 

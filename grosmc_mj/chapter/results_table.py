@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from grosmc_mj.experiments.metrics.recorded import Metric, cost_shares
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import number, numbers, words
+from grosmc_mj.results.tables import markdown_table, number, numbers, words
 
 _COLUMNS = (
     ("max |x1 − x1\\*|", "deviation"),

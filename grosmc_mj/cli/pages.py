@@ -14,7 +14,7 @@ from typing import Any
 
 from grosmc_mj.chapter.results_table import results_table
 from grosmc_mj.errors import GrosmcError, SetupError
-from grosmc_mj.report.markdown import replace_marked
+from grosmc_mj.results.markdown import replace_marked
 from grosmc_mj.studies.ladder.page import ladders_text
 from grosmc_mj.studies.rivals.measure import SYSTEMS, rivals
 from grosmc_mj.studies.rivals.report import rivals_table

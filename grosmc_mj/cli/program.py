@@ -46,7 +46,7 @@ def execute(arguments: Sequence[str]) -> int:
         return command.execute()
     _import_mujoco()
     from grosmc_mj.physics.quiet import warnings_counted_only
-    from grosmc_mj.report.document import carried_out
+    from grosmc_mj.results.document import carried_out
 
     carried_out(PROGRAM, arguments)
     with warnings_counted_only():

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rich.console import Console
-    from rich.table import Table
+
+    from grosmc_mj.results.tables import Table
 
 # An answer fits in a screen: forty lines of so many columns.
 WIDTH = 100
@@ -99,7 +100,7 @@ def brief_table(
     """
     from rich.cells import cell_len
 
-    from grosmc_mj.report.tables import Column, table
+    from grosmc_mj.results.tables import Column, table
 
     shown = [columns, *rows[:most]]
     widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
@@ -111,15 +112,7 @@ def brief_table(
     return table(
         title,
         [
-            Column(
-                header,
-                {
-                    "justify": "left" if i < words else "right",
-                    "no_wrap": True,
-                    "overflow": "ellipsis",
-                    "width": max(widths[i], 1),
-                },
-            )
+            Column(header=header, kind="words" if i < words else "numbers", width=max(widths[i], 1))
             for i, header in enumerate(columns)
         ],
         rows[:most],

@@ -16,8 +16,8 @@ from grosmc_mj.comparison.changes import Change, Effect, changes
 from grosmc_mj.comparison.figures import figures_of
 from grosmc_mj.comparison.sources import conditions, source_differences
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.document import origin
-from grosmc_mj.report.page.reading import read_results
+from grosmc_mj.page.reading import read_results
+from grosmc_mj.results.document import origin
 
 
 class ResultComparison(NamedTuple):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from grosmc_mj.report.page import documents
-from grosmc_mj.report.page.reading import Document
-from grosmc_mj.report.page.studies import documents as study_documents
+from grosmc_mj.page import documents
+from grosmc_mj.page.reading import Document
+from grosmc_mj.page.studies import documents as study_documents
 
 # What is more on one side of a comparison than on the other is better, worse, or just other.
 MORE, LESS, OTHER = 1, -1, 0

@@ -8,8 +8,8 @@ from typing import Any
 from grosmc_mj.campaign.runs.manifest import flat
 from grosmc_mj.comparison.changes import Conditions
 from grosmc_mj.errors import shown
-from grosmc_mj.report.page.documents import StoredProvenance
-from grosmc_mj.report.page.reading import Document
+from grosmc_mj.page.documents import StoredProvenance
+from grosmc_mj.page.reading import Document
 from grosmc_mj.versions import DECISIVE
 
 # Documents and campaigns that can be compared.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.requirements import Judgement
-from grosmc_mj.report.document import origin
+from grosmc_mj.results.document import origin
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment

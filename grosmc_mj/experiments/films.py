@@ -26,8 +26,8 @@ from grosmc_mj.films.marks import trace_site
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.report.document import origin, write_json
-from grosmc_mj.report.palette import law_styles
+from grosmc_mj.results.document import origin, write_json
+from grosmc_mj.results.palette import law_styles
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
 

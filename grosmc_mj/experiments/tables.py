@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.table import Table
-
 from grosmc_mj.experiments.metrics.recorded import Metric
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.report.tables import names, number, numbers, table, text, words
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.simulation.trajectory import Status
 
 # Header and metric of each column of numbers.

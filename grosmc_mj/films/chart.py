@@ -14,9 +14,9 @@ from grosmc_mj.films.film import Film
 from grosmc_mj.films.frames import Chart
 from grosmc_mj.films.layout import Box, Layout
 from grosmc_mj.films.plots import PANELS, Curve, Panel
-from grosmc_mj.report.envelope import jumps
-from grosmc_mj.report.figure import DEFAULTS, shade
-from grosmc_mj.report.palette import DISTURBANCE, GRID
+from grosmc_mj.results.envelope import jumps
+from grosmc_mj.results.figure import DEFAULTS, shade
+from grosmc_mj.results.palette import DISTURBANCE, GRID
 
 _DPI = 100
 _TITLE_INK, _NOTE_INK = "#111111", "#555555"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.films.camera import visible_height
-from grosmc_mj.report.palette import DISTURBANCE, OPTIMUM, red_green_blue
+from grosmc_mj.results.palette import DISTURBANCE, OPTIMUM, red_green_blue
 
 # Geom group of the models' indicators, which show the controlled coordinates.
 INDICATOR = 2

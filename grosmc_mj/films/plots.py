@@ -14,7 +14,7 @@ from matplotlib.colors import to_rgb
 from grosmc_mj.arrays import Array
 from grosmc_mj.films.film import Film, Take
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.report.palette import OPTIMUM
+from grosmc_mj.results.palette import OPTIMUM
 
 # More signals than this of one kind are shown by their size.
 FEW = 2

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from rich.table import Table
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -16,7 +15,7 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant, Variant
-from grosmc_mj.report.tables import numbers, table, words
+from grosmc_mj.results.tables import Table, numbers, table, words
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.simulate import simulate
 

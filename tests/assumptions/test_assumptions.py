@@ -40,7 +40,7 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.report.document import json_text
+from grosmc_mj.results.document import json_text
 
 SYSTEMS = ("servo", "cart_pendulum", "arm")
 # Edits that change mass and, where the chapter does, length.

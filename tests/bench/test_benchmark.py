@@ -21,7 +21,7 @@ from benchmarks.tables import tables_text, throughput_table
 from benchmarks.timing import Throughput
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.report.markdown import replace_marked
+from grosmc_mj.results.markdown import replace_marked
 
 
 @pytest.mark.slow

@@ -23,8 +23,8 @@ from grosmc_mj.campaign.report.pass_map_figure import (
 )
 from grosmc_mj.campaign.report.radius_figure import draw_radius
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.report.figure import in_lines, write_figure
-from grosmc_mj.report.palette import COLOURS
+from grosmc_mj.results.figure import in_lines, write_figure
+from grosmc_mj.results.palette import COLOURS
 
 INF = math.inf
 TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"

@@ -19,7 +19,7 @@ from grosmc_mj.campaign.report.document import results_document
 from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.work import shards_of
 from grosmc_mj.cli.commands.campaign.answer import say_findings
-from grosmc_mj.report.document import json_text
+from grosmc_mj.results.document import json_text
 
 COMPLETES = "completes"
 

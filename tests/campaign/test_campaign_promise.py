@@ -120,8 +120,8 @@ def test_both_are_printed_and_kept(reached: Radius) -> None:
     assert set(document["surface_left"]) == {"load amplitude"}
     table = radius_table(asked, [reached])
     headers = [str(column.header).replace("\n", " ") for column in table.columns]
-    (kept_at,) = table.columns[headers.index("|s| kept up to")].cells
-    (left_at,) = table.columns[headers.index("|s| leaves at")].cells
+    (row,) = table.rows
+    kept_at, left_at = (row[headers.index(name)] for name in ("|s| kept up to", "|s| leaves at"))
     assert (kept_at, left_at) == (f"{reached.stayed:.3g}", f"{reached.left.scale:.3g}")
 
 

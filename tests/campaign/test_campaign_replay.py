@@ -19,7 +19,7 @@ from grosmc_mj.campaign.runs.folder import Folder
 from grosmc_mj.campaign.runs.replay import found_values, replay
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.metrics.running import METRICS
-from grosmc_mj.report.document import json_text
+from grosmc_mj.results.document import json_text
 
 ENGINES: list[Any] = ["native", "python"]
 

@@ -26,7 +26,7 @@ from grosmc_mj.campaign.report.tables import worst_table
 from grosmc_mj.campaign.runs.replay import found_values
 from grosmc_mj.campaign.runs.shard import evaluate
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.report.document import json_text
+from grosmc_mj.results.document import json_text
 
 # The rotor obeys linear equations: its deviation grows with the load, either way, and with the
 # inertia's distance from the nominal one.

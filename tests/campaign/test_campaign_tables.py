@@ -22,7 +22,7 @@ from grosmc_mj.campaign.report.tables import (
     sensitivity_table,
 )
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.tables import WIDTH
+from grosmc_mj.results.tables import WIDTH
 
 SAMPLED = Basis(512, 4096, "random", 7)
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"

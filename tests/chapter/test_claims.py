@@ -70,7 +70,7 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.report.document import json_text
+from grosmc_mj.results.document import json_text
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # No force makes an unmatched error, and algebra has no plant.

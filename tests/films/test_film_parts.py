@@ -25,7 +25,7 @@ from grosmc_mj.films.marks import Trace, add_trace
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
-from grosmc_mj.report.palette import DISTURBANCE, red_green_blue
+from grosmc_mj.results.palette import DISTURBANCE, red_green_blue
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The part of the picture that what moves may fill, and its width over its height.

@@ -30,7 +30,7 @@ from grosmc_mj.films.marks import add_ghost, add_wrenches
 from grosmc_mj.films.storyboard import film_model, storyboard
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.report import palette
+from grosmc_mj.results import palette
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory

@@ -25,7 +25,7 @@ from grosmc_mj.films.plots import inputs, outputs
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.machine import Transmission
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.report.palette import red_green_blue
+from grosmc_mj.results.palette import red_green_blue
 from grosmc_mj.robots.robot import Robot
 
 pytestmark = pytest.mark.slow

@@ -19,7 +19,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors.batch import Batch
 from grosmc_mj.executors.processes import Processes
 from grosmc_mj.loop import Loop
-from grosmc_mj.report.document import json_text
+from grosmc_mj.results.document import json_text
 from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.tolerance import measure
 from grosmc_mj.studies.tolerance.answers import (
@@ -367,7 +367,7 @@ def test_a_figure_names_its_case_and_cuts_nothing_off(
         figures.append(figure)
         figure.draw_without_rendering()
 
-    monkeypatch.setattr("grosmc_mj.report.figure.write_figure", kept)
+    monkeypatch.setattr("grosmc_mj.results.figure.write_figure", kept)
     write_tolerance_figure(studied, rows, tmp_path / "tolerance.png")
     (figure,) = figures
     assert figure.get_suptitle() == "servo/bench: what of the loop each law stands"

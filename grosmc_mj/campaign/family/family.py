@@ -35,7 +35,7 @@ from grosmc_mj.machine.part import MOST
 from grosmc_mj.physics.edits import BodyEdit, JointEdit
 from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant
-from grosmc_mj.report.tables import shown_unit
+from grosmc_mj.results.tables import shown_unit
 from grosmc_mj.simulation.disturbances import Pulse
 
 # How far a family is scaled at most, by searches and promises.

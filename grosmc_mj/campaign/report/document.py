@@ -12,7 +12,7 @@ from grosmc_mj.campaign.findings.findings import Findings
 from grosmc_mj.campaign.findings.radius import Radius
 from grosmc_mj.campaign.findings.worst import Worst
 from grosmc_mj.campaign.runs.replay import ReplayedRun
-from grosmc_mj.report.document import origin
+from grosmc_mj.results.document import origin
 
 # Of these documents; manifest and parts have their own.
 _SCHEMA_VERSION = 4

@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.findings import ALL, Findings
-from grosmc_mj.report.figure import board, in_lines, write_figure
-from grosmc_mj.report.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
+from grosmc_mj.results.figure import board, in_lines, write_figure
+from grosmc_mj.results.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
 
 _SIZE = (4.9, 3.2)
 # Of one law in the legend [inch].

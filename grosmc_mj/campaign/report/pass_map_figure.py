@@ -20,8 +20,8 @@ from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.campaign.findings.findings import Findings
 from grosmc_mj.campaign.findings.promise import premise_grid, speaks_of
 from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.report.figure import board, in_lines, write_figure
-from grosmc_mj.report.palette import BLACK, SKY, VERMILION, law_styles
+from grosmc_mj.results.figure import board, in_lines, write_figure
+from grosmc_mj.results.palette import BLACK, SKY, VERMILION, law_styles
 
 _SIZE = (4.4, 4.1)
 # Runs that a map shows, and points of the premise's margin along each axis.

@@ -14,8 +14,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.findings.basis import NO_PROOF
 from grosmc_mj.campaign.findings.radius import Radius
-from grosmc_mj.report.figure import board, in_lines, write_figure
-from grosmc_mj.report.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
+from grosmc_mj.results.figure import board, in_lines, write_figure
+from grosmc_mj.results.palette import FAILED_SHADE, OPTIMUM, LawStyle, law_styles
 
 _SIZE = (5.2, 4.9)
 

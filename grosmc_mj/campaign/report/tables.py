@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from rich.table import Table
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family.campaign import Campaign
@@ -21,8 +20,8 @@ from grosmc_mj.campaign.findings.sensitivity import Sensitivity
 from grosmc_mj.campaign.findings.statistics import TAIL, MarginSummary, PassRate, runs_needed
 from grosmc_mj.campaign.findings.worst import Worst
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.palette import label_of
-from grosmc_mj.report.tables import names, number, numbers, table, text, words
+from grosmc_mj.results.palette import label_of
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 
 # A pass rate that one may want to state.
 _AIM = 0.99

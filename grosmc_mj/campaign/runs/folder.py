@@ -34,7 +34,7 @@ from grosmc_mj.campaign.runs.part import (
 )
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import cannot_write, written_aside
-from grosmc_mj.report.document import write_json
+from grosmc_mj.results.document import write_json
 
 _PARTS, _LOCK = "parts", ".lock"
 # What a part is called until it is whole, see `written_aside`.

@@ -12,7 +12,7 @@ from grosmc_mj.campaign.family.campaign import Campaign
 from grosmc_mj.campaign.family.specification import Specification
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.file.user_code import named_in, sources
-from grosmc_mj.report.document import git_revision
+from grosmc_mj.results.document import git_revision
 from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"

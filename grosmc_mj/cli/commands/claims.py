@@ -18,11 +18,11 @@ from grosmc_mj.errors import ArgumentError, shown
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
     from grosmc_mj.chapter.claims.claim import Claim, Finding
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
+    from grosmc_mj.results.tables import Table
 
 # So many claims that are not supported fit on a screen.
 _MOST = 24
@@ -82,7 +82,7 @@ class ClaimsCommand(Command):
         from grosmc_mj.chapter.claims_document import claims_document
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.report.document import json_text, origin, write_json
+        from grosmc_mj.results.document import json_text, origin, write_json
 
         self._check()
         if self.premises:
@@ -165,7 +165,7 @@ class ClaimsCommand(Command):
         """What each claim turns on."""
         from grosmc_mj.chapter.claims.sweep import STORED, sweep, sweep_document
         from grosmc_mj.chapter.claims_tables import sweep_table
-        from grosmc_mj.report.document import origin, write_json
+        from grosmc_mj.results.document import origin, write_json
 
         path = STORED if self.record else self.out / "sweeps.json"
         with screen.progress(len(chosen), "claims") as advance:
@@ -185,7 +185,7 @@ class ClaimsCommand(Command):
         from grosmc_mj.chapter.claims.self_test import self_test
         from grosmc_mj.chapter.claims_tables import caught_table
         from grosmc_mj.executors import executor_for
-        from grosmc_mj.report.document import origin, write_json
+        from grosmc_mj.results.document import origin, write_json
 
         with screen.progress(len(chosen), "claims") as advance:
             found = self_test(

@@ -54,7 +54,7 @@ class DiffCommand(Command):
         """Compare, write, say."""
         from grosmc_mj.comparison.comparison import compare, comparison_document
         from grosmc_mj.comparison.junit import write_junit
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
 
         comparison = compare(self.old, self.new)
         files = [self.out / "diff.json"]

@@ -27,7 +27,7 @@ class DoctorCommand(Command):
             has_display,
             probe,
         )
-        from grosmc_mj.report.document import versions
+        from grosmc_mj.results.document import versions
 
         console, problems = screen.console(), list[str]()
         backend = ffmpeg = None

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from grosmc_mj.cli import screen
-from grosmc_mj.report.palette import FAILED
+from grosmc_mj.results.palette import FAILED
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rich.table import Table
-
     from grosmc_mj.assumptions.audit import Audit
+    from grosmc_mj.results.tables import Table
 
 
 def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> int:
@@ -31,7 +30,7 @@ def audit_premises(target: str, controller: str, out: Path, *, full: bool) -> in
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
-    from grosmc_mj.report.document import origin, write_json
+    from grosmc_mj.results.document import origin, write_json
 
     lab, found = Laboratory(Settings()), find_experiments(target)
     # The theorems know of no loop: of a system its benches are left out.

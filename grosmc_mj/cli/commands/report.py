@@ -59,8 +59,8 @@ class ReportCommand(Command):
 
 def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool = False) -> None:
     """Write the page of what lies in paths, and say so."""
-    from grosmc_mj.report.page.reading import read_results
-    from grosmc_mj.report.page.write import write_page
+    from grosmc_mj.page.reading import read_results
+    from grosmc_mj.page.write import write_page
 
     reading = read_results(paths)
     if not reading.documents:

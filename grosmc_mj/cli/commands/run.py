@@ -16,16 +16,16 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
-from grosmc_mj.report.palette import FAILED
+from grosmc_mj.results.palette import FAILED
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
     from grosmc_mj.assumptions.audit import Audit
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.requirements import Judgement
     from grosmc_mj.experiments.runs import RunResult
+    from grosmc_mj.results.tables import Table
 
 
 # Files of trajectories that are listed one by one.
@@ -161,7 +161,7 @@ class _JudgedExperiment:
         from grosmc_mj.experiments.curves.document import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
-        from grosmc_mj.report.document import keep_other, write_json
+        from grosmc_mj.results.document import keep_other, write_json
 
         complete = False
         try:
@@ -307,7 +307,7 @@ def _answers(console: Console, done: Sequence[_JudgedExperiment]) -> None:
 
 def _requirements(judgements: Sequence[Judgement]) -> Table:
     """What was required, what fails first."""
-    from grosmc_mj.report.tables import number
+    from grosmc_mj.results.tables import number
 
     rows, styles = [], []
     for each in sorted(judgements, key=lambda each: each.kept):
@@ -365,7 +365,7 @@ def _tables(console: Console, done: _JudgedExperiment) -> None:
 def _draw(results: Sequence[RunResult], path: Path) -> Path:
     """The figure."""
     from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
-    from grosmc_mj.report.figure import figure_written
+    from grosmc_mj.results.figure import figure_written
 
     with figure_written(path, figure_size(results)) as figure:
         draw_experiment(figure, results)

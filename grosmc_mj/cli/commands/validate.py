@@ -21,12 +21,12 @@ from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
     from grosmc_mj.chapter.claims.claim import Claim, Finding
     from grosmc_mj.experiments.case import Case
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.runs import RunResult, Settings
+    from grosmc_mj.results.tables import Table
     from grosmc_mj.studies.agreement import Agreement
 
 
@@ -91,7 +91,7 @@ class ValidateCommand(Command):
         from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
         from grosmc_mj.physics.mujoco_plant import MujocoPlant
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
         from grosmc_mj.studies.agreement import agreements, disagreements
 
         started, seed = time.perf_counter(), 0

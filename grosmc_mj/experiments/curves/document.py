@@ -19,9 +19,9 @@ from grosmc_mj.experiments.curves.panels import (
 )
 from grosmc_mj.experiments.document import seed_of
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.report.document import origin, write_json
-from grosmc_mj.report.envelope import envelope, jumps
-from grosmc_mj.report.palette import law_styles
+from grosmc_mj.results.document import origin, write_json
+from grosmc_mj.results.envelope import envelope, jumps
+from grosmc_mj.results.palette import law_styles
 
 # Beside the results.
 FOLDER = "curves"

@@ -20,9 +20,9 @@ from grosmc_mj.experiments.curves.panels import (
     told,
 )
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.report.envelope import envelope, jumps
-from grosmc_mj.report.figure import TITLE_SIZE, labelled_below, shade
-from grosmc_mj.report.palette import (
+from grosmc_mj.results.envelope import envelope, jumps
+from grosmc_mj.results.figure import TITLE_SIZE, labelled_below, shade
+from grosmc_mj.results.palette import (
     BLACK,
     FAILED,
     LINES,

@@ -14,7 +14,7 @@ from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.loop.controllers import rate_positions
 from grosmc_mj.physics.hidden_states import HiddenState
-from grosmc_mj.report.tables import prefixed
+from grosmc_mj.results.tables import prefixed
 
 # Of what no law sees on a machine the most telling, and at most so many.
 _TELLING, _TOLD = ("twist", "winding", "load", "temperature", "bristle"), 3

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from grosmc_mj.report.tables import number
+from grosmc_mj.results.tables import number
 from grosmc_mj.studies.ladder.measure import ENDED, Standing
 
 # Said of a law, or of a claim, that no rung breaks.

@@ -9,8 +9,8 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 
-from grosmc_mj.report.figure import figure_written
-from grosmc_mj.report.heat_map import heat_map
+from grosmc_mj.results.figure import figure_written
+from grosmc_mj.results.heat_map import heat_map
 from grosmc_mj.studies.ladder.answers import share_text
 from grosmc_mj.studies.ladder.measure import Condition, Ladder, Standing
 from grosmc_mj.studies.ladder.rungs import Rung

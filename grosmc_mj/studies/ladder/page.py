@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import numbers, words
+from grosmc_mj.results.tables import markdown_table, numbers, words
 from grosmc_mj.studies.ladder.answers import STANDS, cell_text, deviation_text
 from grosmc_mj.studies.ladder.report import assumed_text, shown_unit
 

@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rich.table import Table
-
-from grosmc_mj.report.document import origin
-from grosmc_mj.report.tables import names, number, numbers, table, text, words
+from grosmc_mj.results.document import origin
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.studies.ladder.answers import (
     STANDS,
     deviation_text,

@@ -15,8 +15,8 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
-from grosmc_mj.report.figure import figure_written, in_lines
-from grosmc_mj.report.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
+from grosmc_mj.results.figure import figure_written, in_lines
+from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
 from grosmc_mj.studies.region.axes import Axis
 from grosmc_mj.studies.region.measure import Region
 from grosmc_mj.studies.region.outcome import Outcome

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rich.table import Table
-
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.document import case_document
-from grosmc_mj.report.document import origin
-from grosmc_mj.report.tables import numbers, table, words
+from grosmc_mj.results.document import origin
+from grosmc_mj.results.tables import Table, numbers, table, words
 from grosmc_mj.studies.region.axes import Axis
 from grosmc_mj.studies.region.measure import Region
 from grosmc_mj.studies.region.outcome import Outcome

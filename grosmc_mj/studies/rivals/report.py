@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import number, numbers, words
+from grosmc_mj.results.tables import markdown_table, number, numbers, words
 from grosmc_mj.studies.rivals.measure import Rival
 
 _WORDS = ("system", "law")

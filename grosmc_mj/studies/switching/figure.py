@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from grosmc_mj.report.figure import figure_written
-from grosmc_mj.report.palette import BLUE, GREEN, OPTIMUM, ORANGE, PURPLE, SKY, VERMILION
-from grosmc_mj.report.tables import number
+from grosmc_mj.results.figure import figure_written
+from grosmc_mj.results.palette import BLUE, GREEN, OPTIMUM, ORANGE, PURPLE, SKY, VERMILION
+from grosmc_mj.results.tables import number
 from grosmc_mj.studies.switching.measure import GAIN, OWN_VARIATION, PUSH, SLOPE, Benchmark, CaseRow
 
 NAME = "switching"

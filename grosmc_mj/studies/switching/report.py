@@ -6,10 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rich.table import Table
-
-from grosmc_mj.report.document import origin
-from grosmc_mj.report.tables import number, numbers, table, words
+from grosmc_mj.results.document import origin
+from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.studies.switching.measure import (
     OWN_VARIATION,
     TIMESTEP,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from grosmc_mj.report.tables import number, prefixed
+from grosmc_mj.results.tables import number, prefixed
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 from grosmc_mj.studies.tolerance.measure import Tolerance
 

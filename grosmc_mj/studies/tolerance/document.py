@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from grosmc_mj.loop import Loop
-from grosmc_mj.report.document import origin
+from grosmc_mj.results.document import origin
 from grosmc_mj.studies.tolerance.answers import disagreements
 from grosmc_mj.studies.tolerance.imperfections import WHOLE, Amount, Imperfection
 from grosmc_mj.studies.tolerance.measure import Tolerance

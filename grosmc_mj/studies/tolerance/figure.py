@@ -11,9 +11,9 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from grosmc_mj.report.figure import figure_written, in_lines, letters_in
-from grosmc_mj.report.heat_map import heat_map
-from grosmc_mj.report.tables import number
+from grosmc_mj.results.figure import figure_written, in_lines, letters_in
+from grosmc_mj.results.heat_map import heat_map
+from grosmc_mj.results.tables import number
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
     cell_text,

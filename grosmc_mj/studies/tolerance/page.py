@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import numbers, words
+from grosmc_mj.results.tables import markdown_table, numbers, words
 from grosmc_mj.studies.tolerance.answers import (
     by_weakness,
     cell_text,

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.table import Table
-
-from grosmc_mj.report.tables import WIDTH, Column, names, number, numbers, table, text, words
+from grosmc_mj.results.tables import (
+    WIDTH,
+    Column,
+    Table,
+    names,
+    number,
+    numbers,
+    table,
+    text,
+    words,
+)
 from grosmc_mj.studies.tolerance.answers import (
     amount_text,
     by_weakness,

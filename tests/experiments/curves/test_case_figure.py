@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.report.envelope import envelope
-from grosmc_mj.report.palette import FAILED, law_styles
+from grosmc_mj.results.envelope import envelope
+from grosmc_mj.results.palette import FAILED, law_styles
 from grosmc_mj.simulation.trajectory import Status
 
 CASE = """

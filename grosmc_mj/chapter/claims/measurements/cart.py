@@ -30,7 +30,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.report.palette import LABELS
+from grosmc_mj.results.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status
 
 SYSTEM = "cart_pendulum"

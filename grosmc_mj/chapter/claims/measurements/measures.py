@@ -24,7 +24,7 @@ from grosmc_mj.experiments.metrics.recorded import Comparison
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import find_system
-from grosmc_mj.report.palette import LABELS
+from grosmc_mj.results.palette import LABELS
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Samples of a run that are looked at: odd, so that both sides of the chatter are met.

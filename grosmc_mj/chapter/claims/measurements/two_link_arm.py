@@ -30,7 +30,7 @@ from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.report.palette import LABELS
+from grosmc_mj.results.palette import LABELS
 
 _SYSTEM = "two_link_arm"
 _OTHERS = ("lqr", "pd")

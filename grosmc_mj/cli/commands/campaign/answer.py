@@ -74,7 +74,7 @@ def say_findings(console: Console, asked: Campaign, found: Findings) -> None:
     from grosmc_mj.campaign.findings.findings import ALL
     from grosmc_mj.campaign.findings.judges import judged_words
     from grosmc_mj.campaign.report.tables import rate_interval
-    from grosmc_mj.report.tables import number
+    from grosmc_mj.results.tables import number
 
     rows = []
     for (requirement, law), rate in sorted(found.rates.items(), key=lambda each: each[1].rate):
@@ -127,7 +127,7 @@ def say_tables(console: Console, asked: Campaign, found: Findings) -> None:
 def say_worst(console: Console, asked: Campaign, found: Sequence[Worst], *, full: bool) -> None:
     """The worst plant under each law, the worst first."""
     from grosmc_mj.campaign.report.tables import plant_words, worst_table
-    from grosmc_mj.report.tables import number
+    from grosmc_mj.results.tables import number
 
     lines = []
     for each in sorted(found, key=lambda each: each.relative):

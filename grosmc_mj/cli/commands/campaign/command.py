@@ -137,7 +137,7 @@ class CampaignCommand(Command):
         from grosmc_mj.campaign.runs.manifest import read_manifest, refuse_other_code
         from grosmc_mj.campaign.runs.replay import RADIUS
         from grosmc_mj.executors import make_executor
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
 
         self._refuse_idle()
         if self.replay is not None:
@@ -208,7 +208,7 @@ class CampaignCommand(Command):
         from grosmc_mj.campaign.findings.worst import worst
         from grosmc_mj.campaign.report.document import worst_document
         from grosmc_mj.campaign.runs.replay import WORST
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
 
         searched = []
         with screen.progress(2 * self.evaluations * len(asked.judged), "runs") as advance:
@@ -232,7 +232,7 @@ class CampaignCommand(Command):
         from grosmc_mj.campaign.findings.radius import radius
         from grosmc_mj.campaign.report.document import radius_document
         from grosmc_mj.campaign.runs.replay import RADIUS
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
 
         reached = []
         with screen.progress(len(asked.judged), "controllers") as advance:

@@ -86,7 +86,7 @@ def _written(command: CampaignCommand, base: Path, content: Any) -> str:
     Raises:
         SetupError: If it cannot be written where the user wants it.
     """
-    from grosmc_mj.report.document import write_json
+    from grosmc_mj.results.document import write_json
 
     places = (base.parent, base.parent / FOLDER)
     if command.out is None and any(place.is_symlink() for place in places):
@@ -105,7 +105,7 @@ def _draw(
 ) -> None:
     """The figure and the film, and where all is."""
     from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
-    from grosmc_mj.report.figure import figure_written
+    from grosmc_mj.results.figure import figure_written
 
     files = [Path(f"{base}.json")]
     if command.figures:

@@ -93,7 +93,7 @@ class LadderCommand(Command):
         self, studied: Ladder, rows: Sequence[Standing], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
         from grosmc_mj.studies.ladder.figure import write_ladder_figure
         from grosmc_mj.studies.ladder.report import ladder_document
 

@@ -86,7 +86,7 @@ class RegionCommand(Command):
 
     def execute(self) -> int:
         """Compute, write, print, draw."""
-        from grosmc_mj.report.document import json_text
+        from grosmc_mj.results.document import json_text
         from grosmc_mj.studies.region.figure import write_region_figure
         from grosmc_mj.studies.region.measure import Region
         from grosmc_mj.studies.region.report import (

@@ -45,7 +45,7 @@ class SwitchingCommand(Command):
 
     def execute(self) -> int:
         """Measure, write, print, draw."""
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
         from grosmc_mj.studies.switching import measure as chattering
         from grosmc_mj.studies.switching.figure import write_chattering_figure
         from grosmc_mj.studies.switching.report import SHOWN, switching_document, switching_tables
@@ -88,7 +88,7 @@ def _answer(
     full: bool,
 ) -> None:
     """How accurate each law is and how much it chatters, the worst first."""
-    from grosmc_mj.report.tables import number
+    from grosmc_mj.results.tables import number
     from grosmc_mj.studies.switching.measure import OWN_VARIATION, orders
     from grosmc_mj.studies.switching.report import is_shown
 

@@ -90,7 +90,7 @@ class ToleranceCommand(Command):
         self, studied: Setting, rows: Sequence[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
-        from grosmc_mj.report.document import write_json
+        from grosmc_mj.results.document import write_json
         from grosmc_mj.studies.tolerance.document import tolerance_document
         from grosmc_mj.studies.tolerance.figure import write_tolerance_figure
 

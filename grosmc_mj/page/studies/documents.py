@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from grosmc_mj.report.page.documents import Number, StoredPart, Text
+from grosmc_mj.page.documents import Number, StoredPart, Text
 
 
 class StoredAxis(StoredPart):

@@ -5,9 +5,18 @@ from __future__ import annotations
 import math
 
 from rich.console import Console
-from rich.table import Table
 
-from grosmc_mj.report.tables import WIDTH, names, number, numbers, prefixed, table, text, words
+from grosmc_mj.results.tables import (
+    WIDTH,
+    Table,
+    names,
+    number,
+    numbers,
+    prefixed,
+    table,
+    text,
+    words,
+)
 
 
 def lines(shown: Table) -> list[str]:

@@ -9,14 +9,14 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from grosmc_mj.report.page.sheets import (
+from grosmc_mj.page.sheets import (
     Line,
     Sheet,
     cells_chart,
     grid_chart,
     lines_chart,
 )
-from grosmc_mj.report.page.studies.documents import (
+from grosmc_mj.page.studies.documents import (
     StoredAudit,
     StoredPremises,
     StoredReading,
@@ -27,9 +27,9 @@ from grosmc_mj.report.page.studies.documents import (
     StoredSwitching,
     StoredSwitchingCase,
 )
-from grosmc_mj.report.page.studies.searches import search_sheets
-from grosmc_mj.report.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW
-from grosmc_mj.report.tables import number, shown_unit
+from grosmc_mj.page.studies.searches import search_sheets
+from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW
+from grosmc_mj.results.tables import number, shown_unit
 
 Row = TypeVar("Row", bound=BaseModel)
 

@@ -20,8 +20,7 @@ from plotly.offline import get_plotlyjs
 
 from grosmc_mj.errors import one_line
 from grosmc_mj.files import written_aside
-from grosmc_mj.report.document import plain
-from grosmc_mj.report.page.answers import (
+from grosmc_mj.page.answers import (
     answers,
     as_expected,
     breaks,
@@ -30,19 +29,20 @@ from grosmc_mj.report.page.answers import (
     target_of,
     where,
 )
-from grosmc_mj.report.page.campaigns import campaign_data
-from grosmc_mj.report.page.charts import claim_data, curves_data, sheets
-from grosmc_mj.report.page.documents import (
+from grosmc_mj.page.campaigns import campaign_data
+from grosmc_mj.page.charts import claim_data, curves_data, sheets
+from grosmc_mj.page.documents import (
     StoredCampaignResults,
     StoredClaims,
     StoredCurves,
     StoredFilm,
     StoredValidation,
 )
-from grosmc_mj.report.page.equations import mathml
-from grosmc_mj.report.page.reading import Document, Results
-from grosmc_mj.report.page.verdicts import VERDICTS, Answer
-from grosmc_mj.report.tables import number
+from grosmc_mj.page.equations import mathml
+from grosmc_mj.page.reading import Document, Results
+from grosmc_mj.page.verdicts import VERDICTS, Answer
+from grosmc_mj.results.document import plain
+from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
 # Bytes of a page, with what its text around the films needs; letters of a configuration.
@@ -266,7 +266,7 @@ def _origin(document: Document) -> dict[str, Any]:
 
 def _render(content: Mapping[str, Any], data: Mapping[str, Any]) -> str:
     """The template with its content; scripts run by their hashes alone."""
-    home = files("grosmc_mj.report.page")
+    home = files("grosmc_mj.page")
     css, js = (home.joinpath(f"page.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
     plotly = _plotly()
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)

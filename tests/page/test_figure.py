@@ -9,9 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.report.envelope import jumps
-from grosmc_mj.report.figure import figure_written, labelled_below
-from grosmc_mj.report.palette import COLOURS, OTHERS, law_styles
+from grosmc_mj.results.envelope import jumps
+from grosmc_mj.results.figure import figure_written, labelled_below
+from grosmc_mj.results.palette import COLOURS, OTHERS, law_styles
 
 
 def test_png_and_svg_are_written_together_or_not_at_all(
@@ -58,7 +58,7 @@ def test_a_legend_below_stays_within_its_figure(
     """With as many long labels in a row; short ones stand three in a row."""
     labels = [f"implicit, predicted, corrected equations {i}" for i in range(long)]
     labels += [f"law {i}" for i in range(long, 9)]
-    monkeypatch.setattr("grosmc_mj.report.figure.write_figure", lambda *_: None)
+    monkeypatch.setattr("grosmc_mj.results.figure.write_figure", lambda *_: None)
     with figure_written(tmp_path / "a.png", (7.2, 4.0)) as figure:
         axes = figure.subplots()
         for label in sorted(labels, key=lambda label: int(label[-1]) % 3):

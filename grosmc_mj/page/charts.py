@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from grosmc_mj.report.page.answers import so_far, standing_text, target_of, tolerance_text
-from grosmc_mj.report.page.documents import (
+from grosmc_mj.page.answers import so_far, standing_text, target_of, tolerance_text
+from grosmc_mj.page.documents import (
     StoredClaim,
     StoredCurves,
     StoredFilm,
@@ -15,10 +15,10 @@ from grosmc_mj.report.page.documents import (
     StoredPart,
     StoredTolerances,
 )
-from grosmc_mj.report.page.reading import Document
-from grosmc_mj.report.page.sheets import Sheet, cells_chart, told_sheet
-from grosmc_mj.report.page.studies.sheets import study_sheets
-from grosmc_mj.report.palette import PLANTS
+from grosmc_mj.page.reading import Document
+from grosmc_mj.page.sheets import Sheet, cells_chart, told_sheet
+from grosmc_mj.page.studies.sheets import study_sheets
+from grosmc_mj.results.palette import PLANTS
 
 # Of the redness of what is not kept, and of the tolerance map: decades, and powers of two.
 _MOST, _OCTAVES = 2.0, 6.0

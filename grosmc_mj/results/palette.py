@@ -53,6 +53,12 @@ PLANTS: Mapping[str, str] = {
 
 # What was asked for: kept, not kept, or not decided.
 KEPT, FAILED, OPEN = GREEN, VERMILION, ORANGE
+# Colours of words that are verdicts, in lower case.
+VERDICT_COLOURS = {
+    "supported": KEPT, "kept": KEPT, "holds": KEPT,
+    "refuted": FAILED, "premise not met": FAILED, "not kept": FAILED, "fails": FAILED,
+    "undetermined": OPEN, "inconclusive": OPEN,
+}  # fmt: skip
 
 OPTIMUM = BLACK
 DISTURBANCE = GREEN

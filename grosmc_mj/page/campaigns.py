@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.report.page.documents import StoredCampaignResults
-from grosmc_mj.report.page.reading import Document
+from grosmc_mj.page.documents import StoredCampaignResults
+from grosmc_mj.page.reading import Document
 
 # Of each law: points, half of them the worst; bins of margins and of a plane; columns.
 _POINTS, _BINS, _CELLS, _COLUMNS = 1500, 60, 32, 10

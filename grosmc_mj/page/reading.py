@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 
 from grosmc_mj.errors import ArgumentError, one_line
-from grosmc_mj.report.page.documents import (
+from grosmc_mj.page.documents import (
     StoredCampaignResults,
     StoredClaims,
     StoredCurves,
@@ -25,13 +25,13 @@ from grosmc_mj.report.page.documents import (
     StoredTolerances,
     StoredValidation,
 )
-from grosmc_mj.report.page.studies.documents import (
+from grosmc_mj.page.studies.documents import (
     StoredPremises,
     StoredRegion,
     StoredSweeps,
     StoredSwitching,
 )
-from grosmc_mj.report.page.studies.searches import StoredSearch, StoredSelfTest
+from grosmc_mj.page.studies.searches import StoredSearch, StoredSelfTest
 
 # By the keys that tell them, the more telling first.
 KINDS: tuple[tuple[str, frozenset[str], type[StoredPart]], ...] = (

@@ -14,8 +14,8 @@ from page_documents import DOCUMENTS, TIMES, write_documents, write_film
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.films.offscreen import find_ffmpeg
-from grosmc_mj.report.page.reading import read_results
-from grosmc_mj.report.page.write import write_page
+from grosmc_mj.page.reading import read_results
+from grosmc_mj.page.write import write_page
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 360, "height": 740}

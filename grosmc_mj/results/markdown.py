@@ -1,31 +1,11 @@
-"""Pages that are kept in Markdown: their tables, and what is generated within them."""
+"""Pages that are kept in Markdown, and what is generated within them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.report.tables import Column
-
-# A bar that is none of the table's.
-BAR = "\\|"
-
-
-def markdown_table(columns: Sequence[Column], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A table, a line each; bars in its texts are bars.
-
-    Args:
-        columns: As for :func:`grosmc_mj.report.tables.table`; numbers stand at the right.
-        rows: A cell a column each.
-    """
-    sides = ["---:" if each.options.get("justify") == "right" else "---" for each in columns]
-    return [_line(each.header for each in columns), f"|{'|'.join(sides)}|", *map(_line, rows)]
-
-
-def _line(cells: Iterable[str]) -> str:
-    """A row."""
-    return f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
 
 
 def replace_marked(page: Path, name: str, make: Callable[[], str]) -> None:

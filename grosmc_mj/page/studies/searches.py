@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from pydantic import BaseModel, Field
 
-from grosmc_mj.report.page.documents import Number, StoredPart, Text
-from grosmc_mj.report.page.sheets import Line, Sheet, lines_chart
-from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, Answer
-from grosmc_mj.report.tables import number
+from grosmc_mj.page.documents import Number, StoredPart, Text
+from grosmc_mj.page.sheets import Line, Sheet, lines_chart
+from grosmc_mj.page.verdicts import BROKEN, KEPT, MEASURED, Answer
+from grosmc_mj.results.tables import number
 
 
 class StoredWorst(StoredPart):

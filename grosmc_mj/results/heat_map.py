@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.image import AxesImage
 
-from grosmc_mj.report.palette import BLACK, BLUE, VERMILION
+from grosmc_mj.results.palette import BLACK, BLUE, VERMILION
 
 # What is kept is blue, what is not is red; white is the limit.
 _COLOURS = LinearSegmentedColormap.from_list("kept", [BLUE, "#ffffff", VERMILION])

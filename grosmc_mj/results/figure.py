@@ -16,7 +16,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
-from grosmc_mj.report.palette import DISTURBANCE, GRID
+from grosmc_mj.results.palette import DISTURBANCE, GRID
 
 _LEGEND_SIZE = 8.5
 # What a legend's line and the space around its label take, in letters.

@@ -14,7 +14,7 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj.errors import SetupError
-from grosmc_mj.report.document import json_text, origin, write_json
+from grosmc_mj.results.document import json_text, origin, write_json
 from grosmc_mj.versions import DECISIVE, versions
 
 

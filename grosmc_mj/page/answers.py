@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from grosmc_mj.report.page.documents import (
+from grosmc_mj.page.documents import (
     StoredCampaignResults,
     StoredChange,
     StoredClaim,
@@ -21,10 +21,10 @@ from grosmc_mj.report.page.documents import (
     StoredTolerances,
     StoredValidation,
 )
-from grosmc_mj.report.page.reading import Document
-from grosmc_mj.report.page.studies.answers import study_answer
-from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, OPEN, VERDICTS, Answer
-from grosmc_mj.report.tables import number, prefixed
+from grosmc_mj.page.reading import Document
+from grosmc_mj.page.studies.answers import study_answer
+from grosmc_mj.page.verdicts import BROKEN, KEPT, MEASURED, OPEN, VERDICTS, Answer
+from grosmc_mj.results.tables import number, prefixed
 
 # The rung of the chapter's misprinted equations.
 _PRINTED = "printed"

@@ -21,10 +21,10 @@ from page_documents import DOCUMENTS, write_documents, write_film, write_part
 from plotly.offline import get_plotlyjs
 
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.report.page.answers import Break, answers, breaks
-from grosmc_mj.report.page.equations import mathml
-from grosmc_mj.report.page.reading import read_results
-from grosmc_mj.report.page.write import LARGEST, Page, write_page
+from grosmc_mj.page.answers import Break, answers, breaks
+from grosmc_mj.page.equations import mathml
+from grosmc_mj.page.reading import read_results
+from grosmc_mj.page.write import LARGEST, Page, write_page
 
 HOSTILE = "</script><script>window.stolen=1</script><img src=x onerror=alert(1)>'\"&{{7*7}}"
 

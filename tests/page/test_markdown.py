@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from grosmc_mj.report.markdown import markdown_table
-from grosmc_mj.report.tables import numbers, words
+from grosmc_mj.results.tables import markdown_table, numbers, words
 
 
 def test_numbers_stand_at_the_right_and_bars_stay_bars() -> None:

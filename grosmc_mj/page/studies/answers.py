@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
-from grosmc_mj.report.page.studies.documents import (
+from grosmc_mj.page.studies.documents import (
     StoredPremises,
     StoredRegion,
     StoredSweeps,
     StoredSwitching,
 )
-from grosmc_mj.report.page.studies.searches import search_answer
-from grosmc_mj.report.page.verdicts import BROKEN, KEPT, MEASURED, Answer
-from grosmc_mj.report.tables import number
+from grosmc_mj.page.studies.searches import search_answer
+from grosmc_mj.page.verdicts import BROKEN, KEPT, MEASURED, Answer
+from grosmc_mj.results.tables import number
 
 _FEW = 3
 
