@@ -90,7 +90,7 @@ def test_a_worker_that_is_killed_is_replaced_and_only_its_shard_is_run_again(
     assert {each.index: each.attempts for each in done} == {i: 1 + (i == 3) for i in range(8)}
     (line,) = told
     assert line.endswith(
-        "was killed by SIGKILL while it had shard 3: replaced, shard 3 is run again"
+        "ended by SIGKILL(-9) while it had shard 3: replaced, shard 3 is run again"
     )
 
 
@@ -99,7 +99,7 @@ def test_a_shard_that_always_kills_is_an_error_after_three_attempts() -> None:
     with pytest.raises(SetupError) as caught:
         list(make_executor("processes", workers=1).run(executor_work.exit_always, [5], told.append))
     assert "shard 5 was tried 3 times" in str(caught.value)
-    assert "the last one ended with exit code 7" in str(caught.value)
+    assert "the last one ended by EXIT(7)" in str(caught.value)
     assert len(told) == 2
 
 
