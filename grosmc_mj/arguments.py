@@ -47,9 +47,6 @@ def reals(value: Any) -> Array:
         array = np.asarray(value)
     except (TypeError, ValueError):
         return nothing
-    if array.dtype.kind == "O" and array.size:
-        entries = [real(entry) for entry in array.ravel()]
-        return np.reshape(entries, array.shape) if array.ndim else nothing
     return array.astype(float) if array.dtype.kind in "iuf" else nothing
 
 

@@ -34,10 +34,8 @@ def written_aside(path: Path) -> Iterator[Path]:
     part = path.with_name(f".{path.stem}.{secrets.token_hex(8)}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if path.exists() and not path.is_file():
-            raise FileExistsError(errno.EEXIST, "is a device, a pipe or a socket")
+            raise FileExistsError(errno.EEXIST, "is a folder, a device, a pipe or a socket")
         os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         opened = True
         yield part

@@ -1,13 +1,41 @@
-"""The disk cache of compiled code, seen by several processes."""
+"""The disk cache of compiled code: what it follows, and what several processes make of it."""
 
 from __future__ import annotations
 
+import enum
 import os
 import subprocess
 import sys
+import types
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import cloudpickle
+import numba
+import numpy as np
 import pytest
+
+from grosmc_mj.compilation import array_at, compile_c, fingerprint
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.jitable import jitable
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.simulate import simulate
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Nothing:
+    nothing: float = 0.0
+
+
+def command(law: Callable[..., Any], plant: Any) -> float:
+    """What the law commands at once."""
+    return simulate(plant, Controller("k", law, Nothing()), [0, 0], duration=1e-3).command[0]
+
 
 # What a user has: a law in one module, a function that it calls in another.
 HELPER = "def gain(x):\n    return {k} * x\n"
@@ -78,3 +106,276 @@ def test_what_two_processes_write_at_once_a_third_one_reads(tmp_path: Path) -> N
     assert {Path(name).suffix for name in written} == {".nbi", ".nbc"}
     assert result_of(start(tmp_path)) == 6.0
     assert entries(tmp_path) == written
+
+
+# Fingerprints
+
+
+def law_with(helper: Callable[[float], float]) -> Callable[..., float]:
+    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+        return helper(x[0] + 1.0)
+
+    return law
+
+
+def helper_with(k: float) -> Callable[[float], float]:
+    @jitable
+    def helper(x: float) -> float:
+        return k * x
+
+    return helper
+
+
+def by_array(k: float) -> Callable[..., float]:
+    gains = np.array([k, 1.0])
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+        return gains[0]
+
+    return law
+
+
+def by_numpy_number(k: float) -> Callable[..., float]:
+    gain = np.int64(k)
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+        return 1.0 * gain
+
+    return law
+
+
+def by_default(k: float) -> Callable[..., float]:
+    def law(t: float, x: Any, memory: Any, p: Any, gain: float = k) -> float:
+        return gain
+
+    return law
+
+
+def by_compiled_helper(k: float) -> Callable[..., float]:
+    @numba.njit
+    def helper(x: float) -> float:
+        return k * x
+
+    return law_with(helper)
+
+
+def by_module_constant(k: float) -> Callable[..., float]:
+    module: Any = types.ModuleType("gains")
+    module.k = k
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+        return module.k * 1.0
+
+    return law
+
+
+def by_module_function(k: float) -> Callable[..., float]:
+    module: Any = types.ModuleType("helpers")
+    module.helper = helper_with(k)
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+        return module.helper(1.0)
+
+    return law
+
+
+class Level(enum.Enum):
+    LOW = 3.0
+    HIGH = 7.0
+
+
+def by_enumeration(k: float) -> Callable[..., float]:
+    level = Level(k)
+
+    def law(t: float, x: Any, memory: Any, p: Any) -> float:
+        return level.value * 1.0
+
+    return law
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda k: law_with(helper_with(k)),
+        by_array,
+        by_numpy_number,
+        by_default,
+        by_compiled_helper,
+        by_module_constant,
+        by_module_function,
+        by_enumeration,
+    ],
+)
+def test_fingerprint_follows_every_number_that_numba_freezes(make):
+    """Otherwise a changed law runs the old machine code from the disk, without a word."""
+    assert fingerprint(make(3.0)) == fingerprint(make(3.0))
+    assert fingerprint(make(3.0)) != fingerprint(make(7.0))
+    changed = [command(make(k), MujocoPlant.load("servo").analytic()) for k in (3.0, 7.0)]
+    assert changed == [3.0, 7.0]
+
+
+def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plants = [MujocoPlant.load("servo"), MujocoPlant.load("servo").analytic()]
+    for k in (5.0, 6.0):
+        law = law_with(helper_with(k))
+        assert [command(law, plant) for plant in plants] == [k, k]
+        # The second time, after all that they share.
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (entry,) = tmp_path.rglob("*.nbi")
+    assert entry.name.startswith("sample-")
+
+
+def test_a_law_that_has_travelled_is_compiled_where_it_arrives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By value, as laws of one's own do that no module has."""
+    law = by_array(2.0)
+    for folder in ("here", "there"):
+        # Where nothing is compiled yet.
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / folder))
+        assert command(law, MujocoPlant.load("servo").analytic()) == 2.0
+        law = cloudpickle.loads(cloudpickle.dumps(law))
+
+
+def test_fingerprint_is_the_same_in_another_process():
+    """Or nothing would ever be found in the cache on disk."""
+    program = """
+from grosmc_mj.compilation import compile_c, fingerprint
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.experiments.catalogue import chapter_controller
+plant = MujocoPlant.load("arm").analytic()
+print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
+"""
+    printed = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    here = [
+        fingerprint(chapter_controller(law, MujocoPlant.load("arm").analytic()).law)
+        for law in ("lqr", "grosmc")
+    ]
+    assert printed == here
+    assert here[0] != here[1]
+
+
+COMPILE_SLOWLY = """
+import sys, time
+import numba, numpy as np
+from numba.core.caching import IndexDataCacheFile as Cache
+from grosmc_mj.compilation import array_at, compile_c
+
+def slow(method, seconds):
+    return lambda *arguments: (time.sleep(seconds), method(*arguments))[1]
+
+k, before_index, before_data = map(float, sys.argv[1:])
+Cache._save_index = slow(Cache._save_index, before_index)
+Cache._save_data = slow(Cache._save_data, before_data)
+
+def storing(k):
+    def store(address):
+        array_at(address, (1,), np.float64)[0] = k
+    return store
+
+result = np.zeros(1)
+compile_c(storing(k), numba.types.voidptr).ctypes(result.ctypes.data)
+print(result[0])
+"""
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("content", [b"", b"cut", b"\x80\x05cos\nsystem\n"])
+def test_a_damaged_entry_of_the_cache_is_compiled_again(kind, content, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+    def compiled() -> float:
+        # What a law returns, compiled anew or taken from the disk.
+        function = compile_c(store_seven, numba.types.voidptr)
+        found = np.zeros(1)
+        function.ctypes(found.ctypes.data)
+        return found[0]
+
+    assert compiled() == 7.0
+    (entry,) = tmp_path.rglob(f"*.{kind}")
+    whole = entry.read_bytes()
+    entry.write_bytes(content or whole[: len(whole) // 2])
+    assert compiled() == 7.0
+    (entry,) = tmp_path.rglob(f"*.{kind}")
+    # It is whole: the next one reads it, and writes none.
+    written = entry.stat().st_mtime_ns, entry.read_bytes()
+    assert compiled() == 7.0
+    assert (entry.stat().st_mtime_ns, entry.read_bytes()) == written
+
+
+def store_seven(address: Any) -> None:
+    array_at(address, (1,), np.float64)[0] = 7.0
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_once_do_not_swap_their_laws(tmp_path):
+    """Both have read the index before either writes it, as parallel tests do on a cold cache.
+
+    The first writes its code last and the second its index entry: the entry then leads to the
+    other's code.
+    """
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def start_with(*numbers: float) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", COMPILE_SLOWLY, *map(str, numbers)]
+        return subprocess.Popen(command, cwd=tmp_path, env=env, stdout=subprocess.PIPE, text=True)
+
+    for process in (start_with(1.0, 1.0, 1.0), start_with(2.0, 1.5, 0.0)):
+        process.communicate(timeout=120)
+    for k in (1.0, 2.0):
+        printed, _ = start_with(k, 0.0, 0.0).communicate(timeout=120)
+        assert float(printed) == k
+
+
+COMPILE_NAMESAKES = """
+import math, sys
+import numba, numpy as np
+from grosmc_mj.compilation import array_at, compile_c
+
+def law_of(k):
+    # Too long to be inlined: it is called by its name.
+    @numba.njit
+    def long(x):
+        SINES
+        return k + 0.0 * x
+
+    @numba.njit
+    def recursive(x):
+        return k if x < 1.0 else recursive(x - 1.0)
+
+    inner = INNER
+
+    def control(address):
+        result = array_at(address, (1,), np.float64)
+        result[0] = inner(result[0] + inner(result[0]))
+
+    return control
+
+for k in sys.argv[1:]:
+    function, result = compile_c(law_of(float(k)), numba.types.voidptr), np.ones(1)
+    function.ctypes(result.ctypes.data)
+    print(result[0])
+""".replace("SINES", "; ".join(200 * ["x = math.sin(x) * x"]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("inner", ["long", "recursive"])
+def test_laws_of_one_name_that_two_processes_compiled_stay_apart(inner, tmp_path):
+    """numba numbers the functions of every process from 1 and links them by these names.
+
+    What calls itself does so by an address of its process, and cannot be loaded by another.
+    """
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
+    for numbers in ("1",), ("2",), ("1", "2"):
+        command = [sys.executable, "-c", COMPILE_NAMESAKES.replace("INNER", inner), *numbers]
+        printed = subprocess.check_output(command, cwd=tmp_path, env=env, text=True)
+        assert [float(number) for number in printed.split()] == [float(k) for k in numbers]

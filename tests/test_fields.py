@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import pytest
 
+from grosmc_mj.arguments import whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.fields import Name, Positive, Range, Reals, checked, checked_call, range_of
@@ -70,3 +71,13 @@ def test_a_function_checks_its_arguments() -> None:
         ArgumentError, match=r"gain = -1 must be .*; matrix = \[\[1, 2, 3\]\] must be"
     ):
         weigh(-1, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize("value", [True, 1.0, 1.5, "1", None, np.array([1])], ids=repr)
+def test_a_value_that_only_looks_like_a_whole_number_is_none(value: Any) -> None:
+    assert whole(value) is None
+
+
+@pytest.mark.parametrize("value", [1, np.int32(1), np.uint8(1), np.array(1)], ids=repr)
+def test_numpys_whole_numbers_are_whole_numbers(value: Any) -> None:
+    assert (whole(value), type(whole(value))) == (1, int)

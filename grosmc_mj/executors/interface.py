@@ -107,15 +107,10 @@ def attempt(work: Work, index: int) -> ShardOutcome:
     """Run a shard; its error is data, an interrupt is not."""
     try:
         return ShardOutcome(work(index))
-    except Exception as error:
-        return failure(error, index)
-
-
-def failure(error: Exception, index: int) -> ShardOutcome:
-    """The outcome of an error: an error of ours as it is, any other in one line."""
-    if isinstance(error, GrosmcError):
+    except GrosmcError as error:
         return ShardOutcome(error=type(error), message=str(error))
-    return ShardOutcome(error=SetupError, message=unexpected(error, index))
+    except Exception as error:
+        return ShardOutcome(error=SetupError, message=unexpected(error, index))
 
 
 def unexpected(error: BaseException, index: int) -> str:

@@ -15,8 +15,16 @@ from loky.backend.reduction import dumps, loads
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from grosmc_mj.child_processes import interrupts_held, worker_pool
-from grosmc_mj.errors import SetupError
-from grosmc_mj.executors.interface import ATTEMPTS, Finished, Notice, Work, attempt, failure
+from grosmc_mj.errors import GrosmcError, SetupError
+from grosmc_mj.executors.interface import (
+    ATTEMPTS,
+    Finished,
+    Notice,
+    ShardOutcome,
+    Work,
+    attempt,
+    unexpected,
+)
 
 # The numerical libraries would start a thread for every core in every worker.
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -65,12 +73,16 @@ class Processes:
                 for future in wait(busy, return_when=FIRST_COMPLETED).done:
                     pool, index = busy.pop(future)
                     try:
-                        report = loads(future.result()).result()
+                        report = future.result().result()
+                    except GrosmcError:
+                        raise
                     except BrokenProcessPool as death:
                         _report(death, index, attempts[index], notice)
                         again.append(index)
                         pools[pools.index(pool)] = replacement = worker_pool(1, environment)
                         employ(replacement)
+                    except Exception as error:  # the report cannot travel
+                        raise SetupError(unexpected(error, index)) from None
                     else:
                         employ(pool)
                         yield Finished(index, report, attempts.pop(index))
@@ -90,12 +102,9 @@ def _submit(pool: ProcessPoolExecutor, pickled: bytes, index: int) -> Future:
         return future
 
 
-def _run(pickled: bytes, index: int) -> bytes:
-    """In a worker: run a shard and pickle its outcome, or why there is none."""
-    try:
-        return bytes(dumps(attempt(_unpickled(pickled), index)))
-    except Exception as error:
-        return bytes(dumps(failure(error, index)))
+def _run(pickled: bytes, index: int) -> ShardOutcome:
+    """In a worker: run a shard."""
+    return attempt(_unpickled(pickled), index)
 
 
 @cache
@@ -109,11 +118,8 @@ def _unpickled(pickled: bytes) -> Work:
 def _report(death: Exception, index: int, attempts: int, notice: Notice) -> None:
     """Say that a worker has died; if its shard has no attempt left, by an error."""
     # loky tells the exit code in its message only: SIGKILL(-9) or EXIT(7).
-    code = re.search(r"(\w+)\((-?\d+)\)", str(death))
-    fate = "ended without an exit code"
-    if code is not None:
-        killed = code[2].startswith("-")
-        fate = f"was killed by {code[1]}" if killed else f"ended with exit code {code[2]}"
+    code = re.search(r"\w+\(-?\d+\)", str(death))
+    fate = f"ended by {code[0]}" if code else "ended without an exit code"
     if attempts >= ATTEMPTS:
         raise SetupError(
             f"shard {index} was tried {attempts} times and each time its worker died, "

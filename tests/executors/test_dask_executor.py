@@ -16,12 +16,13 @@ from typing import Any
 
 import executor_work
 import pytest
+from executor_work import REFUSALS
 
 pytest.importorskip("distributed")
 
 from distributed import Client, Security
 
-from grosmc_mj.errors import GainError, SetupError
+from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import dask_cluster, dask_workers, make_executor
 from grosmc_mj.executors.dask_cluster import cluster_client
 
@@ -115,12 +116,13 @@ def test_a_running_cluster_gives_each_report_once(running: Cluster, by: str) -> 
     assert executor.threads_per_worker == 1
 
 
-def test_errors_travel_with_their_type_and_message(running: Cluster) -> None:
+@pytest.mark.parametrize(("work", "index", "error", "words"), REFUSALS)
+def test_errors_travel_with_their_type_and_message(
+    running: Cluster, work: Any, index: int, error: type[Exception], words: str
+) -> None:
     executor = make_executor("dask", scheduler=running.address)
-    with pytest.raises(GainError, match=r"^G B is singular in shard 3$"):
-        list(executor.run(executor_work.refuse, [3], print))
-    with pytest.raises(SetupError, match=r"^shard 0 failed: ZeroDivisionError: division by zero$"):
-        list(executor.run(executor_work.divide, [0], print))
+    with pytest.raises(error, match=words):
+        list(executor.run(work, [index], print))
 
 
 def test_a_worker_of_another_version_is_refused(
@@ -149,7 +151,8 @@ def test_a_worker_that_is_killed_is_reported_and_its_shards_are_run_elsewhere(
             victim.wait()
     assert {each.index: each.report for each in done} == {i: i * i for i in range(24)}
     assert len(done) == 24
-    (line,) = told
+    # On a busy machine one more line says that no worker is there yet.
+    (line,) = (line for line in told if "was lost" in line)
     assert line.startswith("Dask worker tcp://127.0.0.1:")
     assert "was lost while it had shard" in line
     assert max(each.attempts for each in done) == 2
@@ -223,13 +226,3 @@ def test_workers_of_this_machine_are_closed_to_its_other_users() -> None:
             with pytest.raises(OSError, match=r"TLS|SSL|Timed out|closed"):
                 Client(reached, security=security, timeout=3, set_as_default=False)
         assert client.submit(executor_work.square, 3).result() == 9
-
-
-def test_workers_of_this_machine_import_nothing_from_where_they_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "distributed.py").write_text("raise SystemExit\n")
-    monkeypatch.chdir(tmp_path)
-    (done,) = make_executor("dask", workers=1).run(executor_work.safe_path, [0], print)
-    # With Dask's own defaults.
-    assert done.report == (True, "1")

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import textwrap
 import time
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,12 @@ from typing import Any
 import executor_work
 import pytest
 from conftest import hear_interrupts
+from executor_work import REFUSALS
 from loky import cpu_count
 
-from grosmc_mj.errors import ArgumentError, DivergenceError, GainError, GrosmcError, SetupError
+from grosmc_mj.errors import ArgumentError, DivergenceError, GrosmcError, SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.executors.interface import attempt
-from grosmc_mj.executors.processes import Processes
 
 # A child that has not begun or ended by then never will [s].
 SOON = 30.0
@@ -31,53 +30,38 @@ SOON = 30.0
 ORPHANED = 5.0
 
 
-def reports(done: Iterator[Any]) -> dict[int, Any]:
-    """By index; a shard that comes twice is an error."""
-    found = {}
-    for each in done:
-        assert each.index not in found
-        found[each.index] = each.report
-    return found
+@pytest.mark.parametrize("name", ["batch", "processes"])
+def test_every_shard_is_run_once(name: str) -> None:
+    told: list[str] = []
+    executor = make_executor(name, workers=None if name == "batch" else 2)
+    done = list(executor.run(executor_work.pid_and_threads, range(12), told.append))
+    assert sorted(one.index for one in done) == list(range(12))
+    assert {one.attempts for one in done} == {1}
+    assert told == []
+    pids, threads = map(set, zip(*(one.report for one in done), strict=True))
+    if name == "batch":
+        assert pids == {os.getpid()}
+        assert [one.index for one in done] == list(range(12))
+        assert executor.threads_per_worker == cpu_count()
+    else:
+        # Kept from shard to shard. (One may have been quick enough to leave none for the other.)
+        assert len(pids) <= 2
+        assert os.getpid() not in pids
+        assert threads == {str(executor.threads_per_worker)} == {str(max(1, cpu_count() // 2))}
+    assert list(executor.run(executor_work.square, range(0), print)) == []
 
 
-# ---- this process
-
-
-def test_batch_runs_shards_in_order_in_this_process() -> None:
-    done = list(make_executor("batch").run(lambda index: (index, os.getpid()), range(4), print))
-    assert [each.report for each in done] == [(index, os.getpid()) for index in range(4)]
-    assert {each.attempts for each in done} == {1}
-    assert make_executor("batch").threads_per_worker == cpu_count()
-
-
-def test_an_error_in_this_process_is_one_line_and_keeps_its_cause() -> None:
-    with pytest.raises(GainError, match="singular in shard 2"):
-        list(make_executor("batch").run(executor_work.refuse, [2], print))
-    with pytest.raises(SetupError) as caught:
-        list(make_executor("batch").run(executor_work.divide, [0], print))
-    assert str(caught.value) == "shard 0 failed: ZeroDivisionError: division by zero"
-    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+@pytest.mark.parametrize("name", ["batch", "processes"])
+@pytest.mark.parametrize(("work", "index", "error", "words"), REFUSALS)
+def test_errors_travel_with_their_type_and_message(
+    name: str, work: Any, index: int, error: type[GrosmcError], words: str
+) -> None:
+    with pytest.raises(error, match=words) as caught:
+        list(make_executor(name).run(work, [index], print))
+    assert type(caught.value) is error
 
 
 # ---- worker processes
-
-
-def test_processes_give_each_shard_once_and_divide_the_cores() -> None:
-    told: list[str] = []
-    executor = make_executor("processes", workers=2)
-    done = list(executor.run(executor_work.pid_and_threads, range(20), told.append))
-    assert sorted(each.index for each in done) == list(range(20))
-    pids, threads = zip(*(each.report for each in done), strict=True)
-    # Kept from shard to shard. (One may have been quick enough to leave none for the other.)
-    assert len(set(pids)) <= 2
-    assert os.getpid() not in pids
-    assert set(threads) == {str(executor.threads_per_worker)} == {str(max(1, cpu_count() // 2))}
-    assert told == []
-
-
-def test_no_more_workers_than_shards_and_none_for_none() -> None:
-    assert list(Processes(64).run(executor_work.square, range(0), print)) == []
-    assert reports(Processes(64).run(executor_work.square, [3], print)) == {3: 9}
 
 
 def test_a_worker_that_is_killed_is_replaced_and_only_its_shard_is_run_again(
@@ -90,7 +74,7 @@ def test_a_worker_that_is_killed_is_replaced_and_only_its_shard_is_run_again(
     assert {each.index: each.attempts for each in done} == {i: 1 + (i == 3) for i in range(8)}
     (line,) = told
     assert line.endswith(
-        "was killed by SIGKILL while it had shard 3: replaced, shard 3 is run again"
+        "ended by SIGKILL(-9) while it had shard 3: replaced, shard 3 is run again"
     )
 
 
@@ -99,20 +83,8 @@ def test_a_shard_that_always_kills_is_an_error_after_three_attempts() -> None:
     with pytest.raises(SetupError) as caught:
         list(make_executor("processes", workers=1).run(executor_work.exit_always, [5], told.append))
     assert "shard 5 was tried 3 times" in str(caught.value)
-    assert "the last one ended with exit code 7" in str(caught.value)
+    assert "the last one ended by EXIT(7)" in str(caught.value)
     assert len(told) == 2
-
-
-def test_errors_travel_with_their_type_and_message() -> None:
-    def refused(work: Any) -> GrosmcError:
-        with pytest.raises(GrosmcError) as caught:
-            list(make_executor("processes", workers=1).run(work, [0], print))
-        return caught.value
-
-    of_ours, of_others = refused(executor_work.refuse), refused(executor_work.divide)
-    assert (type(of_ours), str(of_ours)) == (GainError, "G B is singular in shard 0")
-    assert type(of_others) is SetupError
-    assert str(of_others) == "shard 0 failed: ZeroDivisionError: division by zero"
 
 
 def test_a_report_that_cannot_be_pickled_is_one_line() -> None:
@@ -243,13 +215,3 @@ def test_the_other_executors_do_not_import_dask() -> None:
     assert importlib.util.find_spec("distributed"), "the test extra brings it"
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     assert subprocess.run([sys.executable, "-c", code], env=env, check=False).returncode == 0
-
-
-@pytest.mark.slow
-def test_workers_import_nothing_from_where_they_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "loky.py").write_text("raise SystemExit\n")
-    monkeypatch.chdir(tmp_path)
-    (done,) = make_executor("processes", workers=1).run(executor_work.safe_path, [0], print)
-    assert done.report[0]

@@ -300,10 +300,8 @@ def test_compiled_law_that_raises_later_points_to_its_line(
     native = CASE.replace('"python"', '"native"')
     assert run("run", own(folder, native, python), "--no-figures") == 2
     error = capfd.readouterr().err
-    assert (
-        f"own.py:{line_of(python, 'raise ValueError')}: ValueError: too late (law at t = 0.101 s)"
-        in error
-    )
+    line = line_of(python, "raise ValueError")
+    assert f"own.py:{line}: ValueError: too late (law at t = 0.101 s)" in error
     assert error.count("\n") == 1
 
 

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, cast
 
 import mujoco
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shipped import find_case
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import CartPendulumParameters
@@ -22,19 +27,30 @@ from grosmc_mj.plants.cart_pendulum import pole_torque
 from grosmc_mj.simulation.disturbances import (
     Constant,
     Disturbance,
+    Profile,
     Pulse,
     SineFrom,
     packed,
     push,
 )
 from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 OpenLoop = Callable[[float | tuple[float, float]], Controller]
 
 PUSH = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-ENGINES: tuple[Engine, ...] = ("python", "native")
-every_engine = pytest.mark.parametrize("engine", ENGINES)
-every_kind = pytest.mark.parametrize("kind", ["physics", "analytic"])
+OTHER = (-0.1, 0.0, 0.2, 0.0, -0.03, 0.0)
+every_engine = pytest.mark.parametrize("engine", ["python", "native"])
+
+
+@cache
+def physics(system: str, integrator: Any = None) -> MujocoPlant:
+    return MujocoPlant.load(system, integrator=integrator)
+
+
+@cache
+def grosmc(system: str) -> Controller:
+    return chapter_controller("grosmc", physics(system).analytic())
 
 
 def instants(count: int, h: float) -> Array:
@@ -57,14 +73,6 @@ def test_pulse_has_exactly_its_number_of_instants(start: int, length: int, per_s
     assert values == [0.0] * start + [1.0] * length + [0.0] * 2
 
 
-@pytest.mark.parametrize("h", [1e-3, 2.5e-3, 1e-2, 0.1])
-def test_pulse_of_10_to_13_seconds_at_every_timestep(h: float) -> None:
-    """The servo's load: on at the instant 10 s, off at the instant 13 s."""
-    time = instants(round(18 / h) + 1, h)
-    on = np.flatnonzero(np.array([Pulse(10.0, 13.0)(t) for t in time]))
-    assert (on[0], on[-1] + 1) == (round(10 / h), round(13 / h))
-
-
 def test_adjacent_pulses_neither_overlap_nor_leave_a_gap() -> None:
     first, second = Pulse(0.0, 0.3), Pulse(0.3, 0.9)  # 3 * 0.1 > 0.3 in floating point
     assert [first(t) + second(t) for t in instants(9, 0.1)] == [1.0] * 9
@@ -76,10 +84,6 @@ def test_sine_from_an_onset_keeps_the_phase_of_the_run() -> None:
     assert sine(8.999) == 0.0
     assert sine(9000 * 1e-3) == math.sin(18.0)
     assert SineFrom(2.0, phase=math.pi / 2)(0.0) == 1.0
-
-
-def test_constant_is_one_at_all_times() -> None:
-    assert {Constant()(t) for t in (0.0, 0.5, 1e6)} == {1.0}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +107,7 @@ def test_window_holds_every_instant_at_which_it_acts(
 # How much
 
 
-def wrenches(items: list[Disturbance], bodies: tuple[str, ...], time: Array) -> Array:
+def wrenches(items: Sequence[Disturbance], bodies: tuple[str, ...], time: Array) -> Array:
     """What acts on the bodies at these instants, (len(time), 6 * bodies)."""
     pushes, values = packed(items, bodies, range(len(time)), time[1])
     table = np.ones((len(time), 6 * len(bodies)))
@@ -112,73 +116,173 @@ def wrenches(items: list[Disturbance], bodies: tuple[str, ...], time: Array) -> 
     return table
 
 
-def test_table_is_wrench_times_profile_in_the_column_of_its_body() -> None:
-    time = instants(50, 0.1)
-    table = wrenches([Disturbance("pole", PUSH, math.cos)], ("cart", "pole"), time)
-    np.testing.assert_array_equal(table[:, :6], 0)
-    np.testing.assert_array_equal(
-        table[:, 6:], np.array([math.cos(t) for t in time])[:, None] * PUSH
+# Edges on instants, between them, and at k h that differs from the number by rounding.
+PROFILES: tuple[Profile, ...] = (
+    Constant(),
+    Pulse(0.05, 0.08),
+    Pulse(-math.inf, 0.0305),
+    Pulse(3 * 0.1, math.inf),
+    SineFrom(9.0, 0.05),
+    SineFrom(-313.7, 0.0705, phase=2.0),
+    SineFrom(1e15),
+    math.cos,
+)
+
+
+def test_wrenches_add_up_in_the_columns_of_their_bodies_in_python_as_compiled() -> None:
+    """Profile by profile; Python's sin and numba's are the same libm's."""
+    bodies, time = ("hub", "link"), instants(1000, 1e-3)
+    items = [Disturbance(bodies[i % 2], PUSH, each) for i, each in enumerate(PROFILES)]
+    expected = np.zeros((1000, 2, 6))
+    for i, profile in enumerate(PROFILES):
+        values = np.array([profile(t) for t in time.tolist()])
+        expected[:, i % 2] += values[:, None] * PUSH
+    table = wrenches(items, bodies, time)
+    np.testing.assert_array_equal(table, expected.reshape(1000, 12))
+    pushes, values = packed(items, bodies, range(1000), 1e-3)
+    assert values.shape == (1, 1000)
+
+    @numba.njit
+    def compiled(pushes: Any, values: Any, time: Any, table: Any) -> None:
+        for i in range(len(time)):
+            push(pushes, values, i, time[i], table[i])
+
+    other = np.ones((1000, 12))
+    compiled(pushes, values, time, other)
+    np.testing.assert_array_equal(table, other)
+    assert not wrenches([], bodies, time).any()
+
+
+def hidden(disturbances: Sequence[Disturbance]) -> list[Disturbance]:
+    """The same ones by functions that compiled code does not know: a table is made of them."""
+    return [replace(one, profile=lambda t, own=one.profile: own(t)) for one in disturbances]
+
+
+def assert_equal(a: Trajectory, b: Trajectory) -> None:
+    for name in ("state", "command", "input", "memory", "wrench", "status", "valid_until"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+LIST = [
+    Disturbance("pole", OTHER, SineFrom(7.0)),
+    Disturbance("cart", OTHER, Pulse(0.01, 0.03)),
+    Disturbance("pole", OTHER),
+]
+
+
+def test_runs_of_a_batch_have_their_own_disturbances_and_as_many_as_they_like() -> None:
+    """Among them none at all; by formulas, by tables and alone."""
+    scales = [0.5, 1.0, 1.5, 2.0]
+    plants = [physics("cart_pendulum").edited(BodyEdit("pole", a, a)) for a in scales]
+    lists = [
+        [replace(LIST[0], profile=SineFrom(7 * a, 0.01 * a, a)), *LIST[1:]][:i]
+        for i, a in enumerate(scales)
+    ]
+    x0, law = find_case("cart_pendulum", "nominal").x0, grosmc("cart_pendulum")
+    options: dict[str, Any] = {"duration": 0.1, "record": False}
+    together = simulate(plants, law, x0, disturbances=lists, threads=2, **options)
+    assert_equal(together, simulate(plants, law, x0, disturbances=[*map(hidden, lists)], **options))
+    for run, plant, items in zip(together.state, plants, lists, strict=True):
+        alone = simulate(plant, law, x0, disturbances=items, **options)
+        np.testing.assert_array_equal(run, alone.state)
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
+def test_a_run_that_diverges_under_its_disturbance_has_its_step_and_cause(integrator: str) -> None:
+    """At rest on the target it stays for ever; the pulse starts what then grows."""
+    lists = [
+        [Disturbance("rotor", (0, 0, 0, 0, 0.1, 0), Pulse(start, 0.06))] for start in (0.0501, 0.04)
+    ]
+    law = Controller("pushing away", lambda t, x, memory, p: p.k * x[0], Gain(1000.0))
+    options: dict[str, Any] = {"duration": 0.5, "record": False, "x0": np.zeros((3, 2))}
+    options |= {"plant": physics("servo", integrator), "controller": law}
+    native, python = (
+        simulate(**options, disturbances=[lists[0], [], lists[1]], engine=engine)
+        for engine in ("native", "python")
     )
+    assert list(native.status) == [Status.DIVERGED, Status.COMPLETED, Status.DIVERGED]
+    assert 0.1 < native.valid_until[2] < native.valid_until[0] < 0.4
+    assert_equal(native, python)
 
 
-def test_disturbances_on_one_body_add_up() -> None:
-    time = instants(10, 0.1)
-    both = [Disturbance("rotor", PUSH), Disturbance("rotor", PUSH, Pulse(0.5, 1.0))]
-    table = wrenches(both, ("rotor",), time)
-    expected = np.where(np.arange(10) < 5, 1.0, 2.0)[:, None] * PUSH
-    np.testing.assert_array_equal(table, expected)
+@dataclass(frozen=True)
+class Gain:
+    k: float
 
 
-def test_without_disturbances_nothing_acts() -> None:
-    assert not wrenches([], ("rotor",), instants(3, 0.1)).any()
+@pytest.mark.parametrize("record", [False, True])
+def test_a_profile_of_the_users_own_is_called_once_for_each_timestep(record: bool) -> None:
+    """It may not answer twice alike."""
+    called: list[float] = []
+
+    def profile(t: float) -> float:
+        called.append(t)
+        return float(len(called))
+
+    own = [Disturbance("rotor", PUSH, profile), Disturbance("rotor", PUSH, Pulse(0.0, 0.01))]
+    run = simulate(
+        physics("servo"), grosmc("servo"), [1.0, 0.0], duration=0.02, disturbances=own,
+        record=record,
+    )  # fmt: skip
+    assert called == (np.arange(20) * 1e-3).tolist()
+    assert run.wrench is not None
+    np.testing.assert_array_equal(run.wrench[-1], 20.0 * np.array(PUSH))
+
+
+class Louder(SineFrom):
+    """A profile that is a known one by its class, but not by its values."""
+
+    def __call__(self, t: float) -> float:
+        return 2.0 * super().__call__(t)
+
+
+def test_a_subclass_keeps_its_own_values() -> None:
+    time = instants(20, 1e-3)
+    table = wrenches([Disturbance("rotor", PUSH, Louder(40.0))], ("rotor",), time)
+    expected = [2.0 * math.sin(40.0 * t) for t in time.tolist()]
+    np.testing.assert_array_equal(table, np.array(expected)[:, None] * PUSH)
 
 
 # What is refused
 
-WRONG: Any = [(1.0, 2.0, 3.0), (0.0,) * 7, ((0.0,) * 6,) * 2, 1.0, None]
+
+def servo_under(*disturbances: Disturbance) -> None:
+    """A second of the servo under them."""
+    simulate(physics("servo"), grosmc("servo"), [0.0, 0.0], duration=1.0, disturbances=disturbances)
 
 
-@pytest.mark.parametrize("wrench", [*WRONG, (0, 0, math.nan, 0, 0, 0), (0, 0, 0, math.inf, 0, 0)])
-def test_wrench_must_be_six_finite_numbers(wrench: Any) -> None:
-    with pytest.raises(ArgumentError, match="6 finite numbers"):
-        Disturbance("rotor", wrench)
+NUMBERS, RETURNS = (
+    "wrench = .* must be 6 finite numbers",
+    r"t \[s\] (that returns|and return) a number",
+)
 
 
-def test_profile_that_becomes_nan_is_refused_with_the_instant() -> None:
-    disturbance = Disturbance("rotor", PUSH, lambda t: math.nan if t > 0.25 else 1.0)
-    with pytest.raises(ArgumentError, match=r"'rotor' is not finite at t = 0.3 s"):
-        wrenches([disturbance], ("rotor",), instants(10, 0.1))
-
-
-NO_PROFILES: Any = [1.0, lambda: 1.0, lambda t: None, lambda t: (1.0, 2.0)]
-
-
-@pytest.mark.parametrize("profile", NO_PROFILES)
-def test_profile_must_take_t_and_return_a_number(profile: Any) -> None:
-    with pytest.raises(
-        ArgumentError, match=r"profile .* t \[s\] (that returns|and return) a number"
-    ):
-        wrenches([Disturbance("rotor", PUSH, profile)], ("rotor",), instants(3, 0.1))
-
-
-@pytest.mark.parametrize(("start", "stop"), [(math.nan, 1.0), (0.0, math.nan), (3.0, 1.0)])
-def test_pulse_that_can_never_act_is_refused(start: float, stop: float) -> None:
-    """It would pass for a disturbance that the controller rejected."""
-    with pytest.raises(ArgumentError):
-        Pulse(start, stop)
-
-
-@pytest.mark.parametrize("wrong", ["rotr", "world", "pole"])
-def test_unknown_body_is_refused_with_the_valid_ones(open_loop: OpenLoop, wrong: str) -> None:
-    with pytest.raises(ArgumentError, match=f"unknown body {wrong!r}.*valid: rotor"):
-        simulate(
-            MujocoPlant.load("servo"),
-            open_loop(0.0),
-            [0.0, 0.0],
-            duration=0.01,
-            disturbances=[Disturbance(wrong, PUSH)],
-            engine="python",
-        )
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        *(
+            (lambda wrong=wrong: Disturbance("rotor", cast(Any, wrong)), NUMBERS)
+            for wrong in ((1.0, 2.0, 3.0), (0.0,) * 7, ((0.0,) * 6,) * 2, 1.0, None,
+                          (0, 0, math.nan, 0, 0, 0), (0, 0, 0, math.inf, 0, 0))
+        ),
+        *(
+            (lambda wrong=wrong: servo_under(Disturbance("rotor", PUSH, cast(Any, wrong))), RETURNS)
+            for wrong in (1.0, lambda: 1.0, lambda t: None, lambda t: (1.0, 2.0),
+                          # The phase overflows from t = 0.1 s on.
+                          SineFrom(1.7e308, phase=1.7e308))
+        ),
+        (lambda: servo_under(Disturbance("rotor", PUSH, lambda t: math.nan if t > 0.25 else 1.0)),
+         r"'rotor' is not finite at t = 0\.251 s"),
+        (lambda: Pulse(math.nan, 1.0), "start = nan must be finite"),
+        # It would pass for a disturbance that the controller rejected.
+        (lambda: Pulse(3.0, 1.0), "pulse from 3 to 1 s never acts"),
+        (lambda: servo_under(Disturbance("rotr", PUSH)),
+         "unknown body 'rotr': did you mean 'rotor'. valid: rotor"),
+    ],
+)  # fmt: skip
+def test_a_wrong_disturbance_is_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        make()
 
 
 # Where: at the centre of mass, in world axes
@@ -240,17 +344,17 @@ WRENCH = (0.2, 0.1, -0.3, 0.4, 0.5, 0.6)
 
 
 @every_engine
-@every_kind
+@pytest.mark.parametrize("kind", ["physics", "analytic"])
 def test_wrench_acts_in_its_window_and_leaves_no_trace(
     plant: MujocoPlant, open_loop: OpenLoop, kind: str, engine: Engine
 ) -> None:
     """Bit by bit the undisturbed run before its window, and an undisturbed restart after it."""
     name, model = plant.system.name, plant if kind == "physics" else plant.analytic()
-    push = Disturbance(plant.system.bodies[-1], WRENCH, Pulse(0.05, 0.08))
+    kick = Disturbance(plant.system.bodies[-1], WRENCH, Pulse(0.05, 0.08))
     u = 0.3 if len(plant.system.inputs) == 1 else (0.3, 0.2)
     control = open_loop(u)
     pushed = simulate(
-        model, control, STARTS[name], duration=0.2, disturbances=[push], engine=engine
+        model, control, STARTS[name], duration=0.2, disturbances=[kick], engine=engine
     )
     free = simulate(model, control, STARTS[name], duration=0.2, engine=engine)
     after = simulate(model, control, pushed.state[80], duration=0.12, engine=engine)
@@ -267,12 +371,23 @@ def test_wrench_acts_in_its_window_and_leaves_no_trace(
 
 
 @every_engine
+def test_the_next_run_of_a_batch_begins_without_wrench(engine: Engine) -> None:
+    """MuJoCo keeps xfrc_applied until it is written again."""
+    kick = Disturbance("rotor", (0, 0, 0, 0, 0.1, 0))
+    still = Controller("none", lambda t, x, memory, p: 0.0, Gain(0.0))
+    run = simulate(physics("servo"), still, np.zeros((2, 2)), duration=0.03, threads=1,
+                   disturbances=[[kick], []], engine=engine)  # fmt: skip
+    assert run.state[0, -1, 1] != 0
+    assert not run.state[1].any()
+
+
+@every_engine
 def test_speed_of_the_free_rotor_is_the_impulse(open_loop: OpenLoop, engine: Engine) -> None:
     """In 0.1 s a load of 1 N m takes from the rotor what the exponential of B/J says, no more."""
     plant, J, B = MujocoPlant.load("servo"), 5.77e-2, 8.8e-3
-    push = Disturbance("rotor", (0, 0, 0, 0, 1.0, 0), Pulse(0.1, 0.2))
+    kick = Disturbance("rotor", (0, 0, 0, 0, 1.0, 0), Pulse(0.1, 0.2))
     run = simulate(
-        plant, open_loop(0.0), [0.0, 0.0], duration=0.3, disturbances=[push], engine=engine
+        plant, open_loop(0.0), [0.0, 0.0], duration=0.3, disturbances=[kick], engine=engine
     )
     expected = -(1 - math.exp(-B / J * 0.1)) / B * math.exp(-B / J * 0.1)
     # RK4 with steps of 1 ms of a time constant J/B = 6.6 s: (h B/J)^4/120 is below rounding.

@@ -178,3 +178,16 @@ def test_a_campaign_of_a_law_that_remembers_judges_what_run_judges(
         assert stop.value.code in (cli.DONE, cli.DIFFERS), said.err
         assert f"pid keeps everything on {kept} plants" in said.out
         assert all(each.kept == (kept == "2 of 2") for each in gm.judge(file))
+
+
+def test_memory_holds_no_address() -> None:
+    """Or two runs of one robot would differ."""
+    mine = controller()
+    held = Controller("pid", mine.law, mine.parameters, lambda: with_workspace(mine.memory()))
+    run = gm.simulate(plant(), held, [0.0, 1.0], duration=0.01)
+    np.testing.assert_array_equal(run.memory["workspace"], 0.0)
+
+
+def with_workspace(memory: Memory) -> Memory:
+    memory.workspace = 4711.0
+    return memory

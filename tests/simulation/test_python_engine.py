@@ -126,21 +126,6 @@ def test_physics_under_rk4_is_the_corrected_equations_to_rounding(system, law, h
     np.testing.assert_allclose(physics.state, twin.state, rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize(("system", "case"), EVERY_CASE)
-def test_physics_and_equations_agree_in_norm_under_sign_switching(system, case):
-    """Switching amplifies rounding, so that only bounds and norms are alike."""
-    physics = close_loop(system, "grosmc", case)
-    twin = close_loop(system, "grosmc", case, analytic=True)
-    for norm in (
-        lambda run: np.abs(run.sliding).max(),
-        lambda run: np.sqrt(np.mean(run.sliding**2)),
-        lambda run: run.deviation,
-    ):
-        # Equal to ten digits where this was written; a chattering pattern that has parted may
-        # change a maximum by the difference of neighbouring samples.
-        assert norm(physics) == pytest.approx(norm(twin), rel=0.25)
-
-
 # Optimality
 
 
@@ -165,42 +150,23 @@ def test_cost_of_the_arm_exceeds_the_optimum_in_proportion_to_the_control_period
     np.testing.assert_allclose(np.divide(excess[:-1], excess[1:]), 2, rtol=0.05)
 
 
-@pytest.mark.parametrize(
-    ("system", "case"), [("servo", "case1"), ("servo", "case2"), ("cart_pendulum", "case1")]
-)
-def test_uncertainty_costs_the_optimal_law_more_than_its_optimum(system, case):
-    """J of the fixed law on another plant is above J*: the index depends on the plant."""
-    run = close_loop(system, OPTIMAL[system], case)
-    assert run.cost > 1.05 * run.design.optimal_cost(run.z[0])
-
-
 # What GROSMC promises
 
 
-class Promise(NamedTuple):
-    """The project's acceptance: GROSMC within a share of the start of the nominal optimum."""
-
-    system: str
-    case: str
-    share: float
-
-
 @pytest.mark.parametrize(
-    "promise",
+    ("system", "case", "share"),
     [
-        Promise("servo", "nominal", 0.005),
-        Promise("servo", "case1", 0.005),
-        Promise("servo", "case2", 0.005),
-        Promise("cart_pendulum", "nominal", 0.01),
-        Promise("cart_pendulum", "case1", 0.01),
+        ("servo", "nominal", 0.005),
+        ("servo", "case1", 0.005),
+        ("servo", "case2", 0.005),
+        ("cart_pendulum", "nominal", 0.01),
+        ("cart_pendulum", "case1", 0.01),
     ],
-    ids=lambda promise: f"{promise.system}-{promise.case}",
 )
-def test_grosmc_keeps_the_nominal_optimum_on_physics_at_1_khz(promise):
+def test_grosmc_keeps_the_nominal_optimum_on_physics_at_1_khz(system, case, share):
     """Within 0.5 % of the servo's step and 1 % of the pendulum's start angle."""
-    run = close_loop(promise.system, "grosmc", promise.case)
-    share = run.deviation / abs(run.z[0, 0])
-    assert share < promise.share, f"{promise}: {100 * share:.3f} % of the start"
+    run = close_loop(system, "grosmc", case)
+    assert run.deviation < share * abs(run.z[0, 0])
 
 
 @pytest.mark.parametrize(
@@ -262,15 +228,6 @@ def test_s_stays_within_a_control_period_of_zero(system, case, timestep):
     bound = 2 * timestep * reaching_amplitude(run, ctl)
     # The Riemann sum adds T^2 times rates of some 10/s: a few per cent.
     assert np.abs(run.sliding).max() <= 1.05 * bound
-
-
-@pytest.mark.parametrize(("system", "case"), DOMINATED)
-def test_s_shrinks_with_the_control_period(system, case):
-    """O(T): half the period, half the excursion, up to where in a period s turns."""
-    largest = [
-        np.abs(close_loop(system, "grosmc", case, T).sliding).max() for T in (4e-3, 2e-3, 1e-3)
-    ]
-    np.testing.assert_allclose(np.divide(largest[:-1], largest[1:]), 2, rtol=0.2)
 
 
 def test_s_leaves_the_surface_of_the_arm_whatever_the_period_under_the_printed_epsilon():
