@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -181,7 +181,7 @@ def least_margin(
         bound: Of the region, |z1|, |z2| ...
         amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
     """
-    grid = _COARSE_GRID if _moves(law) else _GRID
+    grid = _COARSE_GRID if getattr(law.coordinates.reference, "moves", True) else _GRID
     return float(_region(law, true, bound, amplitude, grid, _COARSE_PHASES).margin.min())
 
 
@@ -214,7 +214,8 @@ def _region(
     error, system = law.coordinates, true.system
     count = int((grid ** (1 / len(bound)) - 1) / 2) * 2 + 1
     axes = [np.linspace(-size, size, count) for size in bound]
-    times = np.linspace(0, 2, phases, endpoint=False) if _moves(law) else np.array([0.0])
+    moves = getattr(error.reference, "moves", True)
+    times = np.linspace(0, 2, phases if moves else 1, endpoint=False)
     # Every sign of each component that acts: two pushes need not point the same way.
     signs = [(-size, size) if size else (0.0,) for size in amplitude.tolist()]
     wrenches = [np.array(w) for w in itertools.product(*signs)]
@@ -234,11 +235,6 @@ def _region(
         )
     t, x, w = zip(*points, strict=True)
     return balances(law, true, t, np.array(x), np.array(w))
-
-
-def _moves(law: Controller) -> bool:
-    """Whether a law's reference moves."""
-    return getattr(law.coordinates.reference, "moves", True)
 
 
 def _largest_wrench(run: Trajectory) -> Array:
@@ -289,11 +285,11 @@ def _linear(law: Controller) -> list[Premise]:
 
 def _decoupling(law: Controller, here: Balance, there: Balance) -> Premise:
     """The vector relative degree: E(x) of eq. (21) keeps away from singular."""
-    x0 = law.coordinates.place(0.0, np.zeros(law.coordinates.size), law.parameters)
-    scale = abs(float(np.linalg.det(law.coordinates.dynamics(0.0, x0, law.parameters)[1])))
-    degrees = ", ".join(map(str, law.coordinates.linearization.relative_degree))
+    error, p = law.coordinates, law.parameters
+    E = error.dynamics(0.0, error.place(0.0, np.zeros(error.size), p), p)[1]
+    scale = abs(float(np.linalg.det(E)))
     return Premise(
-        f"relative degree {degrees}",
+        f"relative degree {', '.join(map(str, error.linearization.relative_degree))}",
         "eqs. (21)-(23), Assumption 7",
         "decoupling matrix: |det E(x)| over the one at zero error, above rounding",
         "1",
@@ -334,8 +330,7 @@ def _sign(here: Balance, there: Balance) -> Premise:
 
 def _gain(law: Controller, here: Balance, there: Balance) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
-    p: Any = law.parameters
-    unit = per_second(law.designed.sliding_unit)
+    p, unit = law.parameters, per_second(law.designed.sliding_unit)
     region, along = here.required.max(), there.required.max()
     required, factor = max(region, along), max(here.times.max(), there.times.max())
     name, source = "switching gain", "Assumptions 4 and 6, eqs. (12), (37)"
@@ -378,14 +373,14 @@ def _met(run: Trajectory, law: Controller) -> Premise:
     """No singular state was met and the actuator gave what it was asked for."""
     system = law.designed.error.system
     left = float(np.mean([not system.linearizable(x) for x in run.state[::_EVERY]]))
-    ended = run.status is not Status.COMPLETED
-    saturated = float(np.mean(run.command != run.input)) if len(run.input) else 0.0
-    margin = -1.0 if ended or left or saturated else 1.0
+    saturated = float(np.mean(run.command != run.input))
+    violated = max(left, saturated, float(run.status is not Status.COMPLETED))
+    margin = -1.0 if violated else 1.0
     return Premise(
         "region kept",
         "section 3.2: X_0",
         f"the run stays in {system.region}, and the actuator gives what is asked for",
         "1",
         None,
-        Reading(Point(math.nan, (), margin), margin, max(left, saturated, float(ended))),
+        Reading(Point(math.nan, (), margin), margin, violated),
     )

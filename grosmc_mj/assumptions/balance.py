@@ -124,9 +124,8 @@ def balances_along(
     """
     rows = slice(0, len(run.time) - 1, every)
     t, x = run.time[rows].tolist(), run.state[rows]
-    w = np.zeros((len(t), 6 * len(true.system.bodies)))
-    if pushed and run.wrench is not None:
-        w = run.wrench[rows]
+    still = np.zeros((len(t), 6 * len(true.system.bodies)))
+    w = still if run.wrench is None or not pushed else run.wrench[rows]
     return balances(law, true, t, x, w)
 
 

@@ -7,7 +7,7 @@ by MuJoCo's dynamics of the true plant and of the nominal one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -118,14 +118,13 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     unit = per_second(law.designed.sliding_unit)
     printed = "epsilon" in law.designed.gains
     machine = ", the parts of its machine" if plant.rigid is not plant else ""
-    needed = f"ρ = {most.required:.3g} {unit} instead of the configured one"
     return Premise(
         "epsilon" if printed else "switching gain",
         "Theorem 3: ε >= (a_m + d_m) ‖GB‖" if printed else "Assumptions 4 and 6, eqs. (12), (37)",
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
         along=reading_of(points, points.margin),
-        remedy=needed
+        remedy=f"ρ = {most.required:.3g} {unit} instead of the configured one"
         if np.isfinite(most.required)
         else "no ρ, while r is not positive: see the input gain",
         note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
@@ -139,8 +138,7 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
 def _driven(result: RunResult) -> tuple[str, ...]:
     """What the inputs drive: every joint, or those that have an actuator, by its name."""
     system = result.trajectory.system
-    every = len(system.inputs) == len(system.joints)
-    return system.joints if every else system.actuators
+    return system.joints if len(system.inputs) == len(system.joints) else system.actuators
 
 
 def _authority(result: RunResult, points: Balance) -> Premise:
@@ -210,8 +208,7 @@ def _least(run: Trajectory, margins: Array, violated: Array) -> Reading:
 
 def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     """The nominal torque leaves what the switching term may need, whatever its signs."""
-    error, limits = law.designed.error, plant.input_limits
-    assert isinstance(error, RobotCoordinates)
+    error, limits = cast(RobotCoordinates, law.designed.error), plant.input_limits
     nominal, switching = [], []
     for t, rate in zip(points.t.tolist(), points.configured, strict=True):
         y_r, dy_r, ddy_r = np.reshape(error.reference(t, law.parameters.reference), (-1, 3)).T
@@ -219,8 +216,8 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
         nominal.append(M @ ddy_r + bias(error.model, y_r, dy_r))
         switching.append(np.abs(M).sum(axis=1) * rate)
     torque, reserve = np.array(nominal), np.array(switching)
-    alone = _shares(torque, limits)
-    worst = np.maximum(_shares(torque - reserve, limits), _shares(torque + reserve, limits))
+    alone, low, high = (_shares(torque + side * reserve, limits) for side in (0.0, -1.0, 1.0))
+    worst = np.maximum(low, high)
     joints = [
         f"{joint} {100 * a:.0f} %" + (f", {100 * b:.0f} %" if np.any(b > a) else "")
         for joint, a, b in zip(

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.arguments import require_known
+from grosmc_mj.arguments import require_each, require_known
 from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.physics.files import compile_spec, joint_names
 from grosmc_mj.robots.actuators import TorqueInput, first, torque_input
@@ -133,7 +133,8 @@ def _select(spec: mujoco.MjSpec, joints: Names, actuators: Names, notes: list[st
 
 def _names(kind: str, names: Names, valid: Sequence[str]) -> list[str]:
     """Names of parts that exist, each once; all of them for None."""
-    chosen = valid if names is None else [names] if isinstance(names, str) else list(names)
+    chosen: Any = valid if names is None else [names] if isinstance(names, str) else names
+    require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
     for name in chosen:
         require_known(kind, name, valid, error=ModelError)
     if len(set(chosen)) < len(chosen):

@@ -222,53 +222,6 @@ def test_switching_rate_is_what_the_law_adds_to_its_continuous_part(system: str)
         assert sum(jumps) / 2 == pytest.approx(found.u_c.item(), rel=1e-9, abs=1e-9)
 
 
-def rounding_of_u_c(law: Controller, t: float, x: Array, z: Array) -> float:
-    """How far -K z by a BLAS may lie from the law's own, written out; so for E^-1 (-K z - alpha).
-
-    In any order, with or without fused multiply-add, n products and their sum round each term at
-    most n times by half an epsilon; the difference rounds once more, a quotient as often as twice.
-    """
-    size, roundings = (np.abs(law.parameters.K) @ np.abs(z)).item(), len(z)
-    if law.designed.linearizing:
-        alpha, E = law.coordinates.dynamics(t, x, law.parameters)
-        size, roundings = (size + abs(alpha.item())) / abs(E.item()), roundings + 3
-    return 2 * roundings * (np.finfo(float).eps / 2) * size
-
-
-@pytest.mark.parametrize(
-    ("system", "name", "expected"),
-    [
-        ("servo", "lqr", False),
-        ("servo", "grosmc", False),
-        ("cart_pendulum", "lqr", False),
-        ("cart_pendulum", "fl-lqr", True),
-        ("cart_pendulum", "grosmc", True),
-        ("arm", "lqr", True),
-        ("arm", "grosmc", True),
-    ],
-)
-def test_linearizing_laws_cancel_the_plant_s_nonlinearity(
-    system: str, name: str, expected: bool
-) -> None:
-    """Through feedback linearization the nominal plant under u_c is z1'' = -K z, exactly."""
-    law, plant = chapter_controller(name, nominal(system)), nominal(system)
-    assert law.designed.linearizing is expected
-    velocity = law.coordinates.system.output + law.coordinates.system.degrees_of_freedom
-    misses = []
-    for t, z, _ in random_points(system, 10):
-        x = state(law, t, z)
-        found = balance(law, plant, t, x, np.zeros(6 * len(plant.system.bodies)))
-        ddy_r = law.coordinates.reference(t, law.parameters.reference)[2]
-        ddz = law.coordinates.sign * (plant.derivative(x, found.u_c)[velocity] - ddy_r)
-        misses.append(abs(ddz + (law.parameters.K @ z).item()))
-        if not hasattr(law.parameters, "GB"):
-            assert found.configured == 0
-            u = law.input_at(t, x, law.memory())
-            assert abs(found.u_c.item() - u) <= rounding_of_u_c(law, t, x, z)
-    # The linear laws leave a closed loop of their own: z1'' = (A - B K) z, another one.
-    assert bool(max(misses) < 1e-12) is expected
-
-
 @cache
 def laboratory() -> Laboratory:
     return Laboratory(Settings())

@@ -164,14 +164,3 @@ def test_what_a_law_saw_is_kept_in_files(ending: str, tmp_path: Path) -> None:
     assert columns.field("rotor angle seen").metadata[b"unit"] == b"rad"
     # What a loop computes in is no signal.
     assert not [name for name in columns.names if "loop" in name]
-
-
-@pytest.mark.slow
-def test_a_batch_keeps_what_each_law_saw() -> None:
-    bench = Experiment.load("servo/bench")
-    law, plant = bench.law("physics", "implicit"), bench.plant("physics")
-    runs = gm.simulate(
-        plant, law, [[0.0, 0.0], [0.5, 1.0]], duration=0.05, control_period=H, timestep=H / 2
-    )
-    assert seen(runs).shape == (2, 100, 2)
-    np.testing.assert_array_equal(seen(runs[1]), seen(runs)[1])

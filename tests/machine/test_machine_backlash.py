@@ -136,7 +136,7 @@ def exact(damping: float, start: float, periods: int = 30) -> Array:
     return np.array(rows)
 
 
-DAMPINGS = [0.1, 0.15, 0.2]
+DAMPINGS = [0.1, 0.2]
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)

@@ -73,18 +73,6 @@ def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:
         _ = nominal.edited(Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)).model
 
 
-@pytest.mark.parametrize("stiffness", [2e3, math.inf])
-def test_a_play_that_closes_is_none(stiffness: float) -> None:
-    def loose(b: float) -> list[Edit]:
-        return [Transmission("shaft", inertia=0.01, stiffness=stiffness, damping=0.5, backlash=b)]
-
-    closed: list[Edit] = [JointEdit("shaft", armature=0.01)]
-    if math.isfinite(stiffness):
-        closed = [Transmission("shaft", inertia=0.01, stiffness=stiffness, damping=0.5)]
-    errors = [away(loose(b), closed, 1e-4) for b in (4e-2, 1e-2)]
-    assert 0 < errors[1] < errors[0] / 2.5
-
-
 PARTS: list[tuple[list[MachinePart], Any, float]] = [
     ([Transmission("shaft", inertia=0.01, stiffness=500.0, damping=0.3)], "RK4", 1.8),
     ([LuGre("shaft", 0.05, 0.07, stiffness=100.0, damping=0.5)], "RK4", 1.3),
@@ -288,13 +276,8 @@ def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachineP
     ("make", "said"),
     [
         (lambda: Transmission("j", 0.1), r"it is rigid: give a stiffness, a backlash or both"),
-        (
-            lambda: Transmission("j", -0.1, 1.0),
-            r"inertia = -0\.1 must be from 1e-15 to 1e\+15 kg m\^2",
-        ),
         (lambda: LuGre("j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
         (lambda: Stop("j", 1.0, -1.0), r"low = 1 must be below high = -1"),
-        (lambda: Stop("j", -1.0, 1.0, 1.0), r"restitution = 1 must be from 0 to below 1"),
         (lambda: Motor("i", 0.1, math.nan), r"resistance = nan must be from 1e-15 to 1e\+15 ohm"),
         (
             lambda: Motor("i", 0.1, 1.0, efficiency=1.5),
@@ -302,7 +285,6 @@ def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachineP
         ),
         (lambda: Motor("i", 0.1, 1.0, ratio=0.0), r"ratio = 0 must be at least 1e-15, or negative"),
         (lambda: Motor("i", 0.1, 1.0, thermal_resistance=1.0), r"heating needs both"),
-        (lambda: SwingingLoad("b", 0.0, 1.0), r"mass = 0 must be from 1e-15 to 1e\+15 kg"),
         (lambda: SwingingLoad("b", 1e-16, 1.0), r"mass = 1e-16 must be from 1e-15 to"),
         (lambda: Wall("b", 0.1, normal=(0, 0, 0)), r"must point somewhere"),
         (lambda: Wall("b", 0.1, at=(0, 0)), r"3 finite numbers"),  # pyright: ignore[reportArgumentType]

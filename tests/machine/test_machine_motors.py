@@ -12,11 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import BodyEdit, Edit, InputEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.simulate import simulate
 
 GEAR = 0.667
 K, R, L, N, V, BANDWIDTH = 7.68e-3, 2.6, 2e-3, 10.0, 6.0, 1e4
@@ -182,49 +180,3 @@ def test_a_negative_gear_is_the_mirrored_input(motor: Motor) -> None:
     turned = servo(InputEdit("current", gear=-GEAR), motor, timestep=1e-4)
     for found, wanted in zip(wave(turned, 1.0), mirrored, strict=True):
         np.testing.assert_array_equal(found, wanted)
-
-
-@pytest.mark.parametrize("gear", [GEAR, 2 * GEAR, -0.5 * GEAR])
-@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
-def test_the_current_is_the_joints_torque_over_the_torque_constant_at_any_gear(
-    motor: Motor, gear: float
-) -> None:
-    plant = servo(HEAVY, InputEdit("current", gear), motor, timestep=1e-4)
-    rows, amperes = wave(plant, 1.0)
-    assert np.abs(amperes).max() > 1
-    np.testing.assert_allclose(N * K * amperes, rows[:, 2], rtol=0, atol=1e-3 * rows[:, 2].max())
-
-
-CASE = """
-[plant]
-system = "servo"
-[run]
-duration = "0.2 s"
-control_period = "1 ms"
-timestep = "0.25 ms"
-[[controller]]
-law = "grosmc"
-[[motor]]
-input = "current"
-constant = "7.68e-3 N m/A"
-resistance = "2.6 ohm"
-inductance = "2 mH"
-ratio = -10
-voltage = "6 V"
-bandwidth = "500 rad/s"
-current = "4 A"
-"""
-
-
-def test_a_file_may_have_a_current_loop_on_a_supply_in_both_engines(tmp_path: Any) -> None:
-    file = tmp_path / "mine.toml"
-    file.write_text(CASE, encoding="utf-8")
-    experiment = Experiment.load(file)
-    plant: Any = experiment.plant("physics")
-    assert "DC motor by current loop of 500 rad/s, within 6 V and 4 A" in str(plant.parts[0])
-    law = experiment.law("physics", "grosmc")
-    runs = [
-        simulate(plant, law, [0.1, 0.0], duration=0.2, control_period=1e-3, engine=engine)
-        for engine in ("native", "python")
-    ]
-    np.testing.assert_array_equal(runs[0].physics, runs[1].physics)

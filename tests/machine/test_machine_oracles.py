@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from grosmc_mj.arrays import Array
 from grosmc_mj.machine import LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
 from grosmc_mj.machine.bounces import restitution_of
+from grosmc_mj.machine.part import Oscillation
 from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -100,6 +101,38 @@ def test_the_damping_of_a_transmission_acts_on_the_twist(backlash: float) -> Non
         omega = math.sqrt(stiff - damped**2 / 4)
         twist = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
     assert data.qpos[1] - data.qpos[0] == pytest.approx(twist, rel=1e-6)
+
+
+@pytest.mark.parametrize(("twist", "torque"), [(0.3, -100.0), (-0.3, 100.0), (0.05, 0.0)])
+def test_a_transmission_pulls_by_its_stiffness_beyond_its_backlash(
+    twist: float, torque: float
+) -> None:
+    plant = servo(Transmission("shaft", inertia=0.01, stiffness=500.0, backlash=0.2))
+    data = mujoco.MjData(plant.model)
+    data.qpos[1] = twist
+    mujoco.mj_forward(plant.model, data)
+    assert data.qfrc_passive[:2] == pytest.approx([-torque, torque], abs=1e-9)
+
+
+EULER, RK4 = mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4
+
+
+@pytest.mark.parametrize(
+    ("square", "damping", "integrator", "longest"),
+    [
+        (25.0, 0.0, EULER, 2 / 5),
+        (0.0, 5.0, EULER, 2 / 5),
+        (25.0, 0.0, RK4, 2 * math.sqrt(2) / 5),
+        # Where 1 - z + z^2/2 - z^3/6 + z^4/24 = 1.
+        (0.0, 5.0, RK4, 2.785293563405282 / 5),
+    ],
+)
+def test_the_longest_stable_timesteps_are_the_textbooks(
+    square: float, damping: float, integrator: Any, longest: float
+) -> None:
+    """Of semi-implicit Euler and of RK4, at the ends of their regions of stability."""
+    oscillation = Oscillation(square, damping)
+    assert oscillation.longest_timestep(1.5, integrator) == pytest.approx(longest, rel=1e-5)
 
 
 @pytest.mark.parametrize("v", [0.01, 0.03, 0.5, -0.5])

@@ -8,16 +8,15 @@ from functools import partial
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from shipped import find_case
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics import mujoco_plant
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit, apply_edits
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.physics.template import can_constrain, undrawn
+from grosmc_mj.physics.template import can_constrain
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
@@ -62,13 +61,6 @@ FALLING = """
 
 
 NO_CONTACT = '<option><flag contact="disable"/></option>'
-
-
-def saved(model: mujoco.MjModel) -> NDArray[np.uint8]:
-    """Every bit of a model."""
-    buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return buffer
 
 
 def falling(compiler: str = "") -> MujocoPlant:
@@ -119,20 +111,6 @@ def test_what_acts_stays() -> None:
 def test_geoms_stay_where_inertia_must_come_from_them() -> None:
     plant = falling('inertiafromgeom="true"')
     assert plant.undrawn_model.ngeom == plant.model.ngeom
-
-
-@pytest.mark.parametrize("drawn", [True, False])
-@pytest.mark.parametrize("system", EDITS)
-def test_an_edited_model_has_the_bits_of_one_made_from_nothing(system: str, drawn: bool) -> None:
-    """Whatever was compiled before, and kept."""
-    plant = MujocoPlant.load(system)
-    plant.edited(BodyEdit(plant.system.bodies[-1], 3.0, 0.7)).undrawn_model  # noqa: B018
-    edited = plant.edited(*EDITS[system])
-    spec = apply_edits(plant.spec if drawn else undrawn(plant.spec), EDITS[system])
-    expected, found = spec.compile(), edited.model if drawn else edited.undrawn_model
-    if not drawn and not can_constrain(expected):
-        expected.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    np.testing.assert_array_equal(saved(found), saved(expected))
 
 
 # A slide and what might hold it.

@@ -148,21 +148,13 @@ def test_the_bias_is_that_of_lagranges_equations() -> None:
     damping = np.array([joint.damping[0] for joint in robot.plant.spec.joints])
     for x in states(N):
         q, dq = x[:N], x[N:]
-        slopes = np.array(
-            [
-                (inertia(robot.nominal, q + e * row) - inertia(robot.nominal, q - e * row))
-                / (2 * e)
-                for row in np.eye(N)
-            ]
-        )
+        ends = [(q + e * row, q - e * row) for row in np.eye(N)]
+        slopes = [
+            (inertia(robot.nominal, a) - inertia(robot.nominal, b)) / (2 * e) for a, b in ends
+        ]
         # The springs' energy is part of MuJoCo's potential.
-        force = np.array(
-            [
-                (energies(model, q + e * r, 0 * q)[0] - energies(model, q - e * r, 0 * q)[0])
-                / (2 * e)
-                for r in np.eye(N)
-            ]
-        )
+        potential = [[energies(model, at, 0 * q)[0] for at in pair] for pair in ends]
+        force = -np.diff(potential)[:, 0] / (2 * e)
         coriolis = np.einsum("kij,k,j->i", slopes, dq, dq) - 0.5 * np.einsum(
             "ijk,j,k->i", slopes, dq, dq
         )
@@ -320,14 +312,10 @@ def test_one_joint_is_a_robot_in_both_engines_and_in_a_batch(integrator: Any) ->
 
 BROKEN = [
     ('timestep="0.001"', 'timestep="0"', "one: its timestep is 0 s, must lie between"),
-    ('timestep="0.001"', 'timestep="-1"', "timestep is -1 s"),
-    ('timestep="0.001"', 'timestep="nan"', "timestep is nan s"),
     ('timestep="0.001"', 'timestep="1e9"', r"timestep is 1e\+09 s"),
     ('gear="1"', 'gear="nan"', r"actuator_gear\[0, 0\] = nan must be finite"),
     ('"-20 20"', '"-20 inf"', r"actuator_ctrlrange\[0, 1\] = inf must be finite"),
     ('damping="0.1"', 'damping="nan"', r"dof_damping\[0\] = nan must be finite"),
-    ('damping="0.1"', 'armature="inf"', r"dof_armature\[0\] = inf must be finite"),
-    ('damping="0.1"', 'stiffness="nan"', r"jnt_stiffness\[0\] = nan must be finite"),
     ('mass="1"', 'mass="inf"', "one: .*'link'"),
     ('timestep="0.001"', 'gravity="0 0 nan"', r"gravity\[2\] = nan must be finite"),
 ]
@@ -341,16 +329,6 @@ def test_a_number_that_nobody_can_simulate_is_refused_with_its_owner(
     with pytest.raises(ModelError, match=said) as told:
         Robot.from_mjcf(ONE.replace(good, bad))
     assert "\n" not in str(told.value)
-
-
-def test_a_diverged_copy_is_a_status_and_harms_no_other() -> None:
-    law = two_link_law()
-    x0 = np.zeros((2, 4))
-    x0[1, 2] = 1e9
-    batch = simulate(two_link().plant, law, x0, duration=0.1)
-    assert list(batch.status) == [Status.COMPLETED, Status.DIVERGED]
-    alone = simulate(two_link().plant, law, x0[0], duration=0.1)
-    np.testing.assert_array_equal(batch.state[0], alone.state)
 
 
 def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> None:
@@ -385,11 +363,6 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
     assert "velocity servo (kv 9) is left out, torque control without limits" in text
     assert "gear -20" in text
     assert "contacts" in text
-
-
-def test_a_joints_own_force_range_limits_its_torque() -> None:
-    xml = one_joint("actuatorfrcrange='-2 3'", "<motor joint='j' gear='4' ctrlrange='-1 1'/>")
-    np.testing.assert_array_equal(Robot.from_mjcf(xml).plant.input_limits.T, [[-2, 3]])
 
 
 def test_joints_that_are_not_named_are_locked() -> None:
@@ -471,7 +444,6 @@ def one_joint(joint: str = "", actuator: str = "<motor joint='j'/>", more: str =
 
 
 TENDON = "<tendon><fixed name='t' {}><joint joint='j' coef='1'/></fixed></tendon>"
-WELD = "<equality><weld body1='link'/></equality>"
 
 
 @pytest.mark.parametrize(
@@ -479,7 +451,6 @@ WELD = "<equality><weld body1='link'/></equality>"
     [
         (one_joint("type='ball'"), "'j' is a ball joint"),
         (one_joint().replace("<joint name='j' />", "<freejoint name='j'/>"), "is a free joint"),
-        (one_joint(more=WELD), r"equality constraints \(weld\): they close loops"),
         (one_joint(actuator=""), "no actuator drives 'j': name one with actuators"),
         (one_joint(actuator="<motor joint='j'/>" * 2), "joint 'j' has 2 actuators"),
         (one_joint(actuator="<general joint='j' dyntype='integrator'/>"), "activation"),
@@ -494,13 +465,7 @@ WELD = "<equality><weld body1='link'/></equality>"
         (one_joint("actuatorgravcomp='true'"), "actuatorgravcomp"),
         *(
             (one_joint(more=TENDON.format(numbers)), "tendons with stiffness")
-            for numbers in (
-                "stiffness='2'",
-                "damping='2'",
-                "frictionloss='2'",
-                "armature='2'",
-                "limited='true' range='-1 1'",
-            )
+            for numbers in ("damping='2'", "limited='true' range='-1 1'")
         ),
         (one_joint().replace("<joint name='j' />", "").replace("<motor joint='j'/>", ""), "no joi"),
         (one_joint().replace("size='0.1'", "size='0.1' mass='0'"), "mass and inertia"),
@@ -516,15 +481,19 @@ def test_refused_with_the_reason(xml: Any, message: str) -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_wrong_names_are_told_with_the_nearest() -> None:
-    with pytest.raises(ModelError, match="did you mean 'lift'"):
-        Robot.from_mjcf(TREE, joints=["lif"])
-    with pytest.raises(ModelError, match="did you mean 'lift_servo'"):
-        Robot.from_mjcf(TREE, actuators=["lift_serv"])
-    with pytest.raises(ModelError, match="named twice"):
-        Robot.from_mjcf(TREE, joints=["lift", "lift"])
-    with pytest.raises(ModelError, match="'push_force' drives the joint 'push'"):
-        Robot.from_mjcf(TREE, joints=["lift"], actuators=["push_force"])
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ({"joints": ["lif"]}, "did you mean 'lift'"),
+        ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
+        ({"joints": ["lift", "lift"]}, "named twice"),
+        ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
+        ({"actuators": []}, "no actuator drives"),
+    ],
+)
+def test_wrong_names_are_told_with_the_nearest(names: dict[str, Any], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        Robot.from_mjcf(TREE, **names)
 
 
 def test_a_joint_without_an_actuator_is_told_and_cannot_be_led() -> None:
@@ -534,8 +503,6 @@ def test_a_joint_without_an_actuator_is_told_and_cannot_be_led() -> None:
     assert len(robot.plant.input_limits.T) == 2
     with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a StateTask"):
         robot.task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0)
-    with pytest.raises(ModelError, match="no actuator drives"):
-        Robot.from_mjcf(TREE, actuators=[])
 
 
 def test_designs_that_need_symbols_say_so() -> None:

@@ -8,15 +8,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.whole import run_campaign
-from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import computed_torque_pd
 from grosmc_mj.control.references import FourierSeries, fourier_series
@@ -24,7 +18,7 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.physics.edits import AddedMass, JointEdit
+from grosmc_mj.physics.edits import AddedMass
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.robots.dynamics import NominalData, inverse_dynamics
 from grosmc_mj.robots.regressor import body_regressor, reference_torques
@@ -291,38 +285,7 @@ def test_a_system_in_symbols_has_no_body_to_choose() -> None:
         law.coordinates.torques("link")
 
 
-@pytest.mark.slow
-def test_a_campaign_s_runs_are_those_of_the_law_alone(tmp_path: Path) -> None:
-    experiment(tmp_path, more='[[uncertain]]\nbody = "grip"\nadded_mass = ["0 kg", "1 kg"]\n')
-    text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
-    asked = Campaign.of(Specification("crane", text, str(tmp_path), runs=8, shard=8))
-    run_campaign(asked, tmp_path / "kept")
-    rows = pq.read_table(Folder(tmp_path / "kept").part(0)).to_pylist()
-    assert len({row["grip added mass"] for row in rows}) == 8
-    for row in rows[:3]:
-        plant = crane().plant.edited(AddedMass("grip", row["grip added mass"], (0.0, 0.0, 0.0)))
-        alone = simulate(plant, asked.laws["adaptive"], [0.2, 0, 0, 0, 0, 0], duration=0.1)
-        assert row["max_input"] == np.abs(alone.command).max()
-
-
 # --- the Jaco arm ---
-
-
-@pytest.mark.slow
-def test_jaco_finds_a_payload_of_a_kilogram() -> None:
-    """Without dry friction, for which no parameter stands; of equal poles with PD."""
-    pytest.importorskip("dm_control")
-    robot, case = arms.jaco(), Experiment.load("jaco/sines").case
-    Q = np.kron(np.eye(6), np.diag([100.0, 0.0]))
-    joints = robot.task(*arms.joint_sines(robot), Q, np.eye(6))
-    smooth = [JointEdit(joint, friction=0.0) for joint in arms.JOINTS]
-    plant, left = robot.plant.edited(*smooth, *case.edits), {}
-    for controller in (adaptive(joints, 5.0, 10.0), computed_torque_pd(joints, 5.0, 1.0)):
-        found = simulate(plant, controller, case.x0, duration=60.0)
-        left[controller.name] = np.abs(errors(found, controller)[-8000:]).max()
-        if controller.name == "adaptive":
-            assert found.memory["theta"][-1, 0] == pytest.approx(1.0, abs=0.1)
-    assert 20 * left["adaptive"] < left["pd"]
 
 
 def test_bodies_that_do_not_move_are_none_to_adapt() -> None:
