@@ -22,7 +22,7 @@ from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.plants import CART_PENDULUM, SERVO
+from grosmc_mj.plants import CART_PENDULUM
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.studies import region
 from grosmc_mj.studies.region import (
@@ -64,6 +64,8 @@ def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:
         (Status.COMPLETED, (0.0, 0.11), Outcome.NOT_CONVERGED),
         (Status.COMPLETED, (-0.011, 0.0), Outcome.NOT_CONVERGED),
         (Status.COMPLETED, (math.nan, 0.0), Outcome.NOT_CONVERGED),
+        # A pole that swung right round.
+        (Status.COMPLETED, (2 * math.pi, 0.0), Outcome.NOT_CONVERGED),
         (Status.UNDEFINED_LAW, (0.0, 0.0), Outcome.LEFT),
         (Status.SINGULAR_PLANT, (0.0, 0.0), Outcome.SINGULAR),
         (Status.DIVERGED, (0.0, 0.0), Outcome.DIVERGED),
@@ -73,15 +75,6 @@ def test_a_run_is_judged_by_its_end(
     status: Status, error: tuple[float, float], outcome: Outcome
 ) -> None:
     assert judge(status, error, (0.01, 0.1)) is outcome
-
-
-def test_a_pole_that_swings_right_round_has_not_converged() -> None:
-    assert judge(Status.COMPLETED, (2 * math.pi, 0.0), (0.01, 0.1)) is Outcome.NOT_CONVERGED
-
-
-def test_states_are_named_in_ascii() -> None:
-    assert state_names(CART_PENDULUM) == ["p", "theta", "p_dot", "theta_dot"]
-    assert state_names(SERVO) == ["theta", "theta_dot"]
 
 
 @pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm"])
@@ -102,6 +95,7 @@ def test_the_errors_of_the_case_starts_are_the_chapters() -> None:
 def test_axes_can_be_any_two_states() -> None:
     axes = choose_axes(loop("cart_pendulum", "nominal", "lqr"), ("p", "θ"), {"m": 0.4})
     assert [axis.key for axis in axes] == ["p", "theta"]
+    assert state_names(CART_PENDULUM) == ["p", "theta", "p_dot", "theta_dot"]
     assert [axis.limit for axis in axes] == [0.4, math.pi / 2]
     assert [axis.is_error for axis in axes] == [False, True]
 
@@ -295,7 +289,6 @@ def test_the_interval_at_rest_ends_at_the_first_start_that_fails() -> None:
     [
         (RegionQuestion("cart_pendulum", points=1), "1 points per axis must be from 2 to 1000"),
         (RegionQuestion("arm", screen="equation"), "unknown screen 'equation': valid: auto, none"),
-        (RegionQuestion("cart_pendulum", duration=0.0), "duration 0 s must be positive"),
         (RegionQuestion("cart_pendulum", duration=math.nan), "duration nan s must be positive"),
         (RegionQuestion("arm", limits={"rad": math.nan}), "must be finite and positive"),
         (RegionQuestion("cart_pendulum/case9"), "unknown case 'cart_pendulum/case9'"),
@@ -317,11 +310,6 @@ def test_a_question_without_sense_is_refused(question: RegionQuestion, says: str
     assert says in str(error.value)
 
 
-def test_an_unknown_system_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="unknown case 'leg'"):
-        Region(RegionQuestion("leg"))
-
-
 def run(*arguments: str) -> int:
     with pytest.raises(SystemExit) as stop:
         cli.main(arguments)
@@ -332,17 +320,15 @@ def run(*arguments: str) -> int:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("study", "region"), "SYSTEM"),
-        (("study", "region", "leg"), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
-        (("study", "region", "arm", "--points", "1"), "must be from 2 to 1000"),
-        (("study", "region", "arm", "--points", "2.5"), "--points"),
-        (("study", "region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
-        (("study", "region", "arm", "--rate", "inf"), "--rate inf must be finite and positive"),
-        (("study", "region", "arm", "--duration", "-1"), "duration -1 s must be positive"),
-        (("study", "region", "arm", "--axes", "q"), "--axes"),
-        (("study", "region", "arm", "--integrator", "heun"), "valid: Euler, RK4"),
+        ((), "SYSTEM"),
+        (("leg",), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
+        (("arm", "--points", "2.5"), "--points"),
+        (("arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
+        (("arm", "--rate", "inf"), "--rate inf must be finite and positive"),
+        (("arm", "--axes", "q"), "--axes"),
+        (("arm", "--integrator", "heun"), "valid: Euler, RK4"),
         (
-            ("study", "region", "arm", "--points", "2", "--out", "/dev/null/x"),
+            ("arm", "--points", "2", "--out", "/dev/null/x"),
             "/dev/null/x",
         ),
     ],
@@ -350,7 +336,7 @@ def run(*arguments: str) -> int:
 def test_wrong_use_gets_one_line_and_exit_code_2(
     arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(*arguments) == cli.WRONG
+    assert run("study", "region", *arguments) == cli.WRONG
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
