@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,7 +81,6 @@ class RegionCommand(Command):
         from grosmc_mj.studies import region_tables as tables
         from grosmc_mj.studies.region import Region
 
-        began = time.perf_counter()
         region = Region(self._question())
         target = self.out / f"region_{region.system.name}.json"
         for case, why in region.why_not.items():
@@ -104,10 +102,7 @@ class RegionCommand(Command):
         )
         console.print(tables.region_table(region, maps))
         console.print(tables.legend(region, maps), style="dim")
-        console.print(
-            f"{len(maps)} maps of {self.points} x {self.points} starts in "
-            f"{time.perf_counter() - began:.1f} s"
-        )
+        console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
         screen.say_files(console, target, figure)
         return screen.DONE
 
