@@ -16,8 +16,7 @@ from grosmc_mj.chapter.validation import results_markdown
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.results.markdown import replace_marked
 from grosmc_mj.studies.ladder_tables import ladders_text
-from grosmc_mj.studies.rivals.measure import SYSTEMS, rivals
-from grosmc_mj.studies.rivals.report import rivals_table
+from grosmc_mj.studies.rivals import SYSTEMS, rivals, rivals_table
 from grosmc_mj.studies.tolerance_tables import tolerances_text
 
 

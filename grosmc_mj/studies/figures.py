@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, TwoSlopeNorm
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import NullLocator
 
 from grosmc_mj.results.figure import figure_written, in_lines
 from grosmc_mj.results.heat_map import heat_map
@@ -90,13 +92,12 @@ def write_panels(path: Path, title: str, rows: Sequence[Sequence[LineChart | Gri
 
 def _curves(panel: Axes, chart: LineChart) -> None:
     """The curves of a chart; one ends where its value has none."""
-    for series, colour, marker in zip(chart.lines, cycle(_COLOURS), cycle(_MARKERS), strict=False):
+    for i, (series, colour) in enumerate(zip(chart.lines, cycle(_COLOURS), strict=False)):
         y = [math.nan if value is None else value for value in series.y]
-        every = max(1, len(y) // 10)
-        panel.plot(
-            series.x, y, color=colour, marker=marker, ms=4, lw=1.4, markevery=every,
-            label=series.name,
-        )  # fmt: skip
+        style: dict[str, Any] = {"ls": (0, (2, 2))}
+        if i < len(_MARKERS):
+            style = {"marker": _MARKERS[i], "ms": 4, "markevery": max(1, len(y) // 10)}
+        panel.plot(series.x, y, color=colour, lw=1.4, label=series.name, **style)
     for mark in chart.marks:
         panel.axvline(mark, color=BLACK, lw=0.9, ls=(0, (2, 2)))
     if chart.limit is not None:
@@ -110,6 +111,9 @@ def _curves(panel: Axes, chart: LineChart) -> None:
         low, high = min(numbers, default=0.0), max(numbers, default=0.0)
         if low > 0 and high > _FAR * low:
             panel.set(**{f"{axis}scale": "log"})
+            if axis == "x":
+                panel.set_xticks(sorted(set(numbers)), [f"{x:g}" for x in sorted(set(numbers))])
+                panel.xaxis.set_minor_locator(NullLocator())
         elif low <= 0 and high > _FAR:
             panel.set_yscale("symlog", linthresh=1e-2)
 

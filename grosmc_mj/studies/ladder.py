@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, computed_field
 from scipy.ndimage import uniform_filter1d
 
 from grosmc_mj.arrays import Array
@@ -77,7 +77,6 @@ class Climb(BaseModel):
         rung: Name of the rung.
         together: Whether all rungs below are there too.
         condition: Name of the condition.
-        kept: Whether everything is kept.
         share_of_the_tightest_limit: Above 1 it is not kept; infinite with nothing to measure.
         tightest: The requirement that it is of, or how the run ended.
         shares: The share used of each limit.
@@ -96,7 +95,6 @@ class Climb(BaseModel):
     rung: str
     together: bool
     condition: str
-    kept: bool = False
     share_of_the_tightest_limit: Unlimited = math.inf
     tightest: str = ""
     shares: dict[str, Unlimited] = {}
@@ -107,6 +105,12 @@ class Climb(BaseModel):
     deviation: float | None = None
     impossible: str | None = None
     claims: dict[str, Unlimited] = {}
+
+    @computed_field
+    @property
+    def kept(self) -> bool:
+        """Whether everything is kept."""
+        return self.share_of_the_tightest_limit <= 1 and not self.impossible
 
 
 class Level(BaseModel):
@@ -423,11 +427,9 @@ def climb(
         return row
     worst, run = max(shares, key=lambda key: shares[key], default=""), result.trajectory
     swing = oscillation(run.time, result.comparison.error)
-    used = shares.get(worst, 0.0)
     return row.model_copy(
         update={
-            "kept": used <= 1,
-            "share_of_the_tightest_limit": used,
+            "share_of_the_tightest_limit": shares.get(worst, 0.0),
             "tightest": worst,
             "amplitude": swing.amplitude,
             "frequency": swing.frequency,

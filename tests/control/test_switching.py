@@ -44,9 +44,8 @@ from grosmc_mj.experiments.runs import Settings, Surface
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.studies.switching import measure as chattering
-from grosmc_mj.studies.switching.figure import write_chattering_figure
-from grosmc_mj.studies.switching.measure import (
+from grosmc_mj.studies import switching as chattering
+from grosmc_mj.studies.switching import (
     CASES,
     GAIN,
     LAWS,
@@ -65,6 +64,7 @@ from grosmc_mj.studies.switching.measure import (
     orders,
     run_experiment,
     scalar_samples,
+    write_switching_figure,
 )
 
 H = 1e-3
@@ -503,7 +503,8 @@ def test_figure_is_drawn_from_its_rows_alone(tmp_path):
         )
         for name in LAWS
     ]
-    one, two = (write_chattering_figure(rows, beyond, cases, tmp_path / n) for n in "ab")
+    paths = (tmp_path / f"{name}.png" for name in "ab")
+    one, two = (write_switching_figure(rows, beyond, cases, path) for path in paths)
     for suffix in (".png", ".svg"):
         assert one.with_suffix(suffix).read_bytes() == two.with_suffix(suffix).read_bytes()
 
@@ -664,7 +665,7 @@ def test_command_writes_what_it_measured(tmp_path, capsys, monkeypatch):
         main(["study", "switching", "arm", "--out", str(tmp_path)])
     assert left.value.code == 0
     content = json.loads((tmp_path / "switching.json").read_text())
-    assert content["schema_version"] == 1
+    assert content["schema_version"] == 2
     assert content["benchmark"]["orders"]["implicit-estimate"] == pytest.approx(2, abs=0.01)
     assert len(content["cases"]) == len(experiments(cases_of("arm")))
     diverged = [row for row in content["benchmark"]["gain_ratios"] if row["max_sliding"] is None]

@@ -133,7 +133,7 @@ def test_the_report_s_comparison_is_the_worst_state_s_and_sees_every_term() -> N
 
 def test_only_corrected_equations_beyond_the_bound_disagree() -> None:
     rows = [
-        Agreement("arm", variant, "nominal", size * AGREEMENT_BOUND, 0.0, 1)
+        Agreement("arm", variant, "nominal", size * AGREEMENT_BOUND, 1)
         for variant, size in (("printed", 9.0), ("corrected", 1.0), ("corrected", 2.0))
     ]
     (said,) = disagreements(rows)

@@ -18,7 +18,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.simulation.simulate import Engine
-from grosmc_mj.studies.region.loop import guarded
+from grosmc_mj.studies.region import guarded
 
 each_engine = pytest.mark.parametrize("engine", ["native", "python"])
 each_kind = pytest.mark.parametrize("kind", ["corrected", "physics"])

@@ -22,15 +22,23 @@ from grosmc_mj import cli, simulate
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.plants import CART_PENDULUM, SERVO
+from grosmc_mj.plants import CART_PENDULUM
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.studies.region import measure as region
-from grosmc_mj.studies.region.axes import choose_axes, starts_on
-from grosmc_mj.studies.region.loop import RegionLoop, state_names
-from grosmc_mj.studies.region.measure import Region, RegionQuestion, outcomes
-from grosmc_mj.studies.region.outcome import Outcome, judge
-from grosmc_mj.studies.region.region_map import RegionMap
-from grosmc_mj.studies.region.screened import beside_another, confirmed_area
+from grosmc_mj.studies import region
+from grosmc_mj.studies.region import (
+    Outcome,
+    Region,
+    RegionLoop,
+    RegionMap,
+    RegionQuestion,
+    beside_another,
+    choose_axes,
+    confirmed_area,
+    judge,
+    outcomes,
+    starts_on,
+    state_names,
+)
 
 SETTINGS = Settings(integrator="implicitfast")
 CONVERGED = Outcome.CONVERGED.value
@@ -56,6 +64,8 @@ def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:
         (Status.COMPLETED, (0.0, 0.11), Outcome.NOT_CONVERGED),
         (Status.COMPLETED, (-0.011, 0.0), Outcome.NOT_CONVERGED),
         (Status.COMPLETED, (math.nan, 0.0), Outcome.NOT_CONVERGED),
+        # A pole that swung right round.
+        (Status.COMPLETED, (2 * math.pi, 0.0), Outcome.NOT_CONVERGED),
         (Status.UNDEFINED_LAW, (0.0, 0.0), Outcome.LEFT),
         (Status.SINGULAR_PLANT, (0.0, 0.0), Outcome.SINGULAR),
         (Status.DIVERGED, (0.0, 0.0), Outcome.DIVERGED),
@@ -65,15 +75,6 @@ def test_a_run_is_judged_by_its_end(
     status: Status, error: tuple[float, float], outcome: Outcome
 ) -> None:
     assert judge(status, error, (0.01, 0.1)) is outcome
-
-
-def test_a_pole_that_swings_right_round_has_not_converged() -> None:
-    assert judge(Status.COMPLETED, (2 * math.pi, 0.0), (0.01, 0.1)) is Outcome.NOT_CONVERGED
-
-
-def test_states_are_named_in_ascii() -> None:
-    assert state_names(CART_PENDULUM) == ["p", "theta", "p_dot", "theta_dot"]
-    assert state_names(SERVO) == ["theta", "theta_dot"]
 
 
 @pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm"])
@@ -94,6 +95,7 @@ def test_the_errors_of_the_case_starts_are_the_chapters() -> None:
 def test_axes_can_be_any_two_states() -> None:
     axes = choose_axes(loop("cart_pendulum", "nominal", "lqr"), ("p", "θ"), {"m": 0.4})
     assert [axis.key for axis in axes] == ["p", "theta"]
+    assert state_names(CART_PENDULUM) == ["p", "theta", "p_dot", "theta_dot"]
     assert [axis.limit for axis in axes] == [0.4, math.pi / 2]
     assert [axis.is_error for axis in axes] == [False, True]
 
@@ -216,8 +218,8 @@ def test_a_map_has_the_second_axis_down_the_first_across_and_the_line_on_the_fir
     assert "".join(first.line) == "dddddd" + "cccccc"
     assert first.rest_interval() is None
     np.testing.assert_allclose(first.line_starts, np.linspace(-1.375, 1.375, 12))
-    assert (first.counts()[Outcome.CONVERGED], first.counts()[Outcome.DIVERGED]) == (2, 7)
-    assert sum(first.fractions().values()) == pytest.approx(1.0)
+    assert (first.counts[Outcome.CONVERGED], first.counts[Outcome.DIVERGED]) == (2, 7)
+    assert first.converged == pytest.approx(100 * 2 / 9)
     assert len(advances) == asked.batches == 3 * (1 + len(rest))
 
 
@@ -287,12 +289,11 @@ def test_the_interval_at_rest_ends_at_the_first_start_that_fails() -> None:
     [
         (RegionQuestion("cart_pendulum", points=1), "1 points per axis must be from 2 to 1000"),
         (RegionQuestion("arm", screen="equation"), "unknown screen 'equation': valid: auto, none"),
-        (RegionQuestion("cart_pendulum", duration=0.0), "duration 0 s must be positive"),
         (RegionQuestion("cart_pendulum", duration=math.nan), "duration nan s must be positive"),
         (RegionQuestion("arm", limits={"rad": math.nan}), "must be finite and positive"),
-        (RegionQuestion("cart_pendulum", case="case9"), "valid: nominal, case1, case2"),
-        (RegionQuestion("cart_pendulum", case="nominal"), "take case1"),
-        (RegionQuestion("cart_pendulum", case="case2", duration=8.0), "disturbed from 9 s on"),
+        (RegionQuestion("cart_pendulum/case9"), "unknown case 'cart_pendulum/case9'"),
+        (RegionQuestion("cart_pendulum/nominal"), "take case1"),
+        (RegionQuestion("cart_pendulum/case2", duration=8.0), "disturbed from 9 s on"),
         (RegionQuestion("arm", axes=("q", "q")), "two different states of arm: q, q_dot"),
         (RegionQuestion("arm", axes=("q", "p")), "unknown state of arm 'p': valid: q, q_dot"),
         (RegionQuestion("arm", limits={"rad": 2.0}), "lie outside q < pi/2"),
@@ -309,11 +310,6 @@ def test_a_question_without_sense_is_refused(question: RegionQuestion, says: str
     assert says in str(error.value)
 
 
-def test_an_unknown_system_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="unknown case 'leg'"):
-        Region(RegionQuestion("leg"))
-
-
 def run(*arguments: str) -> int:
     with pytest.raises(SystemExit) as stop:
         cli.main(arguments)
@@ -324,17 +320,15 @@ def run(*arguments: str) -> int:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("study", "region"), "SYSTEM"),
-        (("study", "region", "leg"), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
-        (("study", "region", "arm", "--points", "1"), "must be from 2 to 1000"),
-        (("study", "region", "arm", "--points", "2.5"), "--points"),
-        (("study", "region", "arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
-        (("study", "region", "arm", "--rate", "inf"), "--rate inf must be finite and positive"),
-        (("study", "region", "arm", "--duration", "-1"), "duration -1 s must be positive"),
-        (("study", "region", "arm", "--axes", "q"), "--axes"),
-        (("study", "region", "arm", "--integrator", "heun"), "valid: Euler, RK4"),
+        ((), "SYSTEM"),
+        (("leg",), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
+        (("arm", "--points", "2.5"), "--points"),
+        (("arm", "--angle", "-5"), "--angle -5 must be finite and positive"),
+        (("arm", "--rate", "inf"), "--rate inf must be finite and positive"),
+        (("arm", "--axes", "q"), "--axes"),
+        (("arm", "--integrator", "heun"), "valid: Euler, RK4"),
         (
-            ("study", "region", "arm", "--points", "2", "--out", "/dev/null/x"),
+            ("arm", "--points", "2", "--out", "/dev/null/x"),
             "/dev/null/x",
         ),
     ],
@@ -342,7 +336,7 @@ def run(*arguments: str) -> int:
 def test_wrong_use_gets_one_line_and_exit_code_2(
     arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(*arguments) == cli.WRONG
+    assert run("study", "region", *arguments) == cli.WRONG
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
@@ -359,7 +353,7 @@ def test_the_command_writes_figure_and_grids(
     names = {f"region_arm.{suffix}" for suffix in ("json", "png", "svg")}
     assert {path.name for path in tmp_path.iterdir()} == names
     document = json.loads((tmp_path / "region_arm.json").read_text(encoding="utf-8"))
-    assert document["schema_version"] == 1
+    assert document["schema_version"] == 2
     assert [axis["state"] for axis in document["configuration"]["axes"]] == ["q", "q_dot"]
     maps = {(each["case"], each["controller"]): each for each in document["maps"]}
     assert set(maps) == {(c, law) for c in ("nominal", "case2") for law in ("lqr", "grosmc")}

@@ -14,20 +14,23 @@ from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ControllerTable
-from grosmc_mj.studies.rivals.measure import SYSTEMS, Rival, compared, rivals
-from grosmc_mj.studies.rivals.report import rivals_table
-from grosmc_mj.studies.rivals.tuning import (
+from grosmc_mj.studies.rivals import (
     NOMINAL,
     NUMBERS,
     QUICK,
+    SYSTEMS,
+    Rival,
     allowed,
     budget,
+    compared,
     fitting_frequency,
     largest,
     neighbours,
     nominal_machine,
     quickness,
     response,
+    rivals,
+    rivals_table,
     two_digits,
 )
 

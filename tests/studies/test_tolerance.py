@@ -321,6 +321,7 @@ def test_the_verdict_has_the_amount_of_the_table_and_the_one_that_fails() -> Non
         "lqr breaks first, by computing delay: all is kept up to 3 ms (2.9 times the bench's), "
         "and no longer at 3.5 ms (3.5 times the bench's): deviation below."
     )
+    assert math.isinf(row_of(studied, 0, 1024.0, None).weakness)
     never = row_of(studied, 0, 0.125, 0.5, condition="case1")
     said = verdict(studied.of_rows([never]))
     assert "under case1: all is kept only without it, and no longer at 0.5 ms" in said

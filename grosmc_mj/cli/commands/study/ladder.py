@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -60,7 +59,6 @@ class LadderCommand(Command):
         from grosmc_mj.studies import ladder
         from grosmc_mj.studies.studied import chosen_laws
 
-        began = time.perf_counter()
         studied = ladder.ladder(self.target, self.laws, loaded=self.loaded, rivals=self.rivals)
         cited = {name: claim.statement for name, claim in cited_claims(studied.machine).items()}
         studied = replace(studied, statements=cited)
@@ -80,9 +78,7 @@ class LadderCommand(Command):
         if filmed is not None:
             files = (*files, self._film(studied, filmed, study))
         self._answer(study)
-        console = screen.console()
-        console.print(f"In {time.perf_counter() - began:.1f} s", style="dim")
-        screen.say_files(console, *files)
+        screen.say_files(screen.console(), *files)
         return screen.DONE
 
     def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:

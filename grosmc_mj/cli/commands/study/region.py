@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,13 +16,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from grosmc_mj.studies.region.measure import Region, RegionQuestion
-    from grosmc_mj.studies.region.region_map import RegionMap
-
-# The outcomes of starts that do not converge, in the order of ``Outcome``.
-_OTHERS = ("left", "singular", "not conv.", "diverged")
+    from grosmc_mj.studies.region import RegionQuestion
 
 
 @dataclass(frozen=True)
@@ -87,54 +78,42 @@ class RegionCommand(Command):
     def execute(self) -> int:
         """Compute, write, print, draw."""
         from grosmc_mj.results.document import json_text
-        from grosmc_mj.studies.region.figure import write_region_figure
-        from grosmc_mj.studies.region.measure import Region
-        from grosmc_mj.studies.region.report import (
-            judged,
-            legend,
-            region_document,
-            region_table,
-        )
+        from grosmc_mj.studies import region_tables as tables
+        from grosmc_mj.studies.region import Region
 
-        began = time.perf_counter()
-        question = self._question()
-        asked = Region(question)
-        base = self.out / f"region_{asked.system.name}"
-        targets = [base.with_suffix(suffix) for suffix in (".json", ".png", ".svg")]
-        # Opened before the work: a place that cannot be written is found out at once, and what is
+        region = Region(self._question())
+        target = self.out / f"region_{region.system.name}.json"
+        for case, why in region.why_not.items():
+            if why and self.screen != "none":
+                screen.notice(f"{case}: not screened by equations: {why}.")
+        # Opened before the work: a place that cannot be written is refused at once, and what is
         # there already stays until all of the new is complete.
-        if self.screen != "none":
-            for case, why in asked.why_not.items():
-                if why:
-                    print(f"{case}: not screened by equations: {why}.", file=sys.stderr)
-        with written_aside(targets[0]) as part:
-            maps: list[RegionMap] = []
-            with screen.progress(asked.batches, "batches") as advance:
-                maps.extend(asked.maps(advance))
-            part.write_text(json_text(region_document(asked, maps)), encoding="utf-8")
-        console = screen.console()
-        _answer(console, asked, maps)
-        if said := judged(maps):
-            console.print(said, style="dim")
-        console.print(legend(asked), style="dim")
-        if self.verbose:
-            screen.wide_console().print(region_table(asked, maps))
-        write_region_figure(asked, maps, targets[1])
+        with written_aside(target) as part:
+            with screen.progress(region.batches, "batches") as advance:
+                maps = list(region.maps(advance))
+            content = tables.region_document(region, maps)
+            part.write_text(json_text(content), encoding="utf-8")
+        figure = tables.write_region_figure(region, maps, target.with_suffix(".png"))
+        console, least = screen.console(), min(maps, key=lambda found: found.converged)
         console.print(
-            f"{len(maps)} maps of {question.points} x {question.points} starts in "
-            f"{time.perf_counter() - began:.1f} s"
+            f"{least.controller} on {least.case.name} converges from the fewest starts: "
+            f"{least.converged:.1f} % of {least.grid.size}.",
+            style="bold",
         )
-        screen.say_files(console, *targets)
+        console.print(tables.region_table(region, maps))
+        console.print(tables.legend(region, maps), style="dim")
+        console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
+        screen.say_files(console, target, figure)
         return screen.DONE
 
     def _question(self) -> RegionQuestion:
-        """What is asked for, in SI units.
+        """Which maps are made, in SI units.
 
         Raises:
             ArgumentError: If a limit is not positive.
         """
         from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.studies.region.measure import RegionQuestion
+        from grosmc_mj.studies.region import RegionQuestion
 
         options = ("angle", "rate", "position", "speed")
         for name in options:
@@ -160,25 +139,3 @@ class RegionCommand(Command):
             controllers=self.controllers,
             screen=self.screen,
         )
-
-
-def _answer(console: Console, asked: Region, maps: Sequence[RegionMap]) -> None:
-    """From how many starts each law converges, the least first."""
-    from grosmc_mj.studies.region.outcome import Outcome
-
-    rows, order = [], sorted(maps, key=lambda each: each.fractions()[Outcome.CONVERGED])
-    for each in order:
-        axis, interval = asked.axes[0], each.rest_interval()
-        ends = [f"{axis.shown(end):+.1f}" for end in interval or ()]
-        counts = each.counts()
-        share = f"{100 * each.fractions()[Outcome.CONVERGED]:.1f}"
-        others = (str(counts[outcome]) for outcome in Outcome if outcome is not Outcome.CONVERGED)
-        rows.append((each.case.name, each.controller, share, *others, " to ".join(ends) or "none"))
-    least = order[0]
-    console.print(
-        f"{least.controller} on {least.case.name} converges from the fewest starts: {rows[0][2]} % "
-        f"of {least.grid.size}.",
-        style="bold",
-    )
-    columns = ("plant", "law", "converged %", *_OTHERS, f"at rest [{asked.axes[0].shown_unit}]")
-    console.print(screen.brief_table("", columns, rows, words=2, most=16))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -60,7 +59,6 @@ class ToleranceCommand(Command):
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
-        began = time.perf_counter()
         studied = setting(self.target, self.laws, rivals=self.rivals)
         rows: dict[int, list[Tolerance]] = {}
         size = len(studied.imperfections) * len(studied.conditions)
@@ -80,9 +78,7 @@ class ToleranceCommand(Command):
                 advance(studied.laws[index].name, size)
         files = self._write(studied, study(), complete=True)
         self._answer(study())
-        console = screen.console()
-        console.print(f"In {time.perf_counter() - began:.1f} s", style="dim")
-        screen.say_files(console, *files)
+        screen.say_files(screen.console(), *files)
         return screen.DONE
 
     def _write(self, studied: Setting, study: Tolerances, *, complete: bool) -> tuple[Path, ...]:

@@ -1,7 +1,7 @@
 """Accuracy and chattering against sample time: every switching law on a scalar and on the cases.
 
 The scalar s' = r phi + w is sampled by the very functions that the laws call; the cases run in
-MuJoCo. Both say how far s and the run stray, and how much the input has to move for that.
+MuJoCo. Both tell how far s and the run stray, and how much the input has to move for that.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,17 @@ from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import crossings, root_mean_square, variation_rate
 from grosmc_mj.experiments.runs import RunResult, Surface
+from grosmc_mj.results.result import (
+    MEASURED,
+    Answer,
+    LineChart,
+    Series,
+    Sheet,
+    Value,
+    result,
+)
+from grosmc_mj.results.tables import Table, number, numbers, table, words
+from grosmc_mj.studies.figures import write_panels
 
 # The laws for one input; those for several are the same ones then.
 LAWS = tuple(name for name in SWITCHINGS if "unit-vector" not in name)
@@ -51,6 +63,12 @@ CASES: Mapping[str, tuple[str, ...]] = {
 PERIODS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3)
 SURFACES: tuple[Surface, ...] = ("printed", "discrete")
 TIMESTEP = 5e-4
+# The sample time of the tables [s].
+SHOWN = 1e-3
+# The cases of the figure where every system is measured: what the chapter promises, and its
+# hardest test.
+_CHOSEN = (("servo", "nominal"), ("cart_pendulum", "case1"))
+_OF_RUN = ("system", "case", "law", "surface", "control_period")
 
 
 def law_for(name: str) -> Switching:
@@ -329,3 +347,193 @@ def measure_case(planned: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
         cost_rate=found["cost_rate"],
         ended=result.ended,
     )
+
+
+# Tables, charts and document
+
+
+def is_shown(period: float) -> bool:
+    """Whether the tables show this sample time; figure and file have them all."""
+    return math.isclose(period, SHOWN)
+
+
+def scalar_table(by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark]) -> Table:
+    """The scalar benchmark at one sample time, the most chatter first."""
+    found, rows = orders(by_time), []
+    shown = [row for row in by_time if is_shown(row.h)]
+    for row in sorted(shown, key=lambda row: -row.total_variation):
+        own = (x for x in by_ratio if x.law == row.law and not math.isfinite(x.max_sliding))
+        diverges = min((x.gain_ratio for x in own), default=None)
+        measured = (row.max_sliding, row.rms_sliding, row.crossings)
+        rows.append(
+            [
+                row.law,
+                f"{found[row.law]:.2f}",
+                *map(number, measured),
+                number(row.total_variation / OWN_VARIATION),
+                "-" if diverges is None else f"{diverges:.2f}",
+            ]
+        )
+    columns = [
+        *words("law"),
+        *numbers(
+            "order of\nmax|s|", "max|s|", "RMS s", "zeros\nper s", "variation of u\nover w's",
+            "diverges\nfrom r",
+        ),
+    ]  # fmt: skip
+    return table("Scalar s' = r u + 0.5 sin 2πt, r the true over the nominal gain", columns, rows)
+
+
+def cases_table(rows: Sequence[CaseRow]) -> Table:
+    """The cases at one sample time; deviation and variation are in the units of the system."""
+    cells = [
+        [
+            f"{row.run.system}/{row.run.case}", row.run.law, row.run.surface,
+            *map(number, (row.deviation, row.max_sliding, row.crossings, row.total_variation)),
+            f"{row.cost_continuous:.4g}", number(row.cost_rate), row.ended,
+        ]
+        for row in rows
+        if is_shown(row.run.control_period)
+    ]  # fmt: skip
+    columns = [
+        *words("case", "law", "surface"),
+        *numbers(
+            "max\n|x1-x1*|", "max|s|", "zeros\nper s", "variation\nof u per s",
+            "J of u_c\nover J*", "u_d per s\nover J*",
+        ),
+        *words("ended"),
+    ]  # fmt: skip
+    return table("Cases in MuJoCo", columns, cells, grouped=True)
+
+
+def charts(
+    by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
+) -> list[list[LineChart]]:
+    """A row of the scalar benchmark over a row for each case, on the discrete-time surface."""
+    h = sorted({row.h for row in by_time})
+    ideal = [
+        Series(name="order 1: W T", x=h, y=[PUSH * x for x in h]),
+        Series(name="order 2: L T²", x=h, y=[SLOPE * x**2 for x in h]),
+    ]
+    time, names = "sample time T [s]", ("max_sliding", "total_variation")
+    accuracy, variation = (_series(by_time, lambda row: row.h, name) for name in names)
+    over_gain = _series(by_ratio, lambda row: row.gain_ratio, "max_sliding")
+    rows = [
+        [
+            LineChart(name="Scalar s' = u + 0.5 sin 2πt", titles=(time, "max |s|"),
+                      lines=[*accuracy, *ideal]),
+            LineChart(name="Scalar: variation of u, dashed of w itself",
+                      titles=(time, "variation of u [1/s]"), lines=variation, limit=OWN_VARIATION),
+            LineChart(name="Scalar with input r u; dashed: r ρ = W, 4/3, 2",
+                      titles=("true over nominal gain r", "max |s|"), lines=over_gain,
+                      marks=(PUSH / GAIN, 4 / 3, 2.0)),
+        ]
+    ]  # fmt: skip
+    drawn = [row for row in cases if row.run.surface == "discrete"]
+    for system, case in dict.fromkeys((row.run.system, row.run.case) for row in drawn):
+        own = [row for row in drawn if (row.run.system, row.run.case) == (system, case)]
+        plant = own[0].run.experiment.nominal.system
+        output, u = plant.positions[plant.output].unit, plant.input.unit
+        rows.append(
+            [
+                LineChart(
+                    name=f"{system}/{case}: {title}",
+                    titles=("control period [s]", unit),
+                    lines=_series(own, lambda row: row.run.control_period, name),
+                )
+                for name, title, unit in (
+                    ("deviation", "max |x₁ - x₁*|", f"deviation [{output}]"),
+                    ("total_variation", "variation of u", f"variation of u [{u}/s]"),
+                    ("cost_rate", "cost of u_d", "per second, over J* [1/s]"),
+                )
+            ]
+        )
+    return rows
+
+
+def _series(rows: Sequence[Any], x: Callable[[Any], float], name: str) -> list[Series]:
+    """A curve for each law; what diverged or ended early has no point."""
+    curves = []
+    for law in LAWS:
+        own = [row for row in rows if (row.run.law if isinstance(row, CaseRow) else row.law) == law]
+        values = [math.nan if getattr(row, "ended", "") else getattr(row, name) for row in own]
+        y = [value if math.isfinite(value) else None for value in values]
+        curves.append(Series(name=law, x=[x(row) for row in own], y=y))
+    return curves
+
+
+def write_switching_figure(
+    by_time: Sequence[Benchmark],
+    by_ratio: Sequence[Benchmark],
+    cases: Sequence[CaseRow],
+    path: Path,
+) -> Path:
+    """Draw the charts; if the cases are of several systems, two of them stand for all.
+
+    Raises:
+        SetupError: If a file cannot be written.
+    """
+    several = len({row.run.system for row in cases}) > 1
+    drawn = [x for x in cases if not several or (x.run.system, x.run.case) in _CHOSEN]
+    title = "Accuracy and chattering against sample time"
+    return write_panels(path, title, charts(by_time, by_ratio, drawn))
+
+
+def switching_document(
+    by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
+) -> dict[str, Any]:
+    """The content of switching.json; what diverged has null for its numbers."""
+    found = orders(by_time)
+    first, *rest = charts(by_time, by_ratio, cases)
+    bounded = [row for row in by_time if math.isfinite(row.max_sliding)]
+    said = "every law diverges"
+    if best := min(bounded, key=lambda row: (row.h, row.max_sliding), default=None):
+        size = f"max |s| = {number(best.max_sliding)} at {number(best.h * 1e3)} ms"
+        said = f"the most accurate is {best.law}: {size}"
+    return result(
+        "switching",
+        {
+            "timestep": {"value": TIMESTEP, "unit": "s"},
+            "slopes": {row.run.system: row.run.experiment.slope for row in cases},
+        },
+        answers=[
+            Answer(
+                question="Switching laws", verdict=MEASURED, words=said,
+                more=f"orders: {', '.join(f'{law} {number(p)}' for law, p in found.items())}",
+            )
+        ],
+        sheets=[
+            Sheet(table=scalar_table(by_time, by_ratio), charts=first),
+            Sheet(table=cases_table(cases), charts=[chart for row in rest for chart in row]),
+        ],
+        values=_values(by_time, by_ratio, cases),
+        benchmark={
+            "equation": "s' = r phi + 0.5 sin(2 pi t), rho = 1, phi held",
+            "own_total_variation": {"value": OWN_VARIATION, "unit": "1/s"},
+            "orders": found,
+            "sample_times": [row._asdict() for row in by_time],
+            "gain_ratios": [row._asdict() for row in by_ratio],
+        },
+        cases=[
+            {name: getattr(row.run, name) for name in _OF_RUN}
+            | {key: value for key, value in row._asdict().items() if key != "run"}
+            for row in cases
+        ],
+    )  # fmt: skip
+
+
+def _values(
+    by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
+) -> Iterator[Value]:
+    named = [(f"scalar benchmark, {x.law} at h = {x.h:g}: max |s|", x.max_sliding) for x in by_time]
+    named += [
+        (f"scalar benchmark, {x.law} at r = {x.gain_ratio:g}: max |s|", x.max_sliding)
+        for x in by_ratio
+    ]
+    for row in cases:
+        run = row.run
+        name = f"{run.system}/{run.case} {run.law}, {run.surface}, at {run.control_period:g} s"
+        named.append((f"{name}: deviation", row.deviation))
+    for name, value in named:
+        finite = value if math.isfinite(value) else None
+        yield Value(name=name, value=finite, better=-1, relative=0.1)

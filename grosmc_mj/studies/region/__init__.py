@@ -1,1 +1,0 @@
-"""From which starts does each law converge?"""

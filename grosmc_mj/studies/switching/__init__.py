@@ -1,1 +1,0 @@
-"""How accurate is each switching law, and how much does it chatter?"""
