@@ -10,8 +10,7 @@ import pytest
 from looped import H, nominal, servo
 
 from grosmc_mj.arguments import whole
-from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.findings.statistics import pass_rate
+from grosmc_mj.campaign.specification import Specification
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.references import setpoints
 from grosmc_mj.errors import ArgumentError
@@ -43,7 +42,6 @@ PLACES: dict[str, Callable[[Any], object]] = {
     "plants of a part": lambda value: asked(shard=value),
     "seed of a campaign": lambda value: asked(seed=value),
     "workers of a campaign": lambda value: make_executor("processes", workers=value),
-    "runs that kept": lambda value: pass_rate(value, 3),
     "sign of an error": lambda value: ErrorCoordinates(SERVO, setpoints(2), value),
     "a state that is held": lambda value: equilibrium(servo(), {value: 0.0}),
 }

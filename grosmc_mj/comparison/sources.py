@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from grosmc_mj.campaign.runs.manifest import flat
+from grosmc_mj.campaign.manifest import flat
 from grosmc_mj.comparison.changes import Conditions
 from grosmc_mj.errors import shown
 from grosmc_mj.page.documents import StoredProvenance

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from campaign_cases import BOTH, LQR, campaign, case, servo
 
-from grosmc_mj.campaign.family.plant_sample import PlantSample
-from grosmc_mj.campaign.runs.shard import plants_of
+from grosmc_mj.campaign.plant_sample import PlantSample
+from grosmc_mj.campaign.runs import Batch
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
@@ -153,7 +153,7 @@ def test_a_start_is_one_state() -> None:
 
 def test_plants_with_the_same_edits_are_one() -> None:
     asked = campaign(servo(BOTH, laws=LQR, limits=""))
-    plant_samples = [asked.plant_sample(values) for values in ([1.5, 0.1], [1.5, -0.3], [2.0, 0.1])]
-    first, second, third = plants_of(asked, plant_samples)
+    values = np.array([[1.5, 0.1], [1.5, -0.3], [2.0, 0.1]])
+    first, second, third = Batch(asked, values, [0] * 3).physics
     assert first is second
     assert third is not first

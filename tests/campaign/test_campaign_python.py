@@ -13,10 +13,10 @@ import pytest
 from campaign_cases import DEVIATION, LQR, begun, servo, specification
 
 from grosmc_mj import cli
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest, sources_of
-from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.manifest import _HASHED, _hash, _sources, manifest_of, read_manifest
+from grosmc_mj.campaign.work import open_campaign, read_campaign, run_shard
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.file.user_code import sources
 
@@ -192,7 +192,7 @@ def test_a_worker_builds_what_it_was_given_and_not_what_the_folder_says(
     assert folder.done(0)
     # One that is bound to itself is another campaign.
     manifest = json.loads((folder.path / "manifest.json").read_text())
-    manifest["sources"] = sources_of(specification(**foreign))
+    manifest["sources"] = _sources(specification(**foreign))
     manifest["hash"] = _hash({key: manifest[key] for key in _HASHED})
     (folder.path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(GrosmcError, match="another campaign than the one that was begun"):

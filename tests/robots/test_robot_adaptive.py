@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.whole import run_campaign
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.findings import run_campaign
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.specification import Specification
 from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import computed_torque_pd
