@@ -130,12 +130,6 @@ def test_it_says_who_judged_and_why_equations_did_not(
     assert "by the equations" not in answer.out
 
 
-def test_figures_are_drawn(file: Path, tmp_path: Path) -> None:
-    assert run("campaign", file, "--runs", "8", "--out", tmp_path) == cli.DONE
-    for name in ("map.png", "map.svg"):
-        assert (tmp_path / name).stat().st_size > 1000
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -186,14 +180,6 @@ def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            servo(AMPLITUDE.replace("load", "lod"), laws=LQR, limits=DEVIATION),
-            "did you mean 'load'?",
-        ),
-        (
-            servo('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n'),
-            "must be finite and positive",
-        ),
         (servo(""), "nothing is uncertain"),
         ("[plant", "no valid TOML"),
         ('name = "../up"\n' + servo(laws=LQR, limits=DEVIATION), "must be a name for files"),
@@ -227,44 +213,6 @@ def test_a_band_that_is_a_share_of_no_error_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_uncertain_start_whose_nominal_plant_has_no_error_is_refused_as_such_a_file_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    start = '[[uncertain]]\nstart = "rotor angle"\nvalue = ["0 rad", "1.5 rad"]\nnominal = {}\n'
-    for nominal, code in (('"1 rad"', cli.WRONG), ('"0.5 rad"', cli.DONE)):
-        file = tmp_path / "uncertain.toml"
-        limits = '[[requirement]]\nsettles_within = "10 ms"\n'
-        file.write_text(servo(start.format(nominal), laws=LQR, limits=limits))
-        asked = ("campaign", file, "--runs", "2", "--out", tmp_path / "out", "--no-figures")
-        assert run(*asked) == code
-        said = capsys.readouterr().err
-        assert ("settles_within: its band is 2 % of the error at the start" in said) == bool(code)
-
-
-@pytest.mark.parametrize(
-    ("target", "says"),
-    [
-        ("servoo", "unknown system 'servoo': did you mean 'servo'?"),
-        ("nowhere.toml", "nowhere.toml: there is no such file"),
-        ("servo/nominal", "nothing is uncertain"),
-    ],
-)
-def test_an_unknown_target(
-    target: str, says: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert run("campaign", target, "--out", tmp_path / "out") == cli.WRONG
-    assert says in capsys.readouterr().err
-
-
-def test_the_folder_of_another_campaign_is_refused(
-    file: Path, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("campaign", file, "--runs", "17", "--out", folder, "--resume") == cli.WRONG
-    assert "runs: 16 there, 17 now" in capsys.readouterr().err
-    assert run("campaign", file, "--runs", "16", "--out", folder) == cli.WRONG
-    assert "--resume runs what is missing" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
 def test_replays(folder: Path, which: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
@@ -292,28 +240,6 @@ def test_a_tampered_run_is_no_replay(
         "part-0000000.parquet is damaged, or is not part 0 of this campaign: remove it, and "
         "--resume runs it again\n"
     )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("16",), "run '16': there are 0 to 15, worst, shrunk, outside"),
-        (("0", "--controller", "lqg"), "unknown controller 'lqg': did you mean 'lqr'?"),
-        (("0", "--engine", "fortran"), "valid: native, python"),
-    ],
-)
-def test_what_cannot_be_replayed(
-    folder: Path, arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("campaign", folder, "--replay", *arguments) == cli.WRONG
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
-
-
-def test_a_folder_that_is_no_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("campaign", tmp_path, "--replay", "0") == cli.WRONG
-    assert "is no campaign: it has no manifest.json" in capsys.readouterr().err
 
 
 # ---- what is written, and when
@@ -380,19 +306,6 @@ def test_results_are_written_before_they_are_shown(
     )
 
 
-def test_a_replay_is_written_before_it_is_shown(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr("grosmc_mj.experiments.tables.results_table", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        CampaignCommand(str(folder), replay="2", out=tmp_path, verbose=True).execute()
-    assert [path.name for path in tmp_path.iterdir()] == ["2_lqr.json"]
-    assert "max|u|" in capsys.readouterr().out
-
-
 # ---- a folder that is read only
 
 
@@ -455,17 +368,6 @@ def test_a_replay_of_what_cannot_be_written_is_judged(
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["3_lqr.json"]
 
 
-def test_a_place_that_was_asked_for_must_be_written(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "kept").touch()
-    capsys.readouterr()
-    assert run("campaign", folder, "--replay", "3", "--out", tmp_path / "kept") == cli.WRONG
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("grosmc-mj: cannot write ")
-
-
 def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
     file = tmp_path / "case.toml"
     laws = LQR + 'name = "/../../../up/../a.b"\n'
@@ -519,10 +421,6 @@ def test_a_second_process_is_told_of_the_first(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            AMPLITUDE.replace("load", "lod"),
-            "uncertain 1 (lod amplitude): unknown disturbance 'lod'",
-        ),
         ('[[uncertain]]\nbody = "rotor"\nmass_scale = [-1, 1]\n', "must be finite and positive"),
         (AMPLITUDE * 2, "two are uncertain 'load amplitude'"),
     ],

@@ -75,14 +75,6 @@ def test_a_lognormal_is_cut_off_on_one_side_or_both() -> None:
     assert symmetric == pytest.approx(1, rel=1e-14)
 
 
-@given(u=st.floats(0, 1), least=st.floats(-10, 10), width=st.floats(1e-3, 10))
-def test_values_never_leave_the_support(u: float, least: float, width: float) -> None:
-    found = made(distribution="uniform", least=least, most=least + width)
-    (value,) = found.quantiles(np.array([u]))
-    assert found.support == (least, least + width)
-    assert least <= value <= least + width
-
-
 def test_the_spread_of_a_lognormal_has_no_unit() -> None:
     table = DistributionTable(distribution="lognormal", median="500 g", spread=0.3)
     found = distribution(table, "kg")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import AMPLITUDE, BOTH, INERTIA, LQR, campaign, case, servo, specification
+from campaign_cases import AMPLITUDE, BOTH, INERTIA, LQR, campaign, servo, specification
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.family import family_of
@@ -298,8 +298,3 @@ def test_the_largest_scale_is_where_the_least_value_meets_zero(spread: str, larg
     assert family.largest_scale == largest
     if math.isfinite(largest):
         assert family.quantities[0].ends(largest)[0] == 0.0
-
-
-def test_laws_are_designed_for_physics_alone() -> None:
-    text = case("servo", INERTIA, laws=LQR)
-    assert {plant for plant, _ in campaign(text).experiment.laws} == {"physics"}

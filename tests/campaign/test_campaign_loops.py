@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import PLANT, begun, bits, campaign, kept
+from campaign_cases import PLANT, campaign, kept
 
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.figures import pass_map_of
 from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.replay import replay
 from grosmc_mj.campaign.runs import Batch
-from grosmc_mj.campaign.tables import numbers_as_run, plant_words
-from grosmc_mj.campaign.work import run_missing
+from grosmc_mj.campaign.tables import plant_words
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.executors import make_executor
 
 LOOP = """
 [computing]
@@ -93,42 +90,6 @@ missed = [0, 0.3]
 """
 
 
-@pytest.fixture(scope="module")
-def by_threads(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Folder]:
-    """Eight servos in two parts, with chance of every kind, run by the threads of this process."""
-    finer = text(uncertain=UNCERTAIN + CHANCE)
-    asked = campaign(finer.replace("start = {}", 'start = {}\ntimestep = "0.5 ms"'))
-    return asked, kept(asked, tmp_path_factory.mktemp("threads"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["batch", "processes", "dask"])
-def test_every_executor_writes_the_same_bits_of_an_uncertain_loop(
-    name: str, by_threads: tuple[Campaign, Folder], tmp_path: Path
-) -> None:
-    if name == "dask":
-        pytest.importorskip("distributed")
-    asked, finished = by_threads
-    folder = begun(asked, tmp_path / "folder")
-    executor = make_executor(name, workers=None if name == "batch" else 2)
-    assert run_missing(asked, folder, executor, print, lambda *_: None) == 0
-    assert bits(folder) == bits(finished)
-    assert len(bits(folder)) == asked.specification.shards == 2
-    # No two runs are alike, so that no row could stand for another.
-    for columns in folder.columns(asked, ["deviation"], range(2)).values():
-        assert len(set(columns["deviation"].tolist())) == asked.specification.runs
-
-
-@pytest.mark.slow
-def test_each_run_has_chance_of_its_own() -> None:
-    asked = campaign(text())
-    values = np.tile(asked.values(range(1)), (3, 1))
-    found = Batch(asked, values, [0, 1, 1]).run("lqr")
-    first, second, again = found["deviation"]
-    assert second == again
-    assert first != second
-
-
 @pytest.mark.slow
 def test_neighbours_and_threads_play_no_part() -> None:
     asked = campaign(text())
@@ -171,13 +132,6 @@ def test_times_are_shown_as_they_are_run_and_bandwidths_in_their_unit() -> None:
     # What is run as the nominal plant is said to be it.
     delayed = np.array([1.4e-3, 1e-4, 100.0, 1e-3])
     assert plant_words(campaign(text()), delayed) == "the nominal one"
-
-
-def test_jitter_is_shown_shorter_than_a_control_period() -> None:
-    jitter = '[[uncertain]]\ncomputing = true\njitter = ["0 ms", "5 ms"]\n'
-    finer = text(uncertain=jitter).replace("start = {}", 'start = {}\ntimestep = "0.5 ms"')
-    ((_, value, nominal),) = numbers_as_run(campaign(finer), [4.2e-3])
-    assert (value, nominal) == (0.5e-3, 0.0)
 
 
 def test_a_map_shows_times_as_they_are_run_and_bandwidths_in_their_unit() -> None:
@@ -257,15 +211,6 @@ def test_loops_that_cannot_be_are_refused_before_anything_is_run(
         campaign(text(loop, uncertain))
     assert "let that of computing = true vary instead" in str(told.value)
     assert "\n" not in str(told.value)
-
-
-def test_delays_that_are_run_as_equal_ones_are_none_to_refuse() -> None:
-    """Within half a timestep of each other; and chance at its ends is no reason either."""
-    near = sensor("angle", "delay", '["0.8 ms", "1.2 ms"]')
-    near += sensor("speed", "delay", '["0.8 ms", "1.2 ms"]')
-    chance = "[[uncertain]]\ncomputing = true\n{} = {}\n"
-    chance = chance.format("jitter", '["0 ms", "9 ms"]') + chance.format("missed", "[0, 0.99]")
-    assert len(campaign(text(BOTH, near + chance)).family.quantities) == 4
 
 
 @pytest.mark.parametrize(

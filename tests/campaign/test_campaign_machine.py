@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from campaign_cases import PLANT, campaign, kept
 
@@ -13,7 +11,6 @@ from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.radius import radius
 from grosmc_mj.campaign.replay import replay
-from grosmc_mj.campaign.runs import Batch
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.machine import Motor
 
@@ -122,12 +119,6 @@ def test_drawn_values_reach_the_compiled_model() -> None:
     # What is not drawn is the file's.
     assert model.body("rotor").mass[0] == other.body("rotor").mass[0]
     assert model.jnt_range[0].tolist() == [-1.0, 1.0]
-
-
-def test_a_nominal_plant_is_drawn_as_it_is() -> None:
-    same: Any = asked().plant_sample(asked().family.nominal).plant(asked().plant)
-    nominal: Any = asked().plant
-    assert same.digest == nominal.digest
 
 
 def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
@@ -239,19 +230,3 @@ def test_runs_of_a_machine_are_repeated_bit_for_bit(folder: Folder, engine: Any)
         for law in ("lqr", "stiff"):
             found = replay(asked(), folder, number, law, engine)
             assert found.differences == []
-
-
-@pytest.mark.slow
-def test_every_machine_is_its_own_and_neighbours_play_no_part(
-    folder: Folder, tmp_path: Path
-) -> None:
-    columns = folder.columns(asked(), ["deviation"], range(2))
-    for found in columns.values():
-        assert len(np.unique(found["deviation"])) == 16
-    values = asked().values(range(16))
-    alone = Batch(asked(), values[5:6], [5], threads=1).run("lqr")
-    assert alone["deviation"][0] == columns["lqr"]["deviation"][5]
-    # A second folder has the same bytes.
-    again = kept(asked(), tmp_path)
-    for index in range(2):
-        assert again.part(index).read_bytes() == folder.part(index).read_bytes()

@@ -120,13 +120,6 @@ def test_an_amplitude_scales_one_disturbances_wrench() -> None:
     assert load.profile == Pulse(0.02, 0.03)
 
 
-def test_an_amplitude_scales_forces_and_torques() -> None:
-    wrench = 'force = ["1 N", "2 N", "3 N"]\ntorque = ["4 N m", "5 N m", "6 N m"]'
-    blow = f'[[disturbance]]\nbody = "rotor"\n{wrench}\nlabel = "blow"\n'
-    found = plant_sample(table('disturbance = "blow"', "amplitude", "[-2, 2]"), -1.5, more=blow)
-    assert found.case.disturbances[2].wrench == (-1.5, -3.0, -4.5, -6.0, -7.5, -9.0)
-
-
 def test_a_pulse_keeps_its_length() -> None:
     load, hum = plant_sample(table(LOAD, "onset", '["0.1 s", "0.2 s"]'), 0.125).case.disturbances
     assert isinstance(load.profile, Pulse)

@@ -10,12 +10,10 @@ from campaign_cases import AMPLITUDE, DEVIATION, campaign, servo
 
 from grosmc_mj.campaign import radius as radius_module
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.document import radius_document
 from grosmc_mj.campaign.promise import Promise, promise
 from grosmc_mj.campaign.radius import Look, Radius, radius
 from grosmc_mj.campaign.runs import Outcomes, evaluate
 from grosmc_mj.campaign.screening import screened_search
-from grosmc_mj.campaign.tables import radius_table
 
 GROSMC = '[[controller]]\nlaw = "grosmc"\n'
 
@@ -107,21 +105,6 @@ def test_the_promise_is_kept_by_what_it_is_of(reached: Radius) -> None:
     assert reached.promised.scale is not None
     assert reached.stayed is not None
     assert reached.promised.scale <= reached.stayed
-
-
-def test_both_are_printed_and_kept(reached: Radius) -> None:
-    asked = pushed()
-    assert reached.left is not None
-    document = radius_document(asked, [reached])["controllers"]["grosmc"]
-    assert document["surface_kept"] == reached.stayed
-    assert document["surface_left_scale"] == reached.left.scale
-    assert document["surface_band"] == reached.promised.band
-    assert set(document["surface_left"]) == {"load amplitude"}
-    table = radius_table(asked, [reached])
-    headers = [str(column.header).replace("\n", " ") for column in table.columns]
-    (row,) = table.rows
-    kept_at, left_at = (row[headers.index(name)] for name in ("|s| kept up to", "|s| leaves at"))
-    assert (kept_at, left_at) == (f"{reached.stayed:.3g}", f"{reached.left.scale:.3g}")
 
 
 def test_failures_of_requirements_and_of_the_surface_are_told_apart() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from grosmc_mj.campaign.sampling import (
     SEQUENCE,
     unit_points,
 )
-from grosmc_mj.campaign.specification import Specification
 
 DIMENSIONS = 3
 INDEPENDENT = ["sobol", "lhs", "random"]
@@ -122,18 +120,3 @@ def test_runs_have_the_values_of_their_number_whatever_the_part() -> None:
     text = servo(laws=LQR, limits="")
     one, other = campaign(text, runs=8, shard=3), campaign(text, runs=100, shard=64)
     assert np.array_equal(one.values(range(6, 8)), other.values(range(100))[6:8])
-
-
-def test_parts_cover_all_runs_once() -> None:
-    asked = Specification("n", "", ".", runs=1030, shard=512)
-    assert [asked.ids(index) for index in range(asked.shards)] == [
-        range(512),
-        range(512, 1024),
-        range(1024, 1030),
-    ]
-
-
-def test_sobol_gives_no_warning_for_a_part() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        unit_points("sobol", DIMENSIONS, 0, 3, 5)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import DEVIATION, FALL, LQR, bits, campaign, case, pair, servo, specification
+from campaign_cases import FALL, LQR, bits, campaign, case, pair, servo
 
 from grosmc_mj.campaign import runs as runs_module
 from grosmc_mj.campaign import screening as screening_module
@@ -240,16 +240,6 @@ def heavier(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
     monkeypatch.setattr(Batch, "equations", property(equations))
 
 
-def test_wrong_equations_show_in_what_is_said(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """Equations with a tenth more inertia, behind the screening's back."""
-    heavier(monkeypatch, 1.1)
-    whole = campaign(pair(), runs=512, shard=512, screen="equations", seed=3)
-    told = judged_words(run_campaign(whole, tmp_path).judges)
-    assert "That is more than the band: --screen none judges all in MuJoCo." in told
-
-
 def test_a_search_widens_its_band_by_what_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Equations with more inertia: no margin is left to them within 10 differences."""
     heavier(monkeypatch, 1.02)
@@ -350,19 +340,6 @@ def test_a_screened_run_is_repeated_on_what_judged_it(tmp_path: Path, engine: An
         assert found.result.plant == "physics"
 
 
-def test_rows_without_screening_have_no_columns_of_it(tmp_path: Path) -> None:
-    whole = campaign(pair(), screen="none")
-    found = run_campaign(whole, tmp_path)
-    assert "judged_by" not in pq.read_table(Folder(tmp_path).part(0)).column_names
-    assert found.judges == {}
-    assert judged_words(found.judges) == ""
-
-
-def test_an_unknown_screen_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="unknown screen 'equation': did you mean 'equations'"):
-        specification(pair(), screen="equation")
-
-
 def test_what_is_known_of_the_verdicts_is_said(tmp_path: Path) -> None:
     whole = campaign(pair(), runs=256, shard=256, screen="equations")
     run_campaign(whole, tmp_path)
@@ -404,14 +381,3 @@ def test_the_first_sixteen_overturned_runs_are_named() -> None:
     assert told.overturned_runs == list(range(1, 32, 2))
     assert (told.drawn, told.drawn_overturned) == (9, 4)
     assert told.difference == pytest.approx(0.05)
-
-
-def test_no_servo_is_left_to_the_equations_where_their_margins_are_unsure(
-    made: dict[str, int],
-) -> None:
-    """A band wider than all margins confirms every run."""
-    whole = asked(servo(laws=LQR, limits=DEVIATION), runs=64, screen="equations")
-    ids = range(64)
-    (found,) = screened_all(whole, Screening({"lqr": 1e3}), ["lqr"], ids)
-    assert list(found["judged_by"]) == [PHYSICS] * 64
-    assert made == {"physics": 64, "corrected": 64}

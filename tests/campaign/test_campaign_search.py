@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from rich.console import Console
 from grosmc_mj.campaign import worst as worst_module
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.document import radius_document, worst_document
-from grosmc_mj.campaign.figures import draw_radius
 from grosmc_mj.campaign.findings import findings
 from grosmc_mj.campaign.promise import PromisedFamily, premise_grid, promise
 from grosmc_mj.campaign.radius import Radius, radius
@@ -104,21 +102,6 @@ def test_all_sides_are_told_and_who_won(known: Worst, monkeypatch: pytest.Monkey
     assert document["worst_of_as_many_random_plants"] == known.random
 
 
-def test_random_plants_are_as_many_as_the_search_took() -> None:
-    """Where every plant is as bad, evolution stops at once; a margin is at most 1."""
-    asked = campaign(servo(BOTH, laws=LQR, limits=""))
-    counts: list[int] = []
-    found = worst(asked, "lqr", [0, 1], 256, counts.append)
-    assert sum(counts) == 2 * found.evaluations
-    assert (found.winner, found.relative) == ("samples", 1.0)
-
-
-def test_what_just_keeps_its_limit_does_not_fail(known: Worst) -> None:
-    assert [replace(known, relative=margin).fails for margin in (-1e-12, 0.0, 0.5)] == [
-        True, False, False
-    ]  # fmt: skip
-
-
 def test_the_shrunk_plant_fails_and_is_next_to_one_that_does_not(known: Worst) -> None:
     asked = loads(1.0, BOTH)
     assert known.shrunk is not None
@@ -141,14 +124,6 @@ def test_numbers_that_play_no_part_are_made_nominal() -> None:
     assert small[0] == 1.0
     assert small[2] == 0.0
     assert 0 < small[1] <= 1.0
-
-
-def test_a_search_is_the_same_each_time(known: Worst) -> None:
-    again = worst(loads(1.0, BOTH), "lqr", list(range(8)), 256)
-    assert again.values.tobytes() == known.values.tobytes()
-    assert known.shrunk is not None
-    assert again.shrunk is not None
-    assert again.shrunk.tobytes() == known.shrunk.tobytes()
 
 
 def test_where_nothing_fails_there_is_nothing_to_shrink() -> None:
@@ -182,13 +157,6 @@ def test_a_margin_of_zero_is_kept() -> None:
     assert (worst_one.relative, worst_one.fails, worst_one.shrunk) == (0.0, False, None)
     # With three times the load, some of it drives the rotor away.
     assert radius(asked, "lqr").found > 1
-
-
-def test_a_search_begins_with_the_runs_it_is_given() -> None:
-    asked = loads(1.0, BOTH)
-    own = evaluate(asked, "lqr", asked.values(range(5, 7)))["relative"]
-    assert own.min() != evaluate(asked, "lqr", asked.values(range(2)))["relative"].min()
-    assert worst(asked, "lqr", [6, 5], 128).samples == own.min()
 
 
 # The load that stays leaves an error in proportion: above 2 % of the step the rotor never settles.
@@ -232,12 +200,6 @@ def test_of_plants_that_never_settle_the_one_with_the_largest_error_left_is_the_
         assert abs(look.values[0]) == pytest.approx(look.scale, rel=1e-12), "its end is a corner"
 
 
-def test_what_is_not_nominal_is_named(known: Worst) -> None:
-    assert known.shrunk is not None
-    pairs = zip(["rotor mass scale", "load amplitude"], known.shrunk, [1.0, 0.0], strict=True)
-    assert known.changed == tuple(name for name, value, nominal in pairs if value != nominal)
-
-
 @pytest.fixture(scope="module")
 def reached() -> Radius:
     """How far the load may grow until LQR deviates by 1 mrad."""
@@ -255,21 +217,6 @@ def test_the_radius_lies_between_a_passing_and_a_failing_scale(reached: Radius) 
     for scale, fails in ((reached.found, False), (reached.outside.scale, True)):
         ends = [relative(asked, end) for end in (-scale, scale)]
         assert (min(ends) < 0) == fails
-
-
-def test_the_radius_that_is_drawn_is_the_one_that_was_found(reached: Radius) -> None:
-    (axes,) = draw_radius([reached], "radius").subfigs[0].axes
-    labels = [label.replace("\n", " ") for label in axes.get_legend_handles_labels()[1]]
-    assert f"no failure found up to {reached.found:.3g}" in labels
-
-
-def test_a_larger_limit_has_a_radius_beyond_the_declared_family() -> None:
-    found = radius(loads(5.0), "lqr")
-    assert found.outside is not None
-    # 3.6 mrad at the whole load, and linear: found to 1 %.
-    true = 5.0 / (1e3 * 5e-3 * (1 - relative(loads(5.0), 1.0)))
-    assert found.found > 1
-    assert found.found == pytest.approx(true, rel=0.02)
 
 
 def test_a_family_without_failures_has_no_outside() -> None:
@@ -336,11 +283,6 @@ def test_what_was_found_is_kept_as_json(reached: Radius, known: Worst, tmp_path:
 def asked_of(**more: Any) -> Campaign:
     """The package's own campaign of the servo."""
     return Campaign.of(specification_of("servo", runs=8, **more))
-
-
-def test_laws_that_do_not_switch_promise_nothing() -> None:
-    found = promise(asked_of(controllers=("lqr",)), "lqr")
-    assert found == (None, "lqr does not switch: it promises nothing about uncertainty", None)
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, servo
 
-from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.runs import Batch, evaluate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.metrics.definitions import NO_WINDOWS, Recording, folded
@@ -203,9 +201,3 @@ def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
         "sliding_start": 0.5,
         "settling_time": np.inf,
     }
-
-
-def test_a_seed_is_a_family_of_its_own() -> None:
-    asked = campaign(servo(laws=LQR, limits=""))
-    other = Campaign.of(replace(asked.specification, seed=1))
-    assert not np.any(asked.values(range(8)) == other.values(range(8)))
