@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks.batches import closed_loop, open_batch
 from benchmarks.timing import Throughput, measured
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import specification_of
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.shard import laws_with_meters, plants_of
-from grosmc_mj.campaign.runs.work import shards_of
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.runs import Batch, laws_with_meters
+from grosmc_mj.campaign.specification import specification_of
+from grosmc_mj.campaign.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
@@ -77,8 +77,8 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     asked = {"runs": _PLANTS, "controllers": (_LAW,), "integrator": integrator}
     campaign = Campaign.of(specification_of("cart_pendulum", **asked))
     law = campaign.laws[_LAW]
-    plant_samples = [campaign.plant_sample(row) for row in campaign.values(range(_PLANTS))]
-    plants = plants_of(campaign, plant_samples)
+    batch = Batch(campaign, campaign.values(range(_PLANTS)), [0] * _PLANTS)
+    plant_samples, plants = batch.samples, batch.physics
     starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
     laws, meters = laws_with_meters(campaign, law, plant_samples, plants)
     return measured(

@@ -10,7 +10,7 @@ from . import (
     plants,
     simulation,
 )
-from .campaign.family.campaign import Campaign
+from .campaign.campaign import Campaign
 from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
 from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc

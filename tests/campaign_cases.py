@@ -10,11 +10,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.part import checksum
-from grosmc_mj.campaign.runs.work import shards_of
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import Folder, checksum
+from grosmc_mj.campaign.specification import Specification
+from grosmc_mj.campaign.work import shards_of
 
 PLANT = """
 [plant]

@@ -13,9 +13,9 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.family import MARGIN
-from grosmc_mj.campaign.findings.basis import Basis
-from grosmc_mj.campaign.runs.manifest import MANIFEST, read_manifest
+from grosmc_mj.campaign.family import MARGIN
+from grosmc_mj.campaign.findings import Basis
+from grosmc_mj.campaign.manifest import MANIFEST, read_manifest
 from grosmc_mj.comparison.changes import GONE, Change, Effect, effect_of
 from grosmc_mj.comparison.significance import (
     LEVEL,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from grosmc_mj.campaign.runs.manifest import flat
+from grosmc_mj.campaign.manifest import flat
 from grosmc_mj.comparison.campaigns import (
     campaign_changes,
     campaign_folders,

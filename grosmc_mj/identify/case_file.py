@@ -9,7 +9,7 @@ from typing import Any
 
 import tomli_w
 
-from grosmc_mj.campaign.family.family import Quantity
+from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.files import written_aside
 from grosmc_mj.identify.fit import Fit

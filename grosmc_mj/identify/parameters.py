@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.family import Quantity, family_of
-from grosmc_mj.campaign.family.plant_sample import plant_sample_of
+from grosmc_mj.campaign.family import Quantity, family_of
+from grosmc_mj.campaign.plant_sample import plant_sample_of
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable

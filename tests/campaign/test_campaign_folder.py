@@ -15,15 +15,13 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_cases import begun, bits, campaign, forged, kept, pair
 
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.findings.findings import findings
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest
-from grosmc_mj.campaign.runs.part import EVERYTHING
-from grosmc_mj.campaign.runs.running import missing, run_missing
-from grosmc_mj.campaign.runs.shard import evaluate
-from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
-from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.findings import findings
+from grosmc_mj.campaign.folder import EVERYTHING, Folder
+from grosmc_mj.campaign.manifest import _HASHED, _hash, manifest_of, read_manifest
+from grosmc_mj.campaign.runs import evaluate
+from grosmc_mj.campaign.work import open_campaign, read_campaign, run_missing, run_shard
+from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.executors import Executor, make_executor
 
 
@@ -78,14 +76,9 @@ def test_a_part_has_a_row_for_each_run_and_controller(finished: Folder) -> None:
     for law in asked.laws:
         own = finished.columns(asked, table.column_names, [1])[law]
         found = evaluate(asked, law, asked.values(range(4, 8)))
-        assert np.array_equal(own["rotor mass scale"], found.values[:, 0])
-        assert np.array_equal(own["load amplitude"], found.values[:, 1])
-        for name, values in found.metrics.items():
-            assert own[name].tobytes() == values.tobytes()
-        for key, values in found.margins.items():
-            assert own[f"margin {key}"].tobytes() == values.tobytes()
-        assert own["relative"].tobytes() == found.relative.tobytes()
-        assert own["status"].tolist() == found.status
+        for name in set(own) - {"id", "controller", "status", "judged_by"}:
+            assert own[name].tobytes() == found[name].tobytes(), name
+        assert own["status"].tolist() == found["status"].tolist()
         assert own["ended"].tolist() == [0.05] * 4
     units = {
         field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema
@@ -100,8 +93,8 @@ def test_parts_are_the_same_in_any_order_and_with_any_threads(
 ) -> None:
     folder = begun(campaign(pair()), tmp_path / "again")
     for index, threads in ((1, 1), (0, 3)):
-        report = run(folder, index, threads)
-        assert (report.index, report.first, report.runs) == (index, 4 * index, 4)
+        counts = run(folder, index, threads)
+        assert {law: count["runs"] for law, count in counts.items()} == {"lqr": 4, "stiff": 4}
     assert bits(folder) == bits(finished)
     assert not list(folder.parts.glob(".*"))
 
@@ -137,7 +130,7 @@ def test_only_what_is_missing_is_run(copy: Folder, finished: Folder) -> None:
     untouched = copy.part(1).stat().st_mtime_ns
     copy.begin(asked, resume=True)
     assert [file.name for file in copy.parts.glob(".*")] == [".other.parquet"]
-    assert missing(asked, copy) == [0]
+    assert copy.missing(asked) == [0]
     run_missing(asked, copy, make_executor("batch"), print, lambda *_: None)
     assert bits(copy) == bits(finished)
     assert copy.part(1).stat().st_mtime_ns == untouched
@@ -149,7 +142,7 @@ def test_a_campaign_without_its_short_last_part_is_not_complete(tmp_path: Path) 
     whole = findings(asked, folder, 0.95)
     assert whole.sampled.words == whole.looked_at.words == "9 runs, random, seed 0"
     folder.part(2).unlink()
-    assert missing(asked, folder) == [2]
+    assert folder.missing(asked) == [2]
     assert findings(asked, folder, 0.95).sampled.words == "8 of 9 runs, random, seed 0"
     rehashed(folder, versions={**read_manifest(folder.path)["versions"], "scipy": "0.1"})
     assert "is not complete" in told(folder.begin, asked, resume=True)
@@ -176,16 +169,6 @@ def test_a_file_in_the_way(tmp_path: Path) -> None:
     way.touch()
     for path in (way, way / "below"):
         assert told(begun, campaign(pair()), path).startswith(f"cannot write {path}")
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "folder" / "parts").touch()
-    said = told(begun, campaign(pair()), tmp_path / "folder")
-    assert "parts: File exists" in said
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_permission(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
-    assert "Permission denied" in told(begun, campaign(pair()), tmp_path / "campaign")
 
 
 @pytest.mark.parametrize(
@@ -208,12 +191,6 @@ def test_another_campaign_in_the_folder_is_refused_with_the_difference(
         assert said.endswith("take another --out")
 
 
-def test_a_changed_file_is_refused_with_what_is_changed(finished: Folder) -> None:
-    wider = campaign(pair().replace("[1, 3]", "[1, 4]"))
-    said = told(finished.begin, wider, resume=True)
-    assert "uncertain.rotor mass scale: uniform: least 1, most 3; nominal 1; unit  there" in said
-
-
 def test_the_same_campaign_needs_resume(finished: Folder) -> None:
     asked = campaign(pair())
     assert "--resume runs what is missing" in told(finished.begin, asked, resume=False)
@@ -227,101 +204,38 @@ def test_parts_without_a_manifest_are_not_overwritten(copy: Folder) -> None:
     assert "is no campaign" in told(run, copy, 0)
 
 
-@pytest.mark.parametrize("cut", [0, 100, -20])
-def test_a_broken_part_is_named(copy: Folder, cut: int) -> None:
-    copy.part(1).write_bytes(copy.part(1).read_bytes()[:cut])
-    said = told(findings, campaign(pair()), copy, 0.95)
-    assert said.startswith(f"{copy.part(1)}: cannot be read (ArrowInvalid): remove it")
-
-
-MANIFESTS: list[tuple[dict[str, Any], str]] = [
-    ({"schema_version": 2}, "is of schema 2; this grosmc_mj reads schema 3 alone: run the camp"),
-    ({"schema_version": 4}, "is of schema 4; this grosmc_mj reads schema 3 alone: run the camp"),
-    ({"schema_version": 10**400}, "it has no schema_version that is a number"),
-    ({"schema_version": None}, "it has no schema_version that is a number"),
-    ({"schema_version": True}, "it has no schema_version that is a number"),
-    ({"hash": "new"}, "its hash is not that of its content: it was changed"),
-    ({"model": "0"}, "its hash is not that of its content: it was changed"),
-    ({"hash": 3}, "cannot be read: hash is no text"),
-    ({"configuration": []}, "cannot be read: configuration is no table"),
-    ({"sources": None}, "cannot be read: sources is no table"),
-    ({"sources": {"law.py": 1}}, "cannot be read: sources has what is no text"),
-    ({"versions": {"numpy": ["2"]}}, "cannot be read: versions has what is no text"),
-    ({"question": "servo"}, "cannot be read: question is no table"),
-    ({"model": "\ud800"}, "cannot be read: it is no text in UTF-8"),
-    ({"git_revision": float("inf")}, "cannot be read: Out of range float values"),
-]
-QUESTIONS: list[tuple[dict[str, Any], str]] = [
-    ({"text": 3}, "text must be a text"),
-    ({"folder": None}, "folder must be a text"),
-    ({"name": "../up"}, "'../up' must be a name for files"),
-    ({"name": ".."}, "'..' must be a name for files"),
-    ({"runs": True}, "runs must be a whole number"),
-    ({"runs": 8.0}, "runs must be a whole number"),
-    ({"runs": 10**4000}, "must be from 1 to"),
-    ({"seed": "0"}, "seed must be a whole number"),
-    ({"shard": [4]}, "shard must be a whole number"),
-    ({"sampler": {}}, "sampler must be a text"),
-    ({"controllers": "lqr"}, "controllers must be a list"),
-    ({"controllers": [["lqr"]]}, "controllers must be texts"),
-    ({"duration": "1 s"}, "duration must be a number"),
-    ({"duration": 10**4000}, "--duration 10000000000000000000 s must be positive and at most"),
-    ({"integrator": 1}, "integrator must be a text or null"),
-    ({"colour": "red"}, "unknown field 'colour'"),
-]
-
-
-@pytest.mark.parametrize(("content", "says"), MANIFESTS)
-def test_a_manifest_that_is_not_ours(copy: Folder, content: dict[str, Any], says: str) -> None:
+@pytest.mark.parametrize(
+    "content",
+    [{"schema_version": 2, "hash": "0"}, {"model": "0"}, {"configuration": []}, {"sources": None},
+     {"question": "servo"}],
+)  # fmt: skip
+def test_a_manifest_that_is_not_ours(copy: Folder, content: dict[str, Any]) -> None:
     changed(copy, **content)
     for of in (read_manifest, read_campaign):
-        said = told(of, copy.path)
-        assert said.startswith(f"{copy.path / 'manifest.json'}")
-        assert says in said
-
-
-@pytest.mark.parametrize(("content", "says"), QUESTIONS)
-def test_a_specification_that_is_none(copy: Folder, content: dict[str, Any], says: str) -> None:
-    changed(copy, question={**read_manifest(copy.path)["question"], **content})
-    said = told(read_campaign, copy.path)
-    assert said.startswith(f"{copy.path / 'manifest.json'}: ")
-    assert says in said
-
-
-def test_a_specification_needs_its_text(copy: Folder) -> None:
-    changed(copy, question={"name": "small", "folder": "."})
-    assert "the specification of this campaign cannot be read: no text" in told(
-        read_campaign, copy.path
-    )
+        line = told(of, copy.path)
+        assert line.startswith(f"{copy.path / 'manifest.json'} is damaged, or of another version")
 
 
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"{", "manifest.json: cannot be read: Expecting"),
-        (b"[1]", "manifest.json: cannot be read: it is no table"),
-        (b"[" * 3000 + b"]" * 3000, "manifest.json: cannot be read: it is nested "),
-        (b'{"a":' * 3000 + b"1" + b"}" * 3000, "manifest.json: cannot be read: it is nested "),
-        (b"[" * 40 + b"]" * 40, "manifest.json: cannot be read: it is nested more than 32 deep"),
-        (b"1" * 5000, "manifest.json: cannot be read: Exceeds the limit"),
-        (b"\xff", "manifest.json: cannot be read: it is no text in UTF-8"),
-        (b'{"schema_version": 3}', "it has no hash and no configuration and no model"),
+        ({"text": 3}, "text = 3"),
+        ({"name": "../up"}, "'../up' must be a name for files"),
+        ({"runs": 8.0}, "runs = 8 must be a whole number"),
+        ({"runs": 10**4000}, "must be a whole number from 1 to"),
+        ({"controllers": [["lqr"]]}, "controllers.0"),
+        ({"colour": "red"}, "there is no argument colour"),
     ],
 )
-def test_a_manifest_that_is_no_json(copy: Folder, content: bytes, says: str) -> None:
-    (copy.path / "manifest.json").write_bytes(content)
+def test_a_specification_that_is_none(copy: Folder, content: dict[str, Any], says: str) -> None:
+    changed(copy, question={**read_manifest(copy.path)["question"], **content})
     assert says in told(read_campaign, copy.path)
 
 
-def test_a_manifest_that_is_no_file(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "manifest.json")
-    assert told(read_campaign, tmp_path) == f"{tmp_path / 'manifest.json'}: is no file"
-
-
-def test_a_case_file_nested_too_deep_is_refused(copy: Folder) -> None:
-    specification = read_manifest(copy.path)["question"]
-    changed(copy, question={**specification, "text": "a = " + "[" * 3000 + "]" * 3000})
-    assert "nested too deep" in told(read_campaign, copy.path)
+@pytest.mark.parametrize("content", [b"{", b"[1]", b"[" * 3000, b"1" * 5000, b"\xff"])
+def test_a_manifest_that_is_no_json(copy: Folder, content: bytes) -> None:
+    (copy.path / "manifest.json").write_bytes(content)
+    assert "manifest.json is damaged" in told(read_campaign, copy.path)
 
 
 @pytest.mark.parametrize(
@@ -358,10 +272,6 @@ def test_findings_of_nothing(tmp_path: Path) -> None:
     folder = begun(campaign(pair()), tmp_path / "empty")
     with pytest.raises(SetupError, match="has no runs yet: --resume"):
         findings(campaign(pair()), folder, 0.95)
-    one = campaign(pair(), runs=1)
-    folder = kept(one, tmp_path / "one")
-    with pytest.raises(ArgumentError):
-        findings(one, folder, 1.0)
 
 
 def test_other_versions_read_a_complete_campaign_and_add_nothing_to_another(copy: Folder) -> None:

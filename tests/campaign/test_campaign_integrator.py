@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import Specification, specification_of
-from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.runs import evaluate
+from grosmc_mj.campaign.specification import Specification, specification_of
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.physics.files import load_model
 
@@ -55,8 +55,10 @@ def margins(specification: Specification) -> tuple[NDArray[np.bool_], Array]:
     """
     asked = Campaign.of(specification)
     values = np.concatenate([asked.values(range(run, run + 1)) for run in NEAR_A_LIMIT])
-    found = evaluate(asked, "grosmc", values).margins
-    return np.array(list(found.values())).T >= 0, np.array(found["deviation_below"])
+    found = evaluate(asked, "grosmc", values)
+    names = [name for name in found.columns if name.startswith("margin ")]
+    kept = np.array([found[name] >= 0 for name in names]).T
+    return kept, found["margin deviation_below"]
 
 
 @pytest.mark.slow

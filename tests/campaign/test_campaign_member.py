@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from campaign_cases import BOTH, LQR, campaign, case, servo
 
-from grosmc_mj.campaign.family.plant_sample import PlantSample
-from grosmc_mj.campaign.runs.shard import plants_of
+from grosmc_mj.campaign.plant_sample import PlantSample
+from grosmc_mj.campaign.runs import Batch
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
@@ -120,13 +120,6 @@ def test_an_amplitude_scales_one_disturbances_wrench() -> None:
     assert load.profile == Pulse(0.02, 0.03)
 
 
-def test_an_amplitude_scales_forces_and_torques() -> None:
-    wrench = 'force = ["1 N", "2 N", "3 N"]\ntorque = ["4 N m", "5 N m", "6 N m"]'
-    blow = f'[[disturbance]]\nbody = "rotor"\n{wrench}\nlabel = "blow"\n'
-    found = plant_sample(table('disturbance = "blow"', "amplitude", "[-2, 2]"), -1.5, more=blow)
-    assert found.case.disturbances[2].wrench == (-1.5, -3.0, -4.5, -6.0, -7.5, -9.0)
-
-
 def test_a_pulse_keeps_its_length() -> None:
     load, hum = plant_sample(table(LOAD, "onset", '["0.1 s", "0.2 s"]'), 0.125).case.disturbances
     assert isinstance(load.profile, Pulse)
@@ -153,7 +146,7 @@ def test_a_start_is_one_state() -> None:
 
 def test_plants_with_the_same_edits_are_one() -> None:
     asked = campaign(servo(BOTH, laws=LQR, limits=""))
-    plant_samples = [asked.plant_sample(values) for values in ([1.5, 0.1], [1.5, -0.3], [2.0, 0.1])]
-    first, second, third = plants_of(asked, plant_samples)
+    values = np.array([[1.5, 0.1], [1.5, -0.3], [2.0, 0.1]])
+    first, second, third = Batch(asked, values, [0] * 3).physics
     assert first is second
     assert third is not first

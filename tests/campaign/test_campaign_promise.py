@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, campaign, servo
 
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.findings import radius as radius_module
-from grosmc_mj.campaign.findings.promise import Promise, surface_band
-from grosmc_mj.campaign.findings.radius import Look, Radius, radius
-from grosmc_mj.campaign.report.document import radius_document
-from grosmc_mj.campaign.report.tables import radius_table
-from grosmc_mj.campaign.runs.screened import screened_search
-from grosmc_mj.campaign.runs.shard import Outcomes, evaluate
+from grosmc_mj.campaign import radius as radius_module
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.promise import Promise, promise
+from grosmc_mj.campaign.radius import Look, Radius, radius
+from grosmc_mj.campaign.runs import Outcomes, evaluate
+from grosmc_mj.campaign.screening import screened_search
 
 GROSMC = '[[controller]]\nlaw = "grosmc"\n'
 
@@ -39,14 +36,14 @@ def test_the_bound_is_what_switching_makes_of_s_in_a_sample() -> None:
     # Of a linear plant rho is largest at the corner of the region, |z| of (1.2, 1.2).
     size = np.hypot(1.2, 1.2)
     rho = p.switching.gain * (p.eta + (p.gamma0 + p.gamma1 * size) * p.size_of_GB)
-    assert surface_band(asked, "grosmc") == pytest.approx(2 * 1e-3 * rho, rel=1e-12)
+    assert promise(asked, "grosmc").band == pytest.approx(2 * 1e-3 * rho, rel=1e-12)
 
 
 def test_a_law_without_a_promise_has_no_bound() -> None:
     asked = campaign(servo(AMPLITUDE))
-    assert surface_band(asked, "lqr") is None
+    assert promise(asked, "lqr").band is None
     found = radius(asked, "lqr")
-    assert (found.band, found.stayed, found.left) == (None, None, None)
+    assert (found.promised.band, found.stayed, found.left) == (None, None, None)
     assert {look.surface for look in found.looks} == {None}
 
 
@@ -54,7 +51,7 @@ def test_the_scale_at_which_s_leaves_lies_between_one_that_does_and_one_that_doe
     reached: Radius,
 ) -> None:
     asked = pushed()
-    assert reached.band is not None
+    assert reached.promised.band is not None
     assert reached.stayed is not None
     assert reached.left is not None
     assert reached.left.leaver is not None
@@ -62,11 +59,11 @@ def test_the_scale_at_which_s_leaves_lies_between_one_that_does_and_one_that_doe
     # The load's ends are the worst of the family.
     for scale, leaves in ((reached.stayed, False), (reached.left.scale, True)):
         ends = np.array([[-scale], [scale]])
-        metrics = evaluate(asked, "grosmc", ends).metrics
+        metrics = evaluate(asked, "grosmc", ends)
         away = (metrics["max_sliding"] - metrics["sliding_start"]).max()
-        assert (away > reached.band) == leaves
-    own = evaluate(asked, "grosmc", reached.left.leaver[None]).metrics["max_sliding"][0]
-    assert own / reached.band == pytest.approx(reached.left.surface, rel=1e-12)
+        assert (away > reached.promised.band) == leaves
+    own = evaluate(asked, "grosmc", reached.left.leaver[None])["max_sliding"][0]
+    assert own / reached.promised.band == pytest.approx(reached.left.surface, rel=1e-12)
 
 
 def test_it_does_not_depend_on_requirements_that_are_looser_or_stricter(reached: Radius) -> None:
@@ -86,12 +83,12 @@ def test_a_law_whose_surface_is_not_zero_at_the_start_may_keep_that(
     reached: Radius, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The promise is that |s| does not grow: with |s(0)| of 1 A s more, all of |s| is that more."""
-    band = reached.band
+    band = reached.promised.band
 
     def offset(*arguments: Any) -> Outcomes:
         runs = screened_search(*arguments)
-        metrics = {name: runs.metrics[name] + 1.0 for name in ("max_sliding", "sliding_start")}
-        return replace(runs, metrics={**runs.metrics, **metrics})
+        columns = {name: runs[name] + 1.0 for name in ("max_sliding", "sliding_start")}
+        return runs.changed(**columns)
 
     monkeypatch.setattr(radius_module, "screened_search", offset)
     again = radius(pushed(), "grosmc")
@@ -110,27 +107,12 @@ def test_the_promise_is_kept_by_what_it_is_of(reached: Radius) -> None:
     assert reached.promised.scale <= reached.stayed
 
 
-def test_both_are_printed_and_kept(reached: Radius) -> None:
-    asked = pushed()
-    assert reached.left is not None
-    document = radius_document(asked, [reached])["controllers"]["grosmc"]
-    assert document["surface_kept"] == reached.stayed
-    assert document["surface_left_scale"] == reached.left.scale
-    assert document["surface_band"] == reached.band
-    assert set(document["surface_left"]) == {"load amplitude"}
-    table = radius_table(asked, [reached])
-    headers = [str(column.header).replace("\n", " ") for column in table.columns]
-    (row,) = table.rows
-    kept_at, left_at = (row[headers.index(name)] for name in ("|s| kept up to", "|s| leaves at"))
-    assert (kept_at, left_at) == (f"{reached.stayed:.3g}", f"{reached.left.scale:.3g}")
-
-
 def test_failures_of_requirements_and_of_the_surface_are_told_apart() -> None:
     looks = tuple(
         Look(scale, 0.0, failures, np.zeros(1), 0.5, leaving, np.zeros(1))
         for scale, failures, leaving in ((0.0, 0, 0), (0.5, 1, 0), (1.0, 1, 2))
     )
-    made = Radius("grosmc", 8, looks, Promise(0.4, ""), 8.0, 0.1)
+    made = Radius("grosmc", 8, looks, Promise(0.4, "", 0.1), 8.0)
     assert (made.found, made.stayed) == (0.0, 0.5)
     assert made.outside is looks[1]
     assert made.left is looks[2]

@@ -13,10 +13,10 @@ import pytest
 from campaign_cases import DEVIATION, LQR, begun, servo, specification
 
 from grosmc_mj import cli
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.manifest import _HASHED, _hash, manifest_of, read_manifest, sources_of
-from grosmc_mj.campaign.runs.work import open_campaign, read_campaign, run_shard
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import Folder
+from grosmc_mj.campaign.manifest import _HASHED, _hash, _sources, manifest_of, read_manifest
+from grosmc_mj.campaign.work import open_campaign, read_campaign, run_shard
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.file.user_code import sources
 
@@ -148,21 +148,6 @@ def test_python_that_is_not_the_recorded_one_is_not_imported(
     assert not folder.done(1)
 
 
-def test_python_that_is_not_there_any_more_or_is_new_is_refused(
-    folder: Folder, file: Path, trace: Path
-) -> None:
-    (file.parent / "canary_helper.py").rename(file.parent / "elsewhere.py")
-    with pytest.raises(GrosmcError, match=r"canary_helper.py: .* there, nothing now"):
-        read_campaign(folder.path, file)
-    # A package has precedence over a file of its name.
-    (file.parent / "elsewhere.py").rename(file.parent / "canary_helper.py")
-    (file.parent / "canary_helper").mkdir()
-    (file.parent / "canary_helper" / "__init__.py").write_text("HEIGHT = 1.0\n")
-    with pytest.raises(GrosmcError, match=r"canary_helper/__init__.py: nothing there"):
-        read_campaign(folder.path, file)
-    assert not trace.exists()
-
-
 def test_a_case_file_of_another_text_is_refused(folder: Folder, file: Path, trace: Path) -> None:
     file.write_text(file.read_text().replace('duration = "', 'duration = "1'))
     with pytest.raises(GrosmcError, match=r"is not the case file of .*: its text is another"):
@@ -192,25 +177,11 @@ def test_a_worker_builds_what_it_was_given_and_not_what_the_folder_says(
     assert folder.done(0)
     # One that is bound to itself is another campaign.
     manifest = json.loads((folder.path / "manifest.json").read_text())
-    manifest["sources"] = sources_of(specification(**foreign))
+    manifest["sources"] = _sources(specification(**foreign))
     manifest["hash"] = _hash({key: manifest[key] for key in _HASHED})
     (folder.path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(GrosmcError, match="another campaign than the one that was begun"):
         run_shard(str(folder.path), asked.specification, bound_to, 1)
-    assert not trace.exists()
-
-
-def test_resuming_a_folder_that_asks_for_python_imports_none(
-    file: Path, trace: Path, tmp_path: Path
-) -> None:
-    plain = tmp_path / "plain.toml"
-    plain.write_text(servo(INERTIA, laws=LQR, limits=DEVIATION))
-    asked = ("campaign", plain, *SIZE, "--out", tmp_path / "out", "--no-figures")
-    assert run(*asked) == cli.DONE
-    folder = Folder(tmp_path / "out")
-    folder.part(1).unlink()
-    with_question(folder, text=file.read_text(), folder=str(file.parent))
-    assert run(*asked, "--resume") == cli.DONE
     assert not trace.exists()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 
 import numpy as np
 import pytest
@@ -14,13 +13,11 @@ from scipy import stats
 from scipy.stats import qmc
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.sampling import (
+from grosmc_mj.campaign.sampling import (
     HYPERCUBE,
     SEQUENCE,
-    all_corners,
     unit_points,
 )
-from grosmc_mj.campaign.family.specification import Specification
 
 DIMENSIONS = 3
 INDEPENDENT = ["sobol", "lhs", "random"]
@@ -90,10 +87,9 @@ def test_each_128_points_of_lhs_are_a_latin_hypercube() -> None:
 
 def test_corners_are_all_corners_once() -> None:
     points = unit_points("corners", DIMENSIONS, 0, 0, 8)
-    assert {tuple(each) for each in points} == {tuple(each) for each in all_corners(DIMENSIONS, 8)}
+    assert {tuple(each) for each in points} == set(itertools.product((0.0, 1.0), repeat=DIMENSIONS))
     assert len(np.unique(points, axis=0)) == 8
     assert set(points.ravel()) == {0.0, 1.0}
-    assert len(all_corners(DIMENSIONS, 7)) == 0
 
 
 def test_random_points_are_uniform_and_independent() -> None:
@@ -124,18 +120,3 @@ def test_runs_have_the_values_of_their_number_whatever_the_part() -> None:
     text = servo(laws=LQR, limits="")
     one, other = campaign(text, runs=8, shard=3), campaign(text, runs=100, shard=64)
     assert np.array_equal(one.values(range(6, 8)), other.values(range(100))[6:8])
-
-
-def test_parts_cover_all_runs_once() -> None:
-    asked = Specification("n", "", ".", runs=1030, shard=512)
-    assert [asked.ids(index) for index in range(asked.shards)] == [
-        range(512),
-        range(512, 1024),
-        range(1024, 1030),
-    ]
-
-
-def test_sobol_gives_no_warning_for_a_part() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        unit_points("sobol", DIMENSIONS, 0, 3, 5)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from campaign_cases import BOTH, LAWS, LOAD, LQR, PLANT, campaign, falling, servo
 
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.runs.shard import evaluate
+from grosmc_mj.campaign.runs import Batch, evaluate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.metrics import (
     METRICS,
@@ -44,54 +42,52 @@ def test_rows_are_those_of_single_runs(law: str) -> None:
             engine="native",
         )
         meters: Any = run.meters
-        assert found.metrics["deviation"][i] == meters["deviation"]
-        assert found.metrics["max_input"][i] == np.abs(run.command).max()
-        assert found.margins["deviation_below"][i] == 3e-3 - meters["deviation"]
-        assert found.margins["input_below"][i] == 10 - np.abs(run.command).max()
+        assert found["deviation"][i] == meters["deviation"]
+        assert found["max_input"][i] == np.abs(run.command).max()
+        assert found["margin deviation_below"][i] == 3e-3 - meters["deviation"]
+        assert found["margin input_below"][i] == 10 - np.abs(run.command).max()
         if law == "grosmc":
             assert run.sliding is not None
-            assert found.metrics["max_sliding"][i] == np.abs(run.sliding).max()
-            assert found.margins["sliding_below"][i] == 0.02 - np.abs(run.sliding).max()
+            assert found["max_sliding"][i] == np.abs(run.sliding).max()
+            assert found["margin sliding_below"][i] == 0.02 - np.abs(run.sliding).max()
         else:
-            assert np.isnan(found.margins["sliding_below"][i])
-    assert found.status == ["completed"] * 4
-    assert found.ended.tolist() == [0.05] * 4
+            assert np.isnan(found["margin sliding_below"][i])
+    assert found["status"].tolist() == ["completed"] * 4
+    assert found["ended"].tolist() == [0.05] * 4
 
 
 @pytest.mark.parametrize("law", ["lqr", "grosmc"])
 def test_a_row_does_not_depend_on_its_neighbours_or_threads(law: str) -> None:
     asked = campaign(servo())
     values = asked.values(range(6))
-    together = evaluate(asked, law, values, threads=1)
-    alone = [evaluate(asked, law, values[i : i + 1], threads=2) for i in range(6)]
-    for name, each in {**together.metrics, **together.margins}.items():
-        own = np.array([{**one.metrics, **one.margins}[name][0] for one in alone])
-        assert each.tobytes() == own.tobytes()
+    together = Batch(asked, values, [0] * 6, threads=1).run(law)
+    alone = [Batch(asked, values[i : i + 1], [0], threads=2).run(law) for i in range(6)]
+    for name in (*METRICS, "margin deviation_below", "margin sliding_below", "relative", "order"):
+        own = np.array([one[name][0] for one in alone])
+        assert together[name].tobytes() == own.tobytes()
 
 
 def test_relative_is_the_least_margin_in_parts_of_its_limit() -> None:
     asked = campaign(servo())
     found = evaluate(asked, "grosmc", asked.values(range(8)))
     limits = {"deviation_below": 3e-3, "input_below": 10.0, "sliding_below": 0.02}
-    shares = np.stack([found.margins[key] / limit for key, limit in limits.items()])
-    assert np.array_equal(found.relative, shares.min(axis=0))
-    assert np.array_equal(found.kept, np.all(np.stack(list(found.margins.values())) >= 0, axis=0))
+    shares = np.stack([found["margin " + key] / limit for key, limit in limits.items()])
+    assert np.array_equal(found["relative"], shares.min(axis=0))
 
 
 def test_runs_that_end_early_fail_with_their_cause() -> None:
     asked = falling()
     values = asked.values(range(16))
     found = evaluate(asked, "fl-lqr", values)
-    ended = np.array(found.status) != "completed"
+    ended = np.array(found["status"]) != "completed"
     assert 0 < ended.sum() < 16
-    assert set(np.array(found.status)[ended]) == {"undefined_law"}
-    assert np.all(np.isneginf(found.margins["deviation_below"][ended]))
-    assert np.all(np.isneginf(found.relative[ended]))
-    assert not np.any(found.kept[ended])
-    assert np.all(np.isnan(found.metrics["deviation"][ended]))
-    assert np.all(found.ended[ended] < 0.3)
-    assert np.all(found.ended[~ended] == 0.3)
-    assert np.all(np.isfinite(found.margins["deviation_below"][~ended]))
+    assert set(np.array(found["status"])[ended]) == {"undefined_law"}
+    assert np.all(np.isneginf(found["margin deviation_below"][ended]))
+    assert np.all(np.isneginf(found["relative"][ended]))
+    assert np.all(np.isnan(found["deviation"][ended]))
+    assert np.all(found["ended"][ended] < 0.3)
+    assert np.all(found["ended"][~ended] == 0.3)
+    assert np.all(np.isfinite(found["margin deviation_below"][~ended]))
     first = int(np.flatnonzero(ended)[0])
     plant_sample = asked.plant_sample(values[first])
     with pytest.raises(UndefinedLawError) as why:
@@ -103,24 +99,27 @@ def test_runs_that_end_early_fail_with_their_cause() -> None:
             control_period=0.001,
             engine="native",
         )
-    assert float(why.value.trajectory.valid_until) == found.ended[first]
+    assert float(why.value.trajectory.valid_until) == found["ended"][first]
 
 
 def test_without_requirements_a_run_keeps_everything_if_it_completes() -> None:
     asked = campaign(servo(laws=LQR, limits=""))
     found = evaluate(asked, "lqr", asked.values(range(2)))
-    assert found.margins == {}
-    assert found.relative.tolist() == [1.0, 1.0]
+    assert not any(name.startswith("margin") for name in found.columns)
+    assert found["relative"].tolist() == [1.0, 1.0]
 
 
 def test_requirements_of_a_kind_have_columns_of_their_own() -> None:
     more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "{} mrad"\n'
     asked = campaign(servo(BOTH, laws=LAWS) + more.format(4) + more.format(5))
     found = evaluate(asked, "lqr", asked.values(range(2)))
-    assert list(found.margins)[-2:] == ["deviation_below 2", "deviation_below 3"]
+    assert [name for name in found.columns if name.startswith("margin")][-2:] == [
+        "margin deviation_below 2",
+        "margin deviation_below 3",
+    ]
     for number, wider in ((2, 1e-3), (3, 2e-3)):
-        margins = found.margins[f"deviation_below {number}"]
-        np.testing.assert_allclose(margins - found.margins["deviation_below"], wider, rtol=1e-12)
+        margins = found[f"margin deviation_below {number}"]
+        np.testing.assert_allclose(margins - found["margin deviation_below"], wider, rtol=1e-12)
 
 
 def test_errors_after_an_instant_are_measured_from_then_on() -> None:
@@ -131,8 +130,8 @@ def test_errors_after_an_instant_are_measured_from_then_on() -> None:
     )
     found = evaluate(asked, "lqr", asked.values(range(2)))
     # The rotor starts 1 rad away and moves towards its goal.
-    assert found.margins["stays_within 2"].tolist() == [1.0, 1.0]
-    assert np.all(found.margins["stays_within"] > 1.0)
+    assert found["margin stays_within 2"].tolist() == [1.0, 1.0]
+    assert np.all(found["margin stays_within"] > 1.0)
 
 
 RATIO = "[[requirement]]\ncost_ratio_below = {}\n"
@@ -142,7 +141,7 @@ RATIO = "[[requirement]]\ncost_ratio_below = {}\n"
 def test_a_cost_ratio_is_that_of_the_recorded_run(law: str) -> None:
     asked = campaign(servo(limits=RATIO.format(1.5)))
     values = asked.values(range(4))
-    margins = evaluate(asked, law, values).margins["cost_ratio_below"]
+    margins = evaluate(asked, law, values)["margin cost_ratio_below"]
     for row, margin in zip(values, margins, strict=True):
         plant_sample = asked.plant_sample(row)
         run = simulate(
@@ -167,9 +166,9 @@ def test_a_run_without_any_cost_to_compare_with_fails() -> None:
     start = PLANT.format(system="servo", duration=0.05, start='{ "rotor angle" = "1 rad" }')
     asked = campaign(start + LOAD + BOTH + LQR + RATIO.format(1e6))
     found = evaluate(asked, "lqr", asked.values(range(2)))
-    assert found.status == ["completed"] * 2
-    assert np.all(np.isneginf(found.margins["cost_ratio_below"]))
-    assert not np.any(found.kept)
+    assert found["status"].tolist() == ["completed"] * 2
+    assert np.all(np.isneginf(found["margin cost_ratio_below"]))
+    assert np.all(found["relative"] < 0)
 
 
 def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
@@ -208,9 +207,3 @@ def test_every_requirement_and_metric_is_of_its_own_meter() -> None:
         "sliding_start": 0.5,
         "settling_time": np.inf,
     }
-
-
-def test_a_seed_is_a_family_of_its_own() -> None:
-    asked = campaign(servo(laws=LQR, limits=""))
-    other = Campaign.of(replace(asked.specification, seed=1))
-    assert not np.any(asked.values(range(8)) == other.values(range(8)))

@@ -135,7 +135,7 @@ main(["run", {str(case)!r}])
 # What becomes of the results.
 
 # Of the documents of the commands that judge.
-SCHEMAS = {"run": 1, "premises": 2, "claims": 2, "campaign": 4}
+SCHEMAS = {"run": 2, "premises": 2, "claims": 2, "campaign": 2}
 
 
 def commands(folder: Path, case: Path) -> dict[str, tuple[tuple[Any, ...], Path, int]]:

@@ -18,7 +18,7 @@ from scipy import stats
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.findings.basis import Basis
+from grosmc_mj.campaign.findings import Basis
 from grosmc_mj.comparison.campaigns import CampaignRows, campaign_changes
 from grosmc_mj.comparison.changes import Change, Effect
 from grosmc_mj.comparison.comparison import compare

@@ -12,8 +12,8 @@ import pytest
 from benchmarks import coverage
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import specification_of
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.specification import specification_of
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional, arg
 
+from grosmc_mj import campaign as campaigns
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.campaign import answer
 from grosmc_mj.cli.commands.campaign.replay import replay_run
-from grosmc_mj.cli.commands.campaign.running import run_parts, say_integrator
+from grosmc_mj.cli.commands.campaign.running import run_parts
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from grosmc_mj.campaign.family.campaign import Campaign
-    from grosmc_mj.campaign.findings.findings import Findings
-    from grosmc_mj.campaign.findings.radius import Radius
-    from grosmc_mj.campaign.runs.folder import Folder
+    from grosmc_mj.campaign.campaign import Campaign
+    from grosmc_mj.campaign.findings import Findings
+    from grosmc_mj.campaign.folder import Folder
+    from grosmc_mj.campaign.radius import Radius
+    from grosmc_mj.campaign.worst import Worst
 
 FOLDER = Path("renders") / "campaigns"
 _MOST_EVALUATIONS = 10**7
+# Options that are the specification's own.
+_SPECIFIED = (
+    "runs", "shard", "seed", "sampler", "controllers", "control_period", "duration", "integrator",
+    "screen",
+)  # fmt: skip
 # Options of a replay alone, and those that both have.
 _OF_REPLAY = ("controller", "engine", "case_file", "film")
 _OF_BOTH = ("target", "out", "figures", "verbose", "replay")
@@ -128,179 +133,120 @@ class CampaignCommand(Command):
     film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def execute(self) -> int:
-        """Run what is missing, say what is there, search where that is asked for."""
-        from grosmc_mj.campaign.family.campaign import Campaign
-        from grosmc_mj.campaign.family.specification import specification_of
-        from grosmc_mj.campaign.findings.findings import findings
-        from grosmc_mj.campaign.report.document import RESULTS, results_document
-        from grosmc_mj.campaign.runs.folder import Folder
-        from grosmc_mj.campaign.runs.manifest import read_manifest, refuse_other_code
-        from grosmc_mj.campaign.runs.replay import RADIUS
+        """Run the missing parts, print the answer, search for worst plants and radii."""
         from grosmc_mj.executors import make_executor
-        from grosmc_mj.results.document import write_json
 
         self._refuse_idle()
         if self.replay is not None:
             return replay_run(self, self.replay)
-        _check(self)
-        specification = specification_of(
-            self.target,
-            runs=self.runs,
-            shard=self.shard,
-            seed=self.seed,
-            sampler=self.sampler,
-            controllers=self.controllers or None,
-            control_period=self.control_period,
-            duration=self.duration,
-            integrator=self.integrator,
-            screen=self.screen,
-        )
-        folder = Folder(self.out or FOLDER / specification.name)
+        self._refuse_numbers()
+        specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
+        specification = campaigns.specification.specification_of(self.target, **specified)
+        folder = campaigns.folder.Folder(self.out or FOLDER / specification.name)
         if folder.begun:
-            refuse_other_code(folder.path, read_manifest(folder.path), specification)
-        asked = Campaign.of(specification)
-        _check_axes(self, asked)
+            there = campaigns.manifest.read_manifest(folder.path)
+            campaigns.manifest.refuse_other_code(folder.path, there, specification)
+        campaign = campaigns.campaign.Campaign.of(specification)
+        self._refuse_axes(campaign.names)
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
         console = screen.console()
         with folder.held():
-            for line in folder.begin(asked, resume=self.resume):
-                screen.notice(line)
-            say_integrator(asked)
-            for line in asked.not_judged:
-                screen.notice(line)
-            for name in asked.idle:
-                screen.notice(
-                    f"{name} never acts: runs end at {asked.duration:g} s, before it begins."
+            notices = folder.begin(campaign, resume=self.resume)
+            if campaign.plant.restepped:
+                notices.append(
+                    f"Steps by {campaign.experiment.settings.integrator} instead of the model's "
+                    "own integrator, which may judge some plants otherwise."
                 )
-            done = run_parts(asked, folder, executor)
-        found = findings(asked, folder, self.confidence)
-        files = [folder.path / RESULTS]
-        write_json(files[0], results_document(asked, found))
-        code = answer.say_verdict(console, asked, found, self.at_least, self.confidence)
-        answer.say_findings(console, asked, found)
-        for line in done:
-            console.print(line, style="dim")
-        if self.verbose:
-            answer.say_tables(console, asked, found)
+            late = f"never acts: runs end at {campaign.duration:g} s, before it begins."
+            notices += [*campaign.not_judged, *(f"{name} {late}" for name in campaign.idle)]
+            for line in notices:
+                screen.notice(line)
+            progress = run_parts(campaign, folder, executor)
+        found = campaigns.findings.findings(campaign, folder, self.confidence)
+        document = campaigns.document.results_document(campaign, found)
+        files = [_written(folder, campaigns.document.RESULTS, document)]
+        code = answer.say_verdict(console, campaign, found, self.at_least, self.confidence)
+        answer.say_findings(console, campaign, found, progress, full=self.verbose)
+        reached: list[Radius] = []
         if self.worst:
-            files.append(self._search(console, asked, folder, found))
-        reached = self._grow(console, asked, folder) if self.radius else []
-        if reached:
-            files.append(folder.path / RADIUS)
+            plants = self._worst(campaign, found)
+            document = campaigns.document.worst_document(campaign, plants)
+            files.append(_written(folder, campaigns.replay.WORST, document))
+            answer.say_worst(console, campaign, plants, full=self.verbose)
+        if self.radius:
+            reached = self._radii(campaign)
+            document = campaigns.document.radius_document(campaign, reached)
+            files.append(_written(folder, campaigns.replay.RADIUS, document))
+            answer.say_radius(console, campaign, reached, full=self.verbose)
         if self.figures:
-            files += self._draw(asked, folder, found, reached)
+            files += campaigns.figures.write_figures(campaign, folder, found, reached, self.axes)
         screen.say_files(console, *files)
         return code
 
     def _refuse_idle(self) -> None:
         """Refuse options of the other kind: of a campaign in a replay, of a replay elsewhere."""
-        for each in fields(self):
-            name, of_replay = each.name, each.name in _OF_REPLAY
-            if name in _OF_BOTH or getattr(self, name) == each.default:
-                continue
-            if of_replay != (self.replay is not None):
-                option = f"--{name.replace('_', '-')}"
+        for option in fields(self):
+            name, of_replay = option.name, option.name in _OF_REPLAY
+            idle = name not in _OF_BOTH and of_replay != (self.replay is not None)
+            if idle and getattr(self, name) != option.default:
                 where = "for --replay only" if of_replay else "not for --replay"
-                raise ArgumentError(f"{option} is {where}: leave it out")
+                raise ArgumentError(f"--{name.replace('_', '-')} is {where}: leave it out")
 
-    def _search(self, console: Console, asked: Campaign, folder: Folder, found: Findings) -> Path:
-        """Search for the worst plants."""
-        from grosmc_mj.campaign.findings.worst import worst
-        from grosmc_mj.campaign.report.document import worst_document
-        from grosmc_mj.campaign.runs.replay import WORST
-        from grosmc_mj.results.document import write_json
+    def _refuse_numbers(self) -> None:
+        """Refuse shares that are none, and too short a search, before anything is run."""
+        for name, value in (("confidence", self.confidence), ("at-least", self.at_least)):
+            if value is not None and not 0 < value < 1:
+                raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
+        if self.at_least is not None and self.sampler != "random":
+            raise ArgumentError(
+                f"--at-least takes independent runs, which --sampler {self.sampler} does not draw: "
+                "take --sampler random"
+            )
+        least = campaigns.worst.LEAST
+        if self.worst and not least <= self.evaluations <= _MOST_EVALUATIONS:
+            raise ArgumentError(
+                f"--evaluations {self.evaluations} must be {least} or more, up to "
+                f"{_MOST_EVALUATIONS}"
+            )
 
-        searched = []
-        with screen.progress(2 * self.evaluations * len(asked.judged), "runs") as advance:
-            for law in asked.judged:
-                advance(f"worst plant under {law}", 0)
-                searched.append(
-                    worst(
-                        asked,
-                        law,
-                        found.worst[law],
-                        self.evaluations,
-                        lambda runs: advance(f"worst plant under {law}", runs),  # noqa: B023
-                    )
+    def _refuse_axes(self, names: list[str]) -> None:
+        """Refuse axes that are no two uncertain numbers."""
+        for name in self.axes:
+            if name not in names:
+                raise ArgumentError(unknown_name("uncertain number", name, names))
+        if self.axes and not len(self.axes) == len(set(self.axes)) == 2:
+            raise ArgumentError(f"--axes {' '.join(self.axes)}: name two uncertain numbers")
+
+    def _worst(self, campaign: Campaign, found: Findings) -> list[Worst]:
+        """The worst plant under each law."""
+        with screen.progress(2 * self.evaluations * len(campaign.judged), "runs") as advance:
+            return [
+                campaigns.worst.worst(
+                    campaign,
+                    law,
+                    found.worst[law],
+                    self.evaluations,
+                    partial(advance, f"worst plant under {law}"),
                 )
-        write_json(folder.path / WORST, worst_document(asked, searched))
-        answer.say_worst(console, asked, searched, full=self.verbose)
-        return folder.path / WORST
+                for law in campaign.judged
+            ]
 
-    def _grow(self, console: Console, asked: Campaign, folder: Folder) -> list[Radius]:
-        """Look how far the uncertainty may grow."""
-        from grosmc_mj.campaign.findings.radius import radius
-        from grosmc_mj.campaign.report.document import radius_document
-        from grosmc_mj.campaign.runs.replay import RADIUS
-        from grosmc_mj.results.document import write_json
-
+    def _radii(self, campaign: Campaign) -> list[Radius]:
+        """How far the uncertainty may grow under each law."""
         reached = []
-        with screen.progress(len(asked.judged), "controllers") as advance:
-            for law in asked.judged:
-                advance(f"radius under {law}", 0)
-                reached.append(
-                    radius(
-                        asked,
-                        law,
-                        lambda runs: advance(f"radius under {law}: {runs} runs", 0),  # noqa: B023
-                    )
-                )
-                advance(f"radius under {law}")
-        write_json(folder.path / RADIUS, radius_document(asked, reached))
-        answer.say_radius(console, asked, reached, full=self.verbose)
+        with screen.progress(len(campaign.judged), "controllers") as advance:
+            for law in campaign.judged:
+                words = f"radius under {law}"
+                advance(words, 0)
+                step = partial(lambda words, _: advance(words, 0), words)
+                reached.append(campaigns.radius.radius(campaign, law, step))
+                advance(words)
         return reached
 
-    def _draw(
-        self, asked: Campaign, folder: Folder, found: Findings, reached: Sequence[Radius]
-    ) -> list[Path]:
-        """Draw the figures; returns one file of each."""
-        from grosmc_mj.campaign.report.margin_figure import write_margins
-        from grosmc_mj.campaign.report.pass_map_figure import map_axes, write_pass_map
-        from grosmc_mj.campaign.report.radius_figure import write_radius
 
-        margins, plane, grown = (
-            [folder.path / f"{name}.{suffix}" for suffix in ("png", "svg")]
-            for name in ("margins", "map", "radius")
-        )
-        files = []
-        if found.summaries:
-            write_margins(asked, found, margins)
-            files.append(margins[0])
-        axes = map_axes(asked, found, self.axes)
-        if axes is not None:
-            write_pass_map(asked, folder, found, axes, plane)
-            files.append(plane[0])
-        if reached:
-            write_radius(asked, reached, grown)
-            files.append(grown[0])
-        return files
+def _written(folder: Folder, name: str, document: dict[str, Any]) -> Path:
+    """Write a result into the campaign's folder."""
+    from grosmc_mj.results.document import write_json
 
-
-def _check(command: CampaignCommand) -> None:
-    """Refuse shares that are none, and too short a search, before anything is run."""
-    from grosmc_mj.campaign.findings.worst import LEAST
-
-    for name, value in (("confidence", command.confidence), ("at-least", command.at_least)):
-        if value is not None and not 0 < value < 1:
-            raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
-    if command.at_least is not None and command.sampler != "random":
-        raise ArgumentError(
-            f"--at-least takes independent runs, which --sampler {command.sampler} does not draw: "
-            "take --sampler random"
-        )
-    if command.worst and not LEAST <= command.evaluations <= _MOST_EVALUATIONS:
-        raise ArgumentError(
-            f"--evaluations {command.evaluations} must be {LEAST} or more, up to "
-            f"{_MOST_EVALUATIONS}"
-        )
-
-
-def _check_axes(command: CampaignCommand, asked: Campaign) -> None:
-    """Refuse axes that are no uncertain numbers."""
-    if command.axes and len(command.axes) != 2:
-        raise ArgumentError(f"--axes names {len(command.axes)}: name two uncertain numbers")
-    for name in command.axes:
-        if name not in asked.family.names:
-            raise ArgumentError(unknown_name("uncertain number", name, asked.family.names))
-    if command.axes and command.axes[0] == command.axes[1]:
-        raise ArgumentError(f"--axes {command.axes[0]!r} twice: name two different numbers")
+    write_json(folder.path / name, document)
+    return folder.path / name

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+from grosmc_mj import campaign as campaigns
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands.run import runs_table
 from grosmc_mj.cli.films import FOLDER, film_runs
@@ -14,11 +15,9 @@ from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.campaign.family.campaign import Campaign
-    from grosmc_mj.campaign.runs.replay import ReplayedRun
+    from grosmc_mj.campaign.campaign import Campaign
+    from grosmc_mj.campaign.replay import ReplayedRun
     from grosmc_mj.cli.commands.campaign.command import CampaignCommand
-
-_ODD = re.compile(r"[^\w.+-]+")
 
 
 def replay_run(command: CampaignCommand, which: str) -> int:
@@ -28,47 +27,36 @@ def replay_run(command: CampaignCommand, which: str) -> int:
         command: With the campaign's folder as its target.
         which: Number or name of the run.
     """
-    from grosmc_mj.campaign.report.document import replay_document
-    from grosmc_mj.campaign.runs.folder import Folder
-    from grosmc_mj.campaign.runs.replay import replay
-    from grosmc_mj.campaign.runs.shard import EQUATIONS
-    from grosmc_mj.campaign.runs.work import read_campaign
     from grosmc_mj.experiments import tables
     from grosmc_mj.simulation.simulate import Engine
 
     if command.engine not in get_args(Engine):
         raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
-    console, folder = screen.console(), Path(command.target)
-    campaign, notices = read_campaign(folder, command.case_file)
-    found = replay(
-        campaign,
-        Folder(folder),
-        which,
-        command.controller,
-        command.engine,  # pyright: ignore[reportArgumentType]
-    )
+    console, folder, engine = screen.console(), Path(command.target), command.engine
+    campaign, notices = campaigns.work.read_campaign(folder, command.case_file)
+    run: Any = (campaign, campaigns.folder.Folder(folder), which, command.controller, engine)
+    found = campaigns.replay.replay(*run)
     result = found.judged
-    name = f"{which}_{_ODD.sub('_', result.controller.name)}"
-    base = (command.out or folder / "replays") / name
-    unwritten = _written(command, base, replay_document(campaign, found, command.engine))
-    if found.stored and not found.differences:
-        by = " by the equations" if found.outcome.judged_by[0] == EQUATIONS else ""
-        words = (
-            f"Run {which} is what the campaign stored{by}, bit for bit; engine {command.engine}."
-        )
+    law = re.sub(r"[^\w.+-]+", "_", result.controller.name)
+    base = (command.out or folder / "replays") / f"{which}_{law}"
+    unwritten = _written(command, base, campaigns.document.replay_document(campaign, found, engine))
+    if found.differences == []:
+        by = " by the equations" if found.outcome["judged_by"][0] == "equations" else ""
+        words = f"Run {which} is what the campaign stored{by}, bit for bit; engine {engine}."
         screen.say_verdict(console, words, good=True)
-    elif found.stored:
+    elif found.differences:
         screen.say_verdict(console, f"Run {which} is not what the campaign stored.", good=False)
     if not result.ended:
         words = "Numbers are of the law's samples, as they are stored; costs are of the recording."
         console.print(words, style="dim")
-    for line in found.differences:
+    for line in found.differences or ():
         console.print(f"differs: {line}", style="bold red", soft_wrap=True)
-    screen.say_lines(console, _margins(campaign, found), "", all=command.verbose)
+    margins, numbers = _lines(campaign, found)
+    screen.say_lines(console, margins, "", all=command.verbose)
     screen.say_lines(console, notices, "yellow", all=command.verbose)
     screen.say_lines(console, tables.endings([result]), all=command.verbose)
     console.print(runs_table([result]))
-    screen.say_lines(console, _plant(campaign, found), "", all=command.verbose)
+    screen.say_lines(console, numbers, "", all=command.verbose)
     if command.verbose:
         wide = screen.wide_console()
         wide.print(tables.results_table([result]))
@@ -119,26 +107,19 @@ def _draw(
         film_runs(console, [found.result], campaign.experiment.settings, film)
 
 
-def _plant(campaign: Campaign, found: ReplayedRun) -> list[str]:
-    """The plant's uncertain numbers, a line each."""
-    from grosmc_mj.campaign.report.tables import numbers_as_run
+def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]]:
+    """Margins of the run, the least first, and the plant's uncertain numbers, a line each."""
+    import numpy as np
 
-    drawn, lines = [found.values[name] for name in campaign.family.names], []
-    for each, value, nominal in numbers_as_run(campaign, drawn):
-        unit, factor = each.shown_unit
-        said = f"{each.name}: {value * factor:.6g} {unit}".rstrip()
-        lines.append(f"{said} (nominal {nominal * factor:.4g})")
-    return lines
-
-
-def _margins(campaign: Campaign, found: ReplayedRun) -> list[str]:
-    """The margins of its requirements, a line each, the least first."""
-    margins = [
-        (
-            found.outcome.margins[each.key][0],
-            f"{each.words}: margin {found.outcome.margins[each.key][0]:+.4g} {each.unit}".rstrip(),
-        )
-        for each in campaign.requirements
-        if found.outcome.controller in each.of
-    ]
-    return [words for _, words in sorted(margins)] or ["nothing is required of it"]
+    outcome, drawn = found.outcome, []
+    margins = sorted(
+        (float(outcome[f"margin {limit.key}"][0]), limit.words, limit.unit)
+        for limit in campaign.limits_of(outcome.controller)
+    )
+    lines = [f"{words}: margin {margin:+.4g} {unit}".rstrip() for margin, words, unit in margins]
+    values = np.array([outcome[name][0] for name in campaign.names])
+    for of, value, nominal in campaigns.tables.numbers_as_run(campaign, values):
+        unit, factor = of.shown_unit
+        number = f"{of.name}: {value * factor:.6g} {unit}".rstrip()
+        drawn.append(f"{number} (nominal {nominal * factor:.4g})")
+    return lines or ["nothing is required of it"], drawn

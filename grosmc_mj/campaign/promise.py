@@ -14,7 +14,6 @@ gain is larger than the nominal one the same would be more.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,9 +23,9 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import largest_rate, least_margin
-from grosmc_mj.campaign.family.bisection import narrowed
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.family import Quantity
+from grosmc_mj.campaign.bisection import largest_passing
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
@@ -47,10 +46,12 @@ class Promise(NamedTuple):
     Attributes:
         scale: Of the uncertainty, up to which they hold; None where they cannot be computed.
         note: Why not, or what limits it.
+        band: By how much |s| may exceed |s(0)| while they hold; None where nothing is promised.
     """
 
     scale: float | None
     note: str
+    band: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +76,6 @@ class PromisedFamily:
             PremiseError: If there are none, and why.
         """
         law, region, plant = campaign.laws[controller], campaign.experiment.region, campaign.plant
-        lacking = [
-            each for each in campaign.family.quantities if each.quantity in _NOT_IN_EQUATIONS
-        ]
         if not law.designed.switching:
             raise PremiseError(
                 f"{controller} does not switch: it promises nothing about uncertainty"
@@ -86,9 +84,10 @@ class PromisedFamily:
             raise PremiseError("premises are computed for the package's own systems in MuJoCo only")
         if region is None:
             raise PremiseError("no operating region is declared for this design")
-        if lacking:
-            name, quantity = lacking[0].name, lacking[0].quantity
-            raise PremiseError(f"the equations have no {quantity}, so {name} has no premise")
+        for number in campaign.quantities:
+            if number.quantity in _NOT_IN_EQUATIONS:
+                words = f"no {number.quantity}, so {number.name} has no premise"
+                raise PremiseError(f"the equations have {words}")
         return cls(campaign, law, region)
 
     def margin(self, values: Array, amplitude: Array) -> float:
@@ -108,18 +107,17 @@ class PromisedFamily:
             scale: Of the uncertainty.
             known: Factors on disturbances, by their labels, that are not at their largest.
         """
-        campaign = self.campaign
-        bodies = campaign.plant.system.bodies
+        campaign, bodies = self.campaign, self.campaign.plant.system.bodies
         largest = np.zeros((len(bodies), 6))
         factors = {
-            each.of: max(map(abs, each.ends(scale)))
-            for each in campaign.family.quantities
-            if each.quantity == "amplitude"
-        }
-        factors.update(known or {})
-        for each in campaign.experiment.case.disturbances:
-            size = np.abs(each.wrench) * factors.get(each.label, 1.0) * self._peak(each.profile)
-            largest[bodies.index(each.body)] += size
+            number.of: max(map(abs, number.ends(scale)))
+            for number in campaign.quantities
+            if number.quantity == "amplitude"
+        } | dict(known or {})
+        for disturbance in campaign.experiment.case.disturbances:
+            factor = factors.get(disturbance.label, 1.0)
+            size = np.abs(disturbance.wrench) * factor * self._peak(disturbance.profile)
+            largest[bodies.index(disturbance.body)] += size
         return largest.ravel()
 
     def _peak(self, profile: Profile) -> float:
@@ -133,7 +131,7 @@ class PromisedFamily:
     def surface_band(self) -> float:
         """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
         campaign, law = self.campaign, self.law
-        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.plant)
+        plant = campaign.plant_sample(campaign.nominal).plant(campaign.plant)
         rate = largest_rate(law, plant.analytic(), self.bound)
         switching = getattr(law.parameters, "switching", None)
         width = max(_SAMPLE, getattr(switching, "width", 0.0))
@@ -148,7 +146,7 @@ class PromisedFamily:
             number.ends(scale)
             if (number.owner == "start" if of_starts else number.of_plant)
             else (number.nominal,)
-            for number in self.campaign.family.quantities
+            for number in self.campaign.quantities
         ]
         return [np.array(corner) for corner in itertools.product(*ends)]
 
@@ -161,26 +159,22 @@ class PromisedFamily:
 
     def starts_inside(self, scale: float) -> bool:
         """Whether every start has its error state in the operating region."""
-        law, bound = self.law, np.array(self.bound) * (1 + _ROUNDING)
-        x0 = [
-            self.campaign.plant_sample(each).case.x0 for each in self.corners(scale, of_starts=True)
-        ]
-        z = law.coordinates.along(np.zeros(len(x0)), np.array(x0), law.parameters)
-        return bool(np.all(np.abs(z) <= bound))
+        corners = self.corners(scale, of_starts=True)
+        x0 = np.array([self.campaign.plant_sample(values).case.x0 for values in corners])
+        z = self.law.coordinates.along(np.zeros(len(x0)), x0, self.law.parameters)
+        return bool(np.all(np.abs(z) <= np.array(self.bound) * (1 + _ROUNDING)))
 
-    def promise(self) -> Promise:
-        """The largest scale of the uncertainty at which the premises hold, by bisection."""
+    def reach(self) -> tuple[float, str]:
+        """The largest scale of the uncertainty at which the premises hold, and what limits it."""
         if not self.holds(0.0):
-            return Promise(0.0, "the premises do not hold for the nominal plant")
+            return 0.0, "the premises do not hold for the nominal plant"
         most = self.campaign.largest_scale
-        if self.holds(most):
-            return Promise(most, f"they hold up to {most:.3g}, as far as was looked")
-        low, high = narrowed(
-            lambda scale: not self.holds(scale), 0.0, most, _TOLERANCE, _TOLERANCE**2
-        )
+        low, high = largest_passing(self.holds, 0.0, most, most, _TOLERANCE, _TOLERANCE**2)
+        if low == most:
+            return most, f"they hold up to {most:.3g}, as far as was looked"
         region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
         left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
-        return Promise(low, f"over {region}{left}")
+        return low, f"over {region}{left}"
 
 
 def speaks_of(quantity: Quantity) -> bool:
@@ -190,20 +184,15 @@ def speaks_of(quantity: Quantity) -> bool:
 
 def promise(campaign: Campaign, controller: str) -> Promise:
     """How far the premises of a controller reach, or why nobody knows."""
+    band = None
     try:
         premises = PromisedFamily.of(campaign, controller)
-        if not campaign.family.bounded:
+        band = premises.surface_band()
+        if not campaign.bounded:
             raise PremiseError("the uncertainty has no end, so no premise covers all of it")
-        return premises.promise()
+        return Promise(*premises.reach(), band)
     except GrosmcError as error:
-        return Promise(None, str(error))
-
-
-def surface_band(campaign: Campaign, controller: str) -> float | None:
-    """By how much |s| may exceed |s(0)| while a promise holds; None where nothing is promised."""
-    with contextlib.suppress(GrosmcError):
-        return PromisedFamily.of(campaign, controller).surface_band()
-    return None
+        return Promise(None, str(error), band)
 
 
 def premise_grid(
@@ -225,12 +214,12 @@ def premise_grid(
         premises = PromisedFamily.of(campaign, controller)
     except PremiseError:
         return None
-    if not campaign.family.bounded or not premises.starts_inside(1.0):
+    family = campaign.family
+    if not family.bounded or not premises.starts_inside(1.0):
         return None
-    quantities = campaign.family.quantities
     across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
-    places = [quantities.index(axis) for axis in axes]
-    rest = [k for k in range(len(quantities)) if k not in places]
+    places = [family.quantities.index(axis) for axis in axes]
+    rest = [k for k in range(len(family.quantities)) if k not in places]
     corners = {tuple(corner[rest]) for corner in premises.corners(1.0)}
     grid = np.full((points, points), np.inf)
     for (row, y), (column, x) in itertools.product(enumerate(up), enumerate(across)):
@@ -238,7 +227,7 @@ def premise_grid(
         known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
         amplitude = premises.amplitude(1.0, known)
         for corner in corners:
-            values = campaign.family.nominal
+            values = family.nominal
             values[places], values[rest] = (x, y), corner
             grid[row, column] = min(grid[row, column], premises.margin(values, amplitude))
     return across, up, grid

@@ -1,61 +1,73 @@
-"""The work of one part, wherever it is done: it needs the specification and the folder."""
+"""Running a campaign: the work of one part, wherever it is done, and what is missing of a whole."""
 
 from __future__ import annotations
 
-import os
 import sys
-import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.specification import Specification
-from grosmc_mj.campaign.runs.folder import Folder
-from grosmc_mj.campaign.runs.manifest import (
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.folder import EVERYTHING, Counts, Folder, add, counts_of, part_table
+from grosmc_mj.campaign.manifest import (
     differences,
     manifest_of,
     outdated,
     read_manifest,
     refuse_other_code,
 )
-from grosmc_mj.campaign.runs.part import Counts, counts_of, part_table
-from grosmc_mj.campaign.runs.screened import screened_all
-from grosmc_mj.campaign.runs.screening import UNSCREENED, Screening
+from grosmc_mj.campaign.screening import UNSCREENED, Screening, screened_all, screening_of
+from grosmc_mj.campaign.specification import Specification
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.file.reading import read_text, resolved_text
 from grosmc_mj.experiments.file.user_code import named_in
 
+# Number of runs done and, by law, the share of these that keeps everything so far.
+Advance = Callable[[int, dict[str, float]], object]
 # What this process has imported of the users' own Python for campaigns: of each module, which.
 _imported: dict[str, tuple[str, str]] = {}
 
 
-@dataclass(frozen=True)
-class ShardReport:
-    """What is told of a part; its rows are in the folder.
+def run_missing(
+    campaign: Campaign, folder: Folder, executor: Executor, notice: Notice, advance: Advance
+) -> int:
+    """Run the parts that are missing.
 
-    Attributes:
-        index: Number of the part.
-        first: First run.
-        runs: Number of plants.
-        counts: By controller: runs, and those that keep each requirement.
-        seconds: Wall time.
-        process: Who did it.
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept, begun.
+        executor: What runs them.
+        notice: Called with a line about each worker that died, and why nothing is screened.
+        advance: Called after each part.
+
+    Returns:
+        How often a part had to be run again.
+
+    Raises:
+        GrosmcError: If a part cannot be run; those that were finished stay.
     """
-
-    index: int
-    first: int
-    runs: int
-    counts: Counts
-    seconds: float
-    process: int
+    parts, total, again = folder.missing(campaign), dict[str, dict[str, int]](), 0
+    screening = screening_of(campaign) if parts else UNSCREENED
+    if screening.why_not:
+        notice(f"No run is screened by equations: {screening.why_not}.")
+    work = shards_of(campaign, folder, executor.threads_per_worker, screening)
+    with closing(executor.run(work, parts, notice)) as done:
+        for finished in done:
+            again += finished.attempts - 1
+            add(total, finished.report)
+            rates = {law: counts[EVERYTHING] / counts["runs"] for law, counts in total.items()}
+            runs = len(campaign.specification.ids(finished.index))
+            advance(runs * len(campaign.laws), rates)
+    return again
 
 
 def shards_of(
     campaign: Campaign, folder: Folder, threads: int, screening: Screening = UNSCREENED
-) -> partial[ShardReport]:
+) -> partial[Counts]:
     """The work of each part of a campaign that was begun in a folder, by its number.
 
     Args:
@@ -64,16 +76,9 @@ def shards_of(
         threads: Of each worker; 0 for all cores.
         screening: How far equations may judge its runs.
     """
-    bound_to = read_manifest(folder.path)["hash"]
-    path = str(folder.path.resolve())
-    return partial(
-        run_shard,
-        path,
-        campaign.specification,
-        bound_to,
-        threads=threads,
-        screening=screening,
-    )
+    bound_to, path = read_manifest(folder.path)["hash"], str(folder.path.resolve())
+    shard = partial(run_shard, path, campaign.specification, bound_to)
+    return partial(shard, threads=threads, screening=screening)
 
 
 def run_shard(
@@ -83,7 +88,7 @@ def run_shard(
     index: int,
     threads: int = 0,
     screening: Screening = UNSCREENED,
-) -> ShardReport:
+) -> Counts:
     """Run a part and write it.
 
     Args:
@@ -94,18 +99,17 @@ def run_shard(
         threads: 0 for all cores.
         screening: How far equations may judge its runs.
 
+    Returns:
+        By controller: runs, and those that keep each requirement.
+
     Raises:
         GrosmcError: If the folder is not that of the campaign, or cannot be written.
     """
-    began = time.perf_counter()
     campaign = open_campaign(folder, specification, bound_to)
-    ids = specification.ids(index)
-    found = screened_all(campaign, screening, campaign.laws, campaign.values(ids), threads, ids)
-    table = part_table(campaign, bound_to, index, found)
+    runs = screened_all(campaign, screening, campaign.laws, specification.ids(index), threads)
+    table = part_table(campaign, bound_to, index, runs)
     Folder(Path(folder)).write(index, table)
-    seconds = time.perf_counter() - began
-    counts = counts_of(campaign, table)
-    return ShardReport(index, ids.start, len(ids), counts, seconds, os.getpid())
+    return counts_of(campaign, table)
 
 
 def open_campaign(folder: str, specification: Specification, bound_to: str) -> Campaign:
@@ -123,7 +127,6 @@ def open_campaign(folder: str, specification: Specification, bound_to: str) -> C
 
 @lru_cache(maxsize=4)
 def _opened(folder: str, specification: Specification, _bound_to: str) -> Campaign:
-    """The campaign of a specification, if it is that of a folder whose manifest has this hash."""
     campaign, others = _built(Path(folder), read_manifest(Path(folder)), specification)
     if others:
         raise ArgumentError(f"{folder} was begun with other versions: {'; '.join(others)}")
@@ -131,7 +134,7 @@ def _opened(folder: str, specification: Specification, _bound_to: str) -> Campai
 
 
 def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign, list[str]]:
-    """The campaign that a folder describes, to read what it has.
+    """The campaign that a folder describes, to read its runs.
 
     The folder is data: no Python is imported but what lies beside the case file that the user
     names, and that only if it is what the folder has recorded.
@@ -169,18 +172,15 @@ def _built(
 ) -> tuple[Campaign, list[str]]:
     """The campaign of a specification, if it is the manifest's, and what has other versions now."""
     refuse_other_code(folder, manifest, specification)
-    _forget_others(manifest["sources"], specification.folder)
+    # A worker may have kept modules of these names from another campaign of its life.
+    for file, content in manifest["sources"].items():
+        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        source = (specification.folder, content)
+        if _imported.setdefault(name, source) != source:
+            sys.modules.pop(name, None)
+            _imported[name] = source
     campaign = Campaign.of(specification)
     now = manifest_of(campaign)
     if changed := differences(manifest, now):
         raise ArgumentError(f"{folder} was begun with something else: {'; '.join(changed)}")
     return campaign, outdated(manifest, now)
-
-
-def _forget_others(sources: Mapping[str, str], folder: str) -> None:
-    """Have modules imported anew that a worker has kept from another campaign of its life."""
-    for file, content in sources.items():
-        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-        if _imported.setdefault(name, (folder, content)) != (folder, content):
-            sys.modules.pop(name, None)
-            _imported[name] = folder, content

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grosmc_mj.campaign.family.family import Quantity
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.parts import LOOP_UNITS, table_of
 from grosmc_mj.machine import MachinePart
+from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse
+
+if TYPE_CHECKING:
+    from grosmc_mj.campaign.family import Quantity
+
+# The edits that have the numbers of each owner.
+EDITS: Mapping[str, Any] = {"body": BodyEdit, "joint": JointEdit, **MACHINE_PARTS}
 
 
 @dataclass(frozen=True)
@@ -54,9 +60,8 @@ def plant_sample_of(
 
     Times of its loop are rounded to whole timesteps [s].
     """
-    loop = case.loop
-    edits, x0 = list(case.edits), list(case.x0)
-    disturbances, scales = list(case.disturbances), []
+    loop, edits, x0, scales = case.loop, list(case.edits), list(case.x0), []
+    disturbances = list(case.disturbances)
     for quantity, value in zip(quantities, values, strict=True):
         if quantity.owner == "start":
             x0[quantity.index] = value
@@ -64,24 +69,27 @@ def plant_sample_of(
             scales.append((quantity.of, value))
         elif quantity.owner == "disturbance":
             disturbances = [
-                _disturbed(each, quantity.quantity, value) if each.label == quantity.of else each
-                for each in disturbances
+                _disturbed(disturbance, quantity.quantity, value)
+                if disturbance.label == quantity.of
+                else disturbance
+                for disturbance in disturbances
             ]
         elif quantity.owner in LOOP_UNITS and loop is not None:
             loop = loop.changed(quantity.owner, quantity.of, **{quantity.quantity: value})
         else:
             _edit(edits, quantity, value)
+    if loop is not None and loop is not case.loop:
+        loop = loop.rounded(timestep, control_period)
     changed = replace(
-        case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances),
-        loop=loop if loop is case.loop or loop is None else loop.rounded(timestep, control_period),
-    )  # fmt: skip
+        case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances), loop=loop
+    )
     return PlantSample(changed, tuple(scales), run)
 
 
 def _disturbed(disturbance: Disturbance, quantity: str, value: float) -> Disturbance:
     """A disturbance with another amplitude, or with another course in time."""
     if quantity == "amplitude":
-        fx, fy, fz, tx, ty, tz = (value * each for each in disturbance.wrench)
+        fx, fy, fz, tx, ty, tz = (value * part for part in disturbance.wrench)
         return replace(disturbance, wrench=(fx, fy, fz, tx, ty, tz))
     return replace(disturbance, profile=retimed(disturbance.profile, quantity, value))
 
@@ -100,19 +108,17 @@ def _edit(edits: list[Edit], quantity: Quantity, value: float) -> None:
     if quantity.quantity == "added_mass":
         if value > 0:
             edits.append(AddedMass(quantity.of, value, quantity.at))
-        return
-    for index, each in enumerate(edits):
-        if _edited(each) == (quantity.owner, quantity.of):
-            edits[index] = replace(each, **change)
-            return
-    made = BodyEdit if quantity.owner == "body" else JointEdit
-    edits.append(made(quantity.of, **change))
+    elif own := edits_of(edits, quantity.owner, quantity.of):
+        edits[own[0]] = replace(edits[own[0]], **change)
+    else:
+        edits.append(EDITS[quantity.owner](quantity.of, **change))
 
 
-def _edited(edit: Edit) -> tuple[str, str] | None:
-    """Whose numbers an edit has, where further ones can be brought into it."""
-    if isinstance(edit, BodyEdit):
-        return "body", edit.body
-    if isinstance(edit, MachinePart):
-        return table_of(edit), edit.of
-    return ("joint", edit.joint) if isinstance(edit, JointEdit) else None
+def edits_of(edits: Sequence[Edit], owner: str, of: str) -> list[int]:
+    """Which edits have the numbers of a body, a joint or a part of the machine."""
+    name = owner if owner in ("body", "joint") else "of"
+    return [
+        index
+        for index, edit in enumerate(edits)
+        if isinstance(edit, EDITS[owner]) and getattr(edit, name) == of
+    ]

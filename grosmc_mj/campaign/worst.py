@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.optimize import differential_evolution
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.sampling import inside, unit_points
-from grosmc_mj.campaign.runs.screened import screened_search
-from grosmc_mj.campaign.runs.shard import evaluate
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.runs import evaluate
+from grosmc_mj.campaign.sampling import inside
+from grosmc_mj.campaign.screening import screened_search
 
 # Plants of one generation, and how many of the first one are the worst samples and corners: what
 # leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
@@ -79,21 +78,14 @@ def worst(
         campaign: The campaign.
         controller: Name of the controller.
         ids: Its worst runs, the worst first.
-        evaluations: Runs that the search may take; the random plants are as many.
+        evaluations: Runs that the search may take, ``LEAST`` or more; the random plants are as
+            many.
         advance: Called with the number of runs done.
-
-    Raises:
-        ArgumentError: If that is less than two generations.
     """
-    if evaluations < LEAST:
-        raise ArgumentError(f"--evaluations {evaluations} must be {LEAST} or more")
-    family, specification = campaign.family, campaign.specification
-    d, seed = len(family.quantities), specification.seed
-    samples = np.concatenate(
-        [unit_points(specification.sampler, d, seed, run, 1) for run in ids[:_SAMPLES]]
-    )
-    corners = family.corners(_CORNERS)
-    rest = unit_points("lhs", d, seed + 1, 0, _POPULATION - len(samples) - len(corners))
+    family, seed, d = campaign.family, campaign.specification.seed, len(campaign.quantities)
+    sampler, corners = campaign.specification.sampler, family.corners(_CORNERS)
+    samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
+    rest = campaign.points("lhs", 0, _POPULATION - len(samples) - len(corners), more=1)
     first: Any = np.concatenate([samples, corners, rest])
     search = _Contender(campaign, controller, advance)
     differential_evolution(
@@ -109,18 +101,24 @@ def worst(
     )
     random = _Contender(campaign, controller, advance)
     for start in range(0, search.runs, _POPULATION):
-        random(unit_points("random", d, seed + 1, start, _POPULATION))
+        random(campaign.points("random", start, _POPULATION, more=1))
     sampled = family.values(samples)
-    sampled = sampled[int(evaluate(campaign, controller, sampled).order.argmin())]
+    sampled = sampled[int(evaluate(campaign, controller, sampled)["order"].argmin())]
     candidates = np.stack([sampled, search.values, random.values])
     outcome = evaluate(campaign, controller, candidates)
-    sample, searched, at_random = outcome.relative.tolist()
-    first_of_all = int(outcome.order.argmin())
-    found = Worst(
-        controller, candidates[first_of_all], float(outcome.relative[first_of_all]),
-        SOURCES[first_of_all], sample, searched, at_random, search.runs,
+    margins, winner = outcome["relative"].tolist(), int(outcome["order"].argmin())
+    shrunk_plant = shrunk_margin = None
+    changed: tuple[str, ...] = ()
+    if margins[winner] < 0:
+        shrunk_plant = shrunk(campaign, controller, candidates[winner])
+        shrunk_margin = float(evaluate(campaign, controller, shrunk_plant[None])["relative"][0])
+        pairs = zip(family.quantities, shrunk_plant, strict=True)
+        changed = tuple(number.name for number, value in pairs if value != number.nominal)
+    return Worst(
+        controller, candidates[winner], margins[winner], SOURCES[winner], margins[0], margins[1],
+        margins[2], search.runs,
+        shrunk_plant, shrunk_margin, changed,
     )  # fmt: skip
-    return found if not found.fails else _with_shrunk(campaign, found)
 
 
 class _Contender:
@@ -133,22 +131,13 @@ class _Contender:
         self._least, self.values, self.runs = math.inf, np.zeros(0), 0
 
     def __call__(self, points: Array) -> Array:
-        values = self._campaign.family.values(inside(points))
-        order = screened_search(self._campaign, self._controller, values).order
+        values = self._campaign.values(inside(points))
+        order = screened_search(self._campaign, self._controller, values)["order"]
         if order.min() < self._least:
             self._least, self.values = float(order.min()), values[int(order.argmin())]
         self.runs += len(points)
         self._advance(len(points))
         return order
-
-
-def _with_shrunk(campaign: Campaign, found: Worst) -> Worst:
-    """The same with the failing plant next to the nominal one."""
-    small = shrunk(campaign, found.controller, found.values)
-    margin = float(evaluate(campaign, found.controller, small[None]).relative[0])
-    pairs = zip(campaign.family.quantities, small, strict=True)
-    changed = tuple(number.name for number, value in pairs if value != number.nominal)
-    return replace(found, shrunk=small, shrunk_relative=margin, changed=changed)
 
 
 def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
@@ -157,10 +146,10 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
     Numbers are made nominal one by one, each time the one without which it fails worst; then all
     that are left are moved towards their nominal values together.
     """
-    nominal, plant = campaign.family.nominal, values.copy()
+    nominal, plant = campaign.nominal, values.copy()
 
     def order(candidates: Array) -> Array:
-        return screened_search(campaign, controller, candidates).order
+        return screened_search(campaign, controller, candidates)["order"]
 
     while len(left := np.flatnonzero(plant != nominal)):
         candidates = np.tile(plant, (len(left), 1))

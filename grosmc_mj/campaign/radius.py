@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family.bisection import narrowed
-from grosmc_mj.campaign.family.campaign import Campaign
-from grosmc_mj.campaign.family.sampling import unit_points
-from grosmc_mj.campaign.findings.promise import Promise, promise, surface_band
-from grosmc_mj.campaign.runs.screened import screened_search
-from grosmc_mj.campaign.runs.shard import Outcomes
+from grosmc_mj.campaign.bisection import largest_passing
+from grosmc_mj.campaign.campaign import Campaign
+from grosmc_mj.campaign.promise import Promise, promise
+from grosmc_mj.campaign.runs import Outcomes
+from grosmc_mj.campaign.screening import screened_search
 
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
@@ -53,10 +52,8 @@ class Radius:
         controller: Its name.
         plants: Looked at, at each scale: samples and corners.
         looks: In the order of their scale.
-        promised: What the premises promise.
+        promised: By the premises.
         largest: Scale beyond which nobody looked, or at which plants stop being physical.
-        band: By how much |s| may exceed |s(0)| while the promise holds; None where nothing is
-            promised.
     """
 
     controller: str
@@ -64,7 +61,6 @@ class Radius:
     looks: tuple[Look, ...]
     promised: Promise
     largest: float
-    band: float | None = None
 
     @property
     def outside(self) -> Look | None:
@@ -84,10 +80,9 @@ class Radius:
     @property
     def stayed(self) -> float | None:
         """The largest scale below that; None where nothing is promised."""
-        return None if self.band is None else self._below(self.left)
+        return None if self.promised.band is None else self._below(self.left)
 
     def _below(self, wrong: Look | None) -> float:
-        """The largest scale that was looked at below another."""
         limit = wrong.scale if wrong else np.inf
         return max((look.scale for look in self.looks if look.scale < limit), default=0.0)
 
@@ -107,10 +102,9 @@ def radius(
         controller: Name of the controller.
         advance: Called with the number of runs done.
     """
-    family, largest = campaign.family, campaign.largest_scale
-    values = family.values(_points(campaign))
-    band = surface_band(campaign, controller)
-    looks: dict[float, Look] = {}
+    family, largest, looks = campaign.family, campaign.largest_scale, dict[float, Look]()
+    values, promised = family.values(_points(campaign)), promise(campaign, controller)
+    band = promised.band
 
     def room_left(runs: Outcomes) -> list[Array]:
         return [] if band is None else [1 - _away(runs, band)]
@@ -119,52 +113,41 @@ def radius(
         if scale not in looks:
             plants = family.scaled(values, scale)
             runs = screened_search(campaign, controller, plants, room_left)
-            looks[scale] = _look(scale, runs, band)
+            looks[scale] = _look(scale, plants, runs, band)
             advance(len(plants))
         return looks[scale]
 
-    _bisect(lambda scale: look(scale).failures > 0, largest)
+    passes: list[Callable[[float], bool]] = [lambda scale: look(scale).failures == 0]
     if band is not None:
-        _bisect(lambda scale: look(scale).leaving > 0, largest)
-    in_order = tuple(sorted(looks.values(), key=lambda look: look.scale))
-    promised = promise(campaign, controller)
-    return Radius(controller, len(values), in_order, promised, largest, band)
+        passes.append(lambda scale: look(scale).leaving == 0)
+    for condition in passes:
+        if condition(0.0):
+            largest_passing(condition, 0.0, min(1.0, largest), largest, _TOLERANCE, _LEAST)
+    in_order = tuple(looks[scale] for scale in sorted(looks))
+    return Radius(controller, len(values), in_order, promised, largest)
 
 
-def _bisect(fails: Callable[[float], bool], largest: float) -> None:
-    """Look where something fails for the first time, up to the largest scale."""
-    low, high = 0.0, min(1.0, largest)
-    if fails(low):
-        return
-    while not fails(high):
-        if high >= largest:
-            return
-        low, high = high, min(2 * high, largest)
-    narrowed(fails, low, high, _TOLERANCE, _LEAST)
-
-
-def _look(scale: float, runs: Outcomes, band: float | None) -> Look:
-    """The plants at one scale."""
-    least = int(runs.order.argmin())
-    failing = (float(runs.relative[least]), int((runs.relative < 0).sum()), runs.values[least])
+def _look(scale: float, plants: Array, runs: Outcomes, band: float | None) -> Look:
+    """The plants (n, d) at one scale."""
+    relative, worst = runs["relative"], int(runs["order"].argmin())
+    failing = (float(relative[worst]), int((relative < 0).sum()), plants[worst])
     if band is None:
         return Look(scale, *failing)
     away = _away(runs, band)
     most = int(away.argmax())
-    return Look(scale, *failing, float(away[most]), int((away > 1).sum()), runs.values[most])
+    return Look(scale, *failing, float(away[most]), int((away > 1).sum()), plants[most])
 
 
 def _away(runs: Outcomes, band: float) -> Array:
     """How far |s| left |s(0)|, over what it may, (n,); infinite of a run that ended early."""
-    away = (runs.metrics["max_sliding"] - runs.metrics["sliding_start"]) / band
+    away = (runs["max_sliding"] - runs["sliding_start"]) / band
     return np.where(np.isnan(away), np.inf, away)
 
 
 def _points(campaign: Campaign) -> Array:
     """Points of the unit cube: corners, if the ranges have some, and the first samples."""
-    specification, corners = campaign.specification, campaign.family.corners(_CORNERS)
+    specification, corners = campaign.specification, campaign.corners(_CORNERS)
     if specification.sampler == "corners" and len(corners):
         return corners
-    samples, d = min(specification.runs, PLANTS - len(corners)), len(campaign.family.quantities)
-    own = unit_points(specification.sampler, d, specification.seed, 0, samples)
-    return np.concatenate([corners, own])
+    samples = min(specification.runs, PLANTS - len(corners))
+    return np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])

@@ -1,1 +1,0 @@
-"""The uncertain plants: what is asked for, which numbers vary, and each sample of them."""

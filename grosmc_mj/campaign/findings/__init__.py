@@ -1,1 +1,0 @@
-"""What rows say: rates and intervals, differences, sensitivities, worst plants and radii."""

@@ -1,1 +1,0 @@
-"""Results of a campaign as a document, tables and figures."""

@@ -1,1 +1,0 @@
-"""Running a family: its parts, screened or not, their folder and manifest, and replays."""
