@@ -51,10 +51,10 @@ def experiment_document(
         premises: Those of its laws, as plain values; left out if there are none.
     """
     target = f"{experiment.case.system}/{experiment.case.name}"
-    runs = results_table(results)
-    tables = [runs.model_copy(update={"legend": LEGEND}), gains_table(results)]
-    if judgements:
-        tables.insert(0, requirements_table(judgements))
+    tables = [requirements_table(judgements)] if judgements else []
+    if results:
+        runs = results_table(results).model_copy(update={"legend": LEGEND})
+        tables += [runs, gains_table(results)]
     return result(
         "run",
         {
