@@ -51,10 +51,10 @@ def experiment_document(
         premises: Those of its laws, as plain values; left out if there are none.
     """
     target = f"{experiment.case.system}/{experiment.case.name}"
-    runs = results_table(results)
-    tables = [runs.model_copy(update={"legend": LEGEND}), gains_table(results)]
-    if judgements:
-        tables.insert(0, requirements_table(judgements))
+    tables = [requirements_table(judgements)] if judgements else []
+    if results:
+        runs = results_table(results).model_copy(update={"legend": LEGEND})
+        tables += [runs, gains_table(results)]
     return result(
         "run",
         {
@@ -101,18 +101,17 @@ def _answer(
 def _standings(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
 ) -> Iterator[Standing]:
-    """The plant on which a law is the furthest beyond a limit, or the limit it is nearest to."""
+    """Of each law the plant where it is furthest beyond a limit, or the limit it is nearest to."""
     for law in dict.fromkeys(run.controller.name for run in results):
         own = [item for item in judgements if item.controller == law]
-        if own:
-            worst = max(own, key=lambda item: (not item.kept, item.share))
-            yield Standing(
-                case=target,
-                law=law,
-                breaks_at="" if worst.kept else worst.plant,
-                words=_measured(worst),
-                complete=complete,
-            )
+        worst = max(own, key=lambda item: (not item.kept, item.share), default=None)
+        yield Standing(
+            case=target,
+            law=law,
+            breaks_at="" if worst is None or worst.kept else worst.plant,
+            words="nothing is required of it" if worst is None else _measured(worst),
+            complete=complete,
+        )
 
 
 def _measured(item: Judgement) -> str:

@@ -10,7 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, shown, unknown_name
+from grosmc_mj.arguments import require_known
+from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, shown
 from grosmc_mj.experiments.case import edits_of, states_of
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.schema import CaseFile
@@ -144,11 +145,10 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
             f"edit: {nominal.system.name} has no model in MuJoCo: edit a parameter instead"
         )
     for name in parameters:
-        if not hasattr(nominal.plant.parameters, name):
-            valid = list(vars(nominal.plant.parameters))
-            raise ArgumentError(f"edit: {unknown_name('parameter', name, valid)}")
-    scales = {table.parameter or "": table.scale or 0.0 for table in file.edit}
-    return replace(nominal, scales=scales)
+        require_known("parameter", name, vars(nominal.plant.parameters), "edit: ")
+    return replace(
+        nominal, scales={table.parameter or "": table.scale or 0.0 for table in file.edit}
+    )
 
 
 @lru_cache(maxsize=64)
@@ -158,11 +158,10 @@ def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
         return nominal
     assert isinstance(nominal.plant, MujocoPlant)
     plant = nominal.plant.believed(*edits)
-    if nominal.robot is None:
-        return replace(nominal, plant=plant)
-    robot = nominal.robot
-    built = plant if robot.built is robot.plant else robot.built.believed(*edits)
-    return replace(nominal, plant=plant, robot=Robot(plant, robot.notes, built))
+    if (robot := nominal.robot) is not None:
+        built = plant if robot.built is robot.plant else robot.built.believed(*edits)
+        robot = Robot(plant, robot.notes, built)
+    return replace(nominal, plant=plant, robot=robot)
 
 
 @cache
@@ -178,15 +177,12 @@ def _named(file: CaseFile, folder: Path) -> NominalPlant:
         nominal = _of_system(find_system(table.system).name)
     else:
         if table.model is not None:
-            found: Any = Robot.from_mjcf(
-                _model_file(table.model, folder), table.joints, table.actuators
-            )
+            path = _model_file(table.model, folder)
+            plant: Any = Robot.from_mjcf(path, table.joints, table.actuators)
         else:
-            found = _made(table.plant or "", folder)
-        if isinstance(found, Robot):
-            nominal = NominalPlant(found.plant, found)
-        else:
-            nominal = NominalPlant(found)
+            plant = _made(table.plant or "", folder)
+        robot = isinstance(plant, Robot)
+        nominal = NominalPlant(plant.plant, plant) if robot else NominalPlant(plant)
     if file.design is not None and nominal.robot is not None:
         raise ArgumentError(
             "design: laws of a model are designed from MuJoCo's own dynamics: it has no other "

@@ -135,13 +135,6 @@ def test_a_reference_whose_derivatives_explode_is_refused_at_once():
     assert time.process_time() - began < 5
 
 
-def test_a_reference_of_just_as_many_operations_is_allowed():
-    terms = sp.symbols("a:502")
-    reference([sp.Add(*terms[:501])], (1,))
-    with pytest.raises(ArgumentError, match=r"derivative 0 .* 501 operations.*500 are allowed"):
-        reference([sp.Add(*terms)], (1,))
-
-
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_the_deepest_formula_is_a_reference_within_seconds(name: str):
     began = time.process_time()
@@ -182,12 +175,6 @@ def test_numbers_may_have_units(text: str, plain: str) -> None:
     assert float(formula(text, TIME).subs(TIME, 0.3)) == pytest.approx(
         float(formula(plain, TIME).subs(TIME, 0.3)), rel=1e-12
     )
-
-
-@pytest.mark.parametrize("text", ["10 kg", "2 deg deg", "sin(2 parsec*t)", "deg", "1 m2"])
-def test_other_units_are_no_formula(text: str) -> None:
-    with pytest.raises(ArgumentError):
-        formula(text, TIME)
 
 
 def test_a_root_halves_the_power_below_it() -> None:

@@ -18,7 +18,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file, resolved_text
 from grosmc_mj.experiments.file.shipped import find_file
-from grosmc_mj.experiments.requirements import judge_all
 from grosmc_mj.experiments.runs import RunResult, Settings
 
 ARM = find_file("arm/case1")
@@ -118,14 +117,6 @@ def test_new_writes_what_run_runs(folder: Path, capsys: pytest.CaptureFixture[st
     assert content["configuration"]["file"]["run"]["duration"] == 4.0
     assert (folder / "out" / "mine.png").stat().st_size > 10_000
     assert (folder / "out" / "mine.svg").is_file()
-
-
-@pytest.mark.slow
-def test_new_with_python_writes_what_run_runs(folder: Path):
-    assert run("new", "mine", "--python") == 0
-    assert run("run", "mine.toml", "--no-figures") == 0
-    content = json.loads((folder / "renders" / "mine.json").read_text())
-    assert [each["controller"] for each in content["runs"]] == ["fl-lqr", "my_controller", "my_law"]
 
 
 def test_new_copies_a_shipped_case(folder: Path):
@@ -334,13 +325,6 @@ def test_law_that_numba_cannot_compile_points_to_its_line(
     assert run("run", own(folder, CASE, python), "--no-figures") == 0
 
 
-def test_law_that_numba_fails_on_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
-    python = PYTHON.replace("p.a * x[0]", "p.a * float(str(0.5))")
-    native = CASE.replace('"python"', '"native"')
-    assert run("run", own(folder, native, python), "--no-figures") == 2
-    assert "numba cannot compile the law: ValueError" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("good", "bad", "said"),
     [
@@ -372,20 +356,6 @@ def test_wrong_files_of_ones_own(
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_requirements_measure_what_they_say():
-    experiment, runs = shipped("cart_pendulum/case1")
-    results = [r for r in runs if r.plant == "physics" and r.controller.name == "grosmc"]
-    found = {each.limit.kind: each for each in judge_all(experiment.limits, results)}
-    run, comparison = results[0].trajectory, results[0].comparison
-    assert found["stays_within"].measured == np.abs(run.state[:, 1]).max()
-    assert found["input_below"].measured == np.abs(run.input).max()
-    assert found["deviation_below"].measured == np.abs(comparison.deviation).max()
-    assert run.sliding is not None
-    assert found["no_reaching_phase"].measured == abs(run.sliding[0])
-    assert found["settles_within"].measured == results[0].metrics["settling_time"].value
 
 
 def test_diverged_run_keeps_nothing(folder: Path, capsys: pytest.CaptureFixture[str]):
@@ -530,29 +500,6 @@ def test_a_robot_of_one_joint_is_run_and_audited(folder: Path, capsys: pytest.Ca
     said = capsys.readouterr()
     assert "torque headroom" in said.out
     assert not said.err
-
-
-def test_broken_robot_is_told(folder: Path, capsys: pytest.CaptureFixture[str]):
-    for bad in (
-        ROBOT.replace("<worldbody>", "<worldbod>"),
-        ROBOT.replace('<joint name="knee"', '<freejoint name="knee"').replace(
-            'axis="0 -1 0"/>', "/>"
-        ),
-    ):
-        assert run("run", robot(folder, model=bad), "--no-figures") == 2
-        assert capsys.readouterr().err.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_a_robot_that_we_did_not_write_keeps_what_its_file_requires():
-    pytest.importorskip("dm_control")
-    experiment = Experiment.load("jaco/eight")
-    results = list(experiment.runs())
-    judgements = judge_all(experiment.limits, results)
-    assert judgements
-    assert all(each.kept for each in judgements), judgements
-    lqr, pd, grosmc = (deviation(result) for result in results)
-    assert grosmc < 0.01 * min(lqr, pd)
 
 
 def test_further_laws_are_the_package_s_own_and_take_no_weights(folder: Path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import seed_of
-from grosmc_mj.experiments.curves.panels import (
-    Panel,
-    calmest_last,
-    levels_of,
-    panels_of,
-    told,
-)
+from grosmc_mj.experiments.curves.panels import Curve, Panel, judged_in, levels_of, panels_of
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
@@ -78,49 +72,31 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
 
 def _panel(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any]:
     """One panel."""
-    judged = [each for run in results for each in run.requirements]
-    limits = dict.fromkeys(each.limit for each in judged if each.limit.kind in panel.limits)
-    first = results[0]
+    limits = dict.fromkeys(item.limit for item in judged_in(panel, results))
+    time, reference = results[0].comparison.time, panel.reference
     return {
         "label": panel.label.replace("\n", " "),
-        "curves": [*_curves(panel, results)],
-        "reference": None
-        if panel.reference is None
-        else _drawn(first.comparison.time, panel.reference(first)),
+        "curves": [_curve(curve) for curve in panel.curves],
+        "reference": None if reference is None else _drawn(time, reference),
         "limits": [
             {"words": limit.words, **_drawn(*level)}
             for limit in limits
-            for level in levels_of(limit, panel, first)
+            for level in levels_of(limit, panel)
         ],
         "play": panel.play,
     }
 
 
-def _curves(panel: Panel, results: Sequence[RunResult]) -> Iterator[dict[str, Any]]:
-    """What is drawn in a panel."""
-    if panel.rate is not None:
-        run = told(results)
-        seen = run.trajectory.seen
-        assert seen is not None
-        both = (("true", run.trajectory.state[: len(seen)]), ("seen", seen))
-        for name, states in both:
-            yield _curve(run, states[:, panel.rate], name)
-        return
-    for run in results if panel.every_plant else calmest_last(results):
-        yield _curve(run, panel.curve(run))
-
-
-def _curve(run: RunResult, values: Array, name: str = "") -> dict[str, Any]:
+def _curve(curve: Curve) -> dict[str, Any]:
     """One curve, where it has values."""
-    time = run.trajectory.time[: len(values)]
-    said = {"law": run.controller.name, "plant": run.plant, "name": name}
-    there = np.isfinite(values)
-    time, values = time[there], values[there]
+    whose = {"law": curve.run.controller.name, "plant": curve.run.plant, "name": curve.name}
+    there = np.isfinite(curve.values)
+    time, values = curve.time[there], curve.values[there]
     if jumps(values) or (kept := _kept(time, values)).sum() > _MOST:
         found = envelope(time, values)
-        drawn = [_short(found.least), _short(found.largest)]
-        return {**said, "t": _short(found.time), "y": _short(found.mean), "range": drawn}
-    return {**said, **_points(time[kept], values[kept]), "range": None}
+        limits = [_short(found.least), _short(found.largest)]
+        return {**whose, **_points(found.time, found.mean), "range": limits}
+    return {**whose, **_points(time[kept], values[kept]), "range": None}
 
 
 def _drawn(time: Array, values: Array) -> dict[str, list[float]]:

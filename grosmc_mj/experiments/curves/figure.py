@@ -9,16 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.curves.panels import (
-    Panel,
-    calmest_last,
-    levels_of,
-    panels_of,
-    plants_of,
-    told,
-)
+from grosmc_mj.experiments.curves.panels import Curve, Panel, judged_in, levels_of, panels_of
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.envelope import envelope, jumps
 from grosmc_mj.results.figure import TITLE_SIZE, labelled_below, shade
@@ -64,17 +56,20 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     axes = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
     for empty in axes[len(panels) :]:
         empty.set_visible(False)
-    styles = law_styles(result.controller.name for result in results)
+    styles, below = law_styles(result.controller.name for result in results), []
     for where, panel in zip(axes, panels, strict=False):
-        drawn = results if panel.every_plant else calmest_last(results)
-        if panel.rate is not None:
-            _draw_rate(where, panel.rate, told(results))
-            drawn = []
-        for result in drawn:
-            _draw(where, panel, result, styles, several=len(plants_of(drawn)) > 1)
+        several = len({curve.run.plant for curve in panel.curves}) > 1
+        for curve in panel.curves:
+            _draw(where, curve, styles, several=several)
+        if panel.curves[0].name:
+            # Above, where it hides nothing.
+            corner: Any = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderaxespad": 0}
+            where.legend(ncols=2, frameon=False, **corner)
+        else:
+            below.append(where)
         if panel.reference is not None:
             time = results[0].comparison.time
-            where.plot(time, panel.reference(results[0]), label="reference", **REFERENCE)
+            where.plot(time, panel.reference, label="reference", **REFERENCE)
         if panel.play:
             where.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
         where.set_ylabel(panel.label)
@@ -84,7 +79,6 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
         where.set_xlabel("time t [s]")
         where.tick_params(labelbottom=True)
     figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
-    below = [each for each, panel in zip(axes, panels, strict=False) if panel.rate is None]
     labelled_below(figure, below)
 
 
@@ -94,62 +88,49 @@ def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
     return columns, -(-panels // columns)
 
 
-def _draw(
-    axes: Axes, panel: Panel, result: RunResult, styles: dict[str, LawStyle], *, several: bool
-) -> None:
+def _draw(axes: Axes, curve: Curve, styles: dict[str, LawStyle], *, several: bool) -> None:
     """A run's curve; of one that jumps at every sample its range and its mean."""
-    law, values = styles[result.controller.name], panel.curve(result)
-    time = result.trajectory.time[: len(values)]
-    label = f"{law.label}, {PLANTS[result.plant]}"
-    line = LINES[result.plant] if several else _ALONE
-    _draw_curve(axes, time, values, color=law.colour, label=label, **line)
-    if result.status is not Status.COMPLETED and len(time):
+    run, time, values = curve.run, curve.time, curve.values
+    law = styles[run.controller.name]
+    style: dict[str, Any] = {
+        "": {
+            "color": law.colour,
+            "label": f"{law.label}, {PLANTS[run.plant]}",
+            **(LINES[run.plant] if several else _ALONE),
+        },
+        "true": {"label": "true", **_TRUE},
+        "seen": {"label": f"seen by {label_of(run.controller.name)}", **_SEEN},
+    }[curve.name]
+    if not curve.name and run.status is not Status.COMPLETED and len(time):
         axes.plot(time[-1], values[-1], "X", color=law.colour, mec="white", ms=9)
         axes.annotate(
             "ended", (time[-1], values[-1]), (5, 3), textcoords="offset points",
             fontsize=_MARK_SIZE, color=law.colour, rotation=40,
         )  # fmt: skip
-
-
-def _draw_curve(axes: Axes, time: Array, values: Array, **style: Any) -> None:
-    """A curve; of one that jumps at every sample its range and its mean."""
     if jumps(values[np.isfinite(values)]):
         found = envelope(time, values)
-        axes.fill_between(
-            found.time, found.least, found.largest, color=style["color"], alpha=0.25, lw=0
-        )
+        ends = (found.time, found.least, found.largest)
+        axes.fill_between(*ends, color=style["color"], alpha=0.25, lw=0)
         time, values = found.time, found.mean
     axes.plot(time, values, rasterized=True, **style)
 
 
-def _draw_rate(axes: Axes, i: int, run: RunResult) -> None:
-    """A state of a run as it is, and as its law sees it."""
-    seen = run.trajectory.seen
-    assert seen is not None
-    time, true = run.trajectory.time[: len(seen)], run.trajectory.state[: len(seen), i]
-    _draw_curve(axes, time, true, label="true", **_TRUE)
-    _draw_curve(axes, time, seen[:, i], label=f"seen by {label_of(run.controller.name)}", **_SEEN)
-    # Above, where it hides nothing.
-    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
-
-
 def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
     """The limits of what a panel shows, and a frame with words where one is not kept."""
-    judged = [each for run in results for each in run.requirements]
-    of_it = [each for each in judged if each.limit.kind in panel.limits]
-    failed = [each for each in of_it if not each.kept]
-    for limit in dict.fromkeys(each.limit for each in of_it):
-        broken = any(each.limit == limit for each in failed)
-        for level in levels_of(limit, panel, results[0]):
-            said = {"lw": 2.0, "label": "limit, not kept"} if broken else {"label": "limit"}
-            axes.plot(*level, **{**_LIMIT, **said})
+    judged = judged_in(panel, results)
+    failed = [item for item in judged if not item.kept]
+    for limit in dict.fromkeys(item.limit for item in judged):
+        broken = any(item.limit == limit for item in failed)
+        style = {"lw": 2.0, "label": "limit, not kept"} if broken else {"label": "limit"}
+        for level in levels_of(limit, panel):
+            axes.plot(*level, **{**_LIMIT, **style})
     if not failed:
         return
     for side in axes.spines.values():
         side.set(visible=True, color=FAILED, linewidth=1.6)
     laws = dict.fromkeys((each.limit.words, each.controller) for each in failed)
-    said = "\n".join(f"not kept by {law}: {words}" for words, law in laws)
-    axes.set_title(said, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
+    title = "\n".join(f"not kept by {law}: {words}" for words, law in laws)
+    axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
 
 def shade_disturbances(axes: Axes, case: Case) -> None:

@@ -41,7 +41,7 @@ _QUANTITY = re.compile(
 FUNCTIONS = (
     "sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan",
 )  # fmt: skip
-_CONSTANTS = {"pi": (sp.pi, math.pi)}
+_CONSTANTS = {"pi": sp.pi}
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -60,15 +60,22 @@ class _Part(NamedTuple):
 
     Attributes:
         exact: As sympy has it.
-        value: Its value, if it does not depend on the symbol.
         power: The largest product of exponents that stand on each other in it.
         inside: How many functions of the symbol stand inside each other in it.
     """
 
     exact: Any
-    value: float | None
     power: float = 1.0
     inside: int = 0
+
+    @property
+    def value(self) -> float | None:
+        """Its value, if it does not depend on the symbol."""
+        if not self.exact.is_number:
+            return None
+        if not self.exact.is_real:
+            raise ValueError
+        return float(self.exact)
 
 
 def _converted(found: re.Match[str]) -> str:
@@ -129,25 +136,30 @@ class _Reading:
             raise _NoFormulaError(
                 f"is too large: it may have {_MOST_PARTS} parts, nested {_DEEPEST} deep"
             )
-        return _bounded(self._made(node, depth + 1))
+        part = self._made(node, depth + 1)
+        if abs(part.value or 0.0) > _LARGEST:
+            raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
+        return part
 
     def _made(self, node: ast.AST, depth: int) -> _Part:
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                return _Part(sp.sympify(value, strict=True), float(value))
+                if abs(float(value)) > _LARGEST:
+                    raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
+                return _Part(sp.sympify(value, strict=True))
             case ast.Name(id=name) if name == self._symbol.name:
-                return _Part(self._symbol, None)
+                return _Part(self._symbol)
             case ast.Name(id=name) if name in _CONSTANTS:
-                return _Part(*_CONSTANTS[name])
+                return _Part(_CONSTANTS[name])
             case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
-                inner, signed = self.part(operand, depth), _SIGNS[type(sign)]
-                value = None if inner.value is None else signed(inner.value)
-                return inner._replace(exact=signed(inner.exact), value=value)
+                inner = self.part(operand, depth)
+                return inner._replace(exact=_SIGNS[type(sign)](inner.exact))
             case ast.BinOp(left=left, op=ast.Pow(), right=right):
                 return _power(self.part(left, depth), self.part(right, depth))
             case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATORS:
                 first, second = self.part(left, depth), self.part(right, depth)
-                return _combined(first, second, _OPERATORS[type(sign)])
+                power, inside = max(first.power, second.power), max(first.inside, second.inside)
+                return _Part(_OPERATORS[type(sign)](first.exact, second.exact), power, inside)
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if (
                 name in FUNCTIONS and not isinstance(argument, ast.Starred)
             ):
@@ -167,47 +179,19 @@ class _Reading:
         return _NoFormulaError(f"is no formula in {self._symbol}")
 
 
-def _bounded(part: _Part) -> _Part:
-    """A part whose value, if it has one, is real and not too large to compute with."""
-    value = part.value
-    if value is None and part.exact.is_number:
-        # The symbol has dropped out of it.
-        value = float(part.exact) if part.exact.is_real else math.nan
-    if value is None or abs(value) <= _LARGEST:
-        return part._replace(value=value)
-    if math.isnan(value):
-        raise ValueError
-    raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
-
-
-def _combined(first: _Part, second: _Part, sign: Callable[[Any, Any], Any]) -> _Part:
-    """A sum, difference, product or quotient."""
-    value = None
-    if first.value is not None and second.value is not None:
-        # Divides by zero with an error, where sympy would go on with an infinity.
-        value = sign(first.value, second.value)
-    elif sign is operator.truediv and second.value == 0:
-        raise ValueError
-    power, inside = max(first.power, second.power), max(first.inside, second.inside)
-    return _Part(sign(first.exact, second.exact), value, power, inside)
-
-
 def _power(base: _Part, exponent: _Part) -> _Part:
     """A power, if no exact number of it grows beyond all bounds."""
     power, inside = max(base.power, exponent.power), max(base.inside, exponent.inside)
     if exponent.value is None:
         inside = _deeper(inside)
         _refuse_large(exponent)
+        if base.value is not None and base.value <= 0:
+            raise _NoFormulaError(f"has a power of {base.value:g}, which must be positive")
     else:
         power = max(power, base.power * abs(exponent.value))
         if power > _LARGEST_POWER:
             raise _NoFormulaError(f"has exponents of more than {_LARGEST_POWER:g} together")
-    value = None
-    if base.value is not None and exponent.value is not None:
-        value = math.pow(base.value, exponent.value)
-    elif base.value is not None and base.value <= 0:
-        raise _NoFormulaError(f"has a power of {base.value:g}, which must be positive")
-    return _Part(base.exact**exponent.exact, value, power, inside)
+    return _Part(base.exact**exponent.exact, power, inside)
 
 
 def _deeper(inside: int) -> int:
@@ -228,8 +212,7 @@ def _refuse_large(exponent: _Part) -> None:
 def _called(name: str, argument: _Part) -> _Part:
     """A function of one argument; of a number its value, as exact ones may have no end."""
     if argument.value is not None:
-        value = float(getattr(math, name)(argument.value))
-        return _Part(sp.Float(value), value)
+        return _Part(sp.Float(getattr(math, name)(argument.value)))
     inside = _deeper(argument.inside)
     if name == "exp":
         _refuse_large(argument)
@@ -237,4 +220,4 @@ def _called(name: str, argument: _Part) -> _Part:
             # It would become a power, whose exponent nobody has looked at.
             raise _NoFormulaError("has a log within exp: write a power")
     power = argument.power / 2 if name == "sqrt" else argument.power
-    return _Part(getattr(sp, name)(argument.exact), None, max(1.0, power), inside)
+    return _Part(getattr(sp, name)(argument.exact), max(1.0, power), inside)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -128,6 +129,26 @@ _CHANGES = {
 }
 
 
+def _owner_of(table: Table, keys: Mapping[str, Collection[str]]) -> str:
+    """The one thing that a table is of.
+
+    Args:
+        table: Of the file.
+        keys: Of each thing.
+
+    Raises:
+        ValueError: If it names none or several, or has a key of another one.
+    """
+    owners = [name for name in keys if getattr(table, name) is not None]
+    if len(owners) != 1:
+        raise ValueError(f"name one of {', '.join(keys)}, not {owners or 'none'}")
+    valid, every = keys[owners[0]], {key for others in keys.values() for key in others}
+    if idle := sorted(table.model_fields_set & every - set(valid)):
+        owner = f"{'an' if owners[0][0] in 'ae' else 'a'} {owners[0]}"
+        raise ValueError(f"{owner} has no {', '.join(idle)}; valid: {', '.join(valid)}")
+    return owners[0]
+
+
 class EditTable(Table):
     """``[[edit]]``: what the true plant has and the laws do not know; one thing each.
 
@@ -167,13 +188,7 @@ class EditTable(Table):
 
     @model_validator(mode="after")
     def _of_one_thing(self) -> EditTable:
-        owners = [name for name in _CHANGES if getattr(self, name) is not None]
-        if len(owners) != 1:
-            raise ValueError(f"name one of {', '.join(_CHANGES)}, not {owners or 'none'}")
-        given = self.model_fields_set - {owners[0], "known"}
-        if idle := sorted(given - set(_CHANGES[owners[0]])):
-            valid = ", ".join(_CHANGES[owners[0]])
-            raise ValueError(f"a {owners[0]} has no {', '.join(idle)}; valid: {valid}")
+        given = self.model_fields_set - {_owner_of(self, _CHANGES), "known"}
         if not given - {"at"}:
             raise ValueError("the edit changes nothing")
         if "added_mass" in given and given & {"mass_scale", "length_scale"}:
@@ -488,15 +503,8 @@ class UncertainTable(_OwnersTable):
 
     @model_validator(mode="after")
     def _one_number_of_one_thing(self) -> UncertainTable:
-        owners = [name for name in QUANTITIES if getattr(self, name) is not None]
-        if len(owners) != 1:
-            raise ValueError(f"name one of {', '.join(QUANTITIES)}, not {owners or 'none'}")
-        valid = list(QUANTITIES[owners[0]])
-        every = {name for names in QUANTITIES.values() for name in names}
-        given = sorted(every & self.model_fields_set)
-        if idle := [name for name in given if name not in valid]:
-            owner = f"{'an' if owners[0][0] in 'ae' else 'a'} {owners[0]}"
-            raise ValueError(f"{owner} has no {', '.join(idle)}; valid: {', '.join(valid)}")
+        valid = QUANTITIES[_owner_of(self, QUANTITIES)]
+        given = sorted(set(valid) & self.model_fields_set)
         if len(given) != 1:
             raise ValueError(
                 f"give one of {', '.join(valid)}, not {', '.join(given) or 'none'}: one "

@@ -68,23 +68,15 @@ def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
 
 def _files(module: str, folder: Path) -> Iterator[tuple[str, Path]]:
     """The modules, with their files, that importing a module of the folder begins with."""
-    loaders: list[Any] = [
-        (machinery.ExtensionFileLoader, machinery.EXTENSION_SUFFIXES),
-        (machinery.SourceFileLoader, machinery.SOURCE_SUFFIXES),
-        (machinery.SourcelessFileLoader, machinery.BYTECODE_SUFFIXES),
-    ]
-    place, parts = str(folder), module.split(".")
+    places, parts = [str(folder)], module.split(".")
     for depth in range(1, len(parts) + 1):
         name = ".".join(parts[:depth])
         # As Python itself would find it, in its order: a package, a library, a file.
-        spec = machinery.FileFinder(place, *loaders).find_spec(name)
-        if spec is None:
+        if (spec := machinery.PathFinder.find_spec(name, places)) is None:
             return
         if spec.loader is not None and spec.origin is not None:
             yield name, Path(spec.origin)
-        if not spec.submodule_search_locations:
-            return
-        place = spec.submodule_search_locations[0]
+        places = list(spec.submodule_search_locations or ())
 
 
 def _imports(content: bytes, module: str, *, package: bool) -> list[str]:

@@ -176,18 +176,6 @@ def _height(axes: Axes, values: float) -> float:
     return float(high - low)
 
 
-def test_of_many_joints_the_one_that_twists_most_is_shown(tmp_path: Path) -> None:
-    experiment = Experiment.load("two_link_arm/machine").varied(duration=0.3)
-    run = experiment.run(law="lqr").trajectory
-    assert run.physics is not None
-    twists = [each for each in run.unseen if each.kind == "twist"]
-    sizes = [np.abs(each.of(run.physics)).max() for each in twists]
-    figure = Figure()
-    draw_experiment(figure, [experiment.run(law="lqr")])
-    largest = twists[int(np.argmax(sizes))].name
-    assert [name.split(",")[0] for name in labels(figure) if "twist" in name] == [largest]
-
-
 def test_a_run_that_ends_at_once_has_a_figure(tmp_path: Path) -> None:
     """Of the straight arm, where the law is not defined."""
     file = tmp_path / "mine.toml"
