@@ -603,8 +603,8 @@ def test_page_points_to_what_is_there() -> None:
 def test_a_result_of_claims_answers_and_holds_no_nan() -> None:
     claim, lab = BY_ID["arm-eq57"], Laboratory(Settings())
     for verdict, words, value in (
-        (None, "1 of 1 verdicts are as expected", "as expected"),
-        (S, "0 of 1 verdicts are as expected", "not as expected"),
+        (None, "All verdicts are as expected", "as expected"),
+        (S, "1 of 1 verdicts differ from the expected ones", "not as expected"),
     ):
         found = [finding(claim, verdict, math.nan)]
         content = json.loads(json_text(claims_result(found, lab)))
