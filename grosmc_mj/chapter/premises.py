@@ -51,8 +51,8 @@ def premises_words(audits: Sequence[Audit]) -> str:
     failed = sum(len(audit.failed()) for audit in audits)
     premises, law = sum(len(audit.premises) for audit in audits), audits[0].controller
     if failed:
-        return f"{failed} of {premises} premises of {law} fail."
-    return f"All {premises} premises of {law} hold."
+        return f"{failed} of {premises} premises of {law} fail"
+    return f"All {premises} premises of {law} hold"
 
 
 def audit_document(audit: Audit) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
-from grosmc_mj.chapter.claims_tables import audit_table
 from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
 
 from grosmc_mj import cli
@@ -19,7 +18,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.assumptions.balance import balance
 from grosmc_mj.assumptions.robot import is_robots, robot_audit
-from grosmc_mj.chapter.premises import audit_document
+from grosmc_mj.chapter.premises import audit_document, audit_table
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints

@@ -92,7 +92,7 @@ def test_a_self_test_says_first_what_nobody_notices(
     monkeypatch.setattr(faults, "FAULTS", (fault,))
     assert run("claims", "self-test", "servo", "--out", str(tmp_path)) == cli.DIFFERS
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "printed a in the law: not noticed by any claim"
+    assert lines[0] == "1 of 1 faults are not noticed: printed a in the law."
     assert "notices no fault" in " ".join(lines)
     noticed = json.loads((tmp_path / "self_test.json").read_text())["noticed_by"]
     assert noticed == {"printed a in the law": []}

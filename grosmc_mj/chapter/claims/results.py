@@ -50,7 +50,9 @@ def claims_result(findings: Sequence[Finding], lab: Laboratory) -> dict[str, Any
     answer = Answer(
         question="Claims",
         verdict=NOT_KEPT if wrong else KEPT,
-        words=f"{len(findings) - wrong} of {len(findings)} verdicts are as expected",
+        words=f"{wrong} of {len(findings)} verdicts differ from the expected ones"
+        if wrong
+        else "All verdicts are as expected",
         more=counts_words(findings),
     )
     return result(
@@ -189,14 +191,13 @@ def _sweep_chart(row: Mapping[str, Any]) -> LineChart:
 def self_test_result(caught: Sequence[Caught]) -> dict[str, Any]:
     """The content of self_test.json."""
     missed = [each.fault.name for each in caught if not each.claims]
-    words = f"all {len(caught)} faults are noticed"
+    words = f"All {len(caught)} faults are noticed"
     if missed:
-        words = f"{len(missed)} of {len(caught)} faults are not noticed"
+        words = f"{len(missed)} of {len(caught)} faults are not noticed: {'; '.join(missed)}"
     answer = Answer(
         question="Faults put into laws and plants",
         verdict=NOT_KEPT if missed else KEPT,
         words=words,
-        more="; ".join(missed),
     )
     return result(
         "self_test", None, seed=0, answers=[answer], sheets=[Sheet(table=noticed_table(caught))],

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional, arg
@@ -19,6 +19,7 @@ from grosmc_mj.results.palette import FAILED
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
     from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.results.tables import Table
 
 _Claims = Annotated[
     Positional[str | None],
@@ -27,8 +28,29 @@ _Claims = Annotated[
 _Out = Annotated[Path, arg(metavar="DIR")]
 
 
+class _Publishing(Command):
+    """A command whose answer and tables are those of its result."""
+
+    def _publish(
+        self,
+        path: Path,
+        content: Mapping[str, Any],
+        tables: Sequence[Table],
+        lines: Sequence[str] = (),
+    ) -> None:
+        """Write a result, then print its answer, lines about what is wrong, and tables."""
+        from grosmc_mj.results.document import write_json
+
+        write_json(path, content)
+        console, answer = screen.console(), content["answers"][0]
+        screen.say_verdict(console, f"{answer['words']}.", good=answer["verdict"] != "not kept")
+        screen.say_lines(console, lines, FAILED, all=self.verbose)
+        console.print(*tables)
+        screen.say_files(console, path)
+
+
 @dataclass(frozen=True)
-class JudgeCommand(Command):
+class JudgeCommand(_Publishing):
     """Judge the chapter's claims, each with its number: supported, refuted, undetermined, ...
 
     Every claim is measured on each plant that it can be asked of, at the control period and at half
@@ -57,34 +79,29 @@ class JudgeCommand(Command):
         from grosmc_mj.chapter.claims.picture import write_picture
         from grosmc_mj.chapter.claims.results import claims_result
         from grosmc_mj.chapter.claims.story import claim_tables, claims_tables
-        from grosmc_mj.results.document import write_json
 
         if self.page is not None and (self.target or self.page.suffix != ".md"):
             raise ArgumentError(f"--page {self.page} is about all claims, and ends in .md")
-        lab, console = _laboratory(), screen.console()
+        lab = _laboratory()
         findings = judge_with_progress(lab, select_claims(self.target))
         single = findings[0].claim.id == self.target
         path = self.out / (f"claims/{self.target}.json" if single else "claims.json")
-        write_json(path, claims_result(findings, lab))
-        differing = verdict_differences(findings)
-        words = "All verdicts are as expected."
-        if differing:
-            words = f"{len(differing)} verdicts differ from the expected ones."
-        screen.say_verdict(console, words, good=not differing)
-        screen.say_lines(console, [f"differs: {x}" for x in differing], all=self.verbose)
         tables = claim_tables(findings[0]) if single else claims_tables(findings)
-        console.print(*(tables if single or self.verbose else tables[:2]))
-        files = [path]
+        lines = [f"differs: {line}" for line in verdict_differences(findings)]
+        self._publish(
+            path, claims_result(findings, lab), tables if single or self.verbose else tables[:2],
+            lines,
+        )  # fmt: skip
         if single:
-            files.append(write_picture(findings[0], lab, path.with_suffix(".png")))
+            picture = write_picture(findings[0], lab, path.with_suffix(".png"))
+            screen.say_files(screen.console(), picture)
         if self.page is not None:
-            files += write_page(findings, lab, self.page)
-        screen.say_files(console, *files)
-        return screen.DIFFERS if differing else screen.DONE
+            screen.say_files(screen.console(), *write_page(findings, lab, self.page))
+        return screen.DIFFERS if lines else screen.DONE
 
 
 @dataclass(frozen=True)
-class SweepCommand(Command):
+class SweepCommand(_Publishing):
     """Vary every choice that a claim depends on, and show where its answer turns.
 
     Writes sweeps.json.
@@ -105,7 +122,6 @@ class SweepCommand(Command):
         from grosmc_mj.chapter.claims.results import sweeps_result
         from grosmc_mj.chapter.claims.story import turning_table
         from grosmc_mj.chapter.claims.sweep import STORED, sweep
-        from grosmc_mj.results.document import write_json
 
         if self.record and self.target:
             raise ArgumentError(f"--record keeps the sweeps of all claims: leave out {self.target}")
@@ -113,16 +129,12 @@ class SweepCommand(Command):
         with screen.progress(len(claims), "claims") as advance:
             content = sweeps_result(list(sweep(lab, claims, advance)), lab)
         path = STORED if self.record else self.out / "sweeps.json"
-        write_json(path, content)
-        console, words = screen.console(), content["answers"][0]["words"]
-        screen.say_verdict(console, f"{words}.", good=words.startswith("0 "))
-        console.print(turning_table(content["sweeps"]))
-        screen.say_files(console, path)
+        self._publish(path, content, [turning_table(content["sweeps"])])
         return screen.DONE
 
 
 @dataclass(frozen=True)
-class SelfTestCommand(Command):
+class SelfTestCommand(_Publishing):
     """Put faults into laws and plants, one at a time, and show which claims notice.
 
     A claim that has noticed one is asked no more, but with --verbose. Writes self_test.json. Exit
@@ -145,30 +157,22 @@ class SelfTestCommand(Command):
         from grosmc_mj.chapter.claims.story import noticed_table
         from grosmc_mj.executors import executor_for
         from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.results.document import write_json
 
-        claims, console = select_claims(self.target), screen.console()
+        claims = select_claims(self.target)
         with screen.progress(len(claims), "claims") as advance:
             caught = self_test(
                 Settings(), claims, FAULTS, executor_for(len(claims)), advance, screen.notice,
                 thorough=self.verbose,
             )  # fmt: skip
-        write_json(self.out / "self_test.json", self_test_result(caught))
-        missed = [each.fault.name for each in caught if not each.claims]
         noticing = {name for each in caught for name in each.claims}
-        blind = [claim.id for claim in claims if claim.id not in noticing]
-        if not missed and not blind:
-            words = "Every fault is noticed, and every claim notices one."
-            screen.say_verdict(console, words, good=True)
-        for words, names in (("not noticed by any claim", missed), ("notices no fault", blind)):
-            if names:
-                screen.say_verdict(console, f"{', '.join(names)}: {words}", good=False)
-        console.print(noticed_table(caught))
-        return screen.DIFFERS if missed or blind else screen.DONE
+        blind = [f"{claim.id} notices no fault" for claim in claims if claim.id not in noticing]
+        content, path = self_test_result(caught), self.out / "self_test.json"
+        self._publish(path, content, [noticed_table(caught)], blind)
+        return screen.DONE if not blind and all(each.claims for each in caught) else screen.DIFFERS
 
 
 @dataclass(frozen=True)
-class PremisesCommand(Command):
+class PremisesCommand(_Publishing):
     """Check the premises of the theorems in each case.
 
     Controllability, G B, relative degree, matching, the input-gain ratio, the switching gain
@@ -193,27 +197,19 @@ class PremisesCommand(Command):
             audit_table,
             failures_table,
             premises_result,
-            premises_words,
             worst_points,
         )
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.results.document import write_json
 
         lab, experiments = _laboratory(), find_experiments(self.target)
         # The theorems know of no loop: of a system its benches are left out.
         experiments = [one for one in experiments if one.case.loop is None] or experiments
         audits = [audit_of(lab, experiment, self.controller) for experiment in experiments]
-        file = self.out / f"premises_{experiments[0].case.system}.json"
-        write_json(file, premises_result(audits, lab.settings))
-        console, good = screen.console(), not any(audit.failed() for audit in audits)
-        screen.say_verdict(console, premises_words(audits), good=good)
-        if not good:
-            console.print(failures_table(audits))
-            points = [f"{each.case.name}: {line}" for each in audits for line in worst_points(each)]
-            screen.say_lines(console, points, FAILED, all=self.verbose)
-        screen.say_files(console, file)
-        for audit in audits if self.verbose else ():
-            console.print(audit_table(audit))
+        path = self.out / f"premises_{experiments[0].case.system}.json"
+        failing = [failures_table(audits)] if any(audit.failed() for audit in audits) else []
+        full = map(audit_table, audits) if self.verbose else ()
+        points = [f"{each.case.name}: {line}" for each in audits for line in worst_points(each)]
+        self._publish(path, premises_result(audits, lab.settings), [*failing, *full], points)
         return screen.DONE
 
 

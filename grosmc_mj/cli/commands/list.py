@@ -83,7 +83,6 @@ def _say_more(console: Console, target: str) -> None:
     """Titles, plants and the names of their parts, of a target or of all systems."""
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.file.shipped import content, shipped_files
-    from grosmc_mj.experiments.laws import FURTHER
     from grosmc_mj.plants import SYSTEMS
 
     for name in [target] if target else SYSTEMS:
@@ -96,8 +95,6 @@ def _say_more(console: Console, target: str) -> None:
         _say(console, "controllers", ", ".join(first.controllers))
         _say(console, "plants", ", ".join(first.plant_names))
         _say_names(console, first)
-        if not target and (further := FURTHER.get(name, ())):
-            _say(console, "further", f"{', '.join(further)}  (not run by validate)")
     if not target:
         _say(console, "", "Case files of the package", bold=True)
         for name, path in shipped_files().items():

@@ -1,0 +1,276 @@
+"""Faults: each changes what it says and nothing else, and claims notice them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from shipped import case_plant, controller_names, find_case
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import switching_rate
+from grosmc_mj.chapter.claims.claim import Verdict
+from grosmc_mj.chapter.claims.faults import FAULTS
+from grosmc_mj.chapter.claims.judging import judge, judge_claims, parts_of
+from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim
+from grosmc_mj.chapter.claims.self_test import self_test
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.reaching import nominal
+from grosmc_mj.executors import make_executor
+from grosmc_mj.executors.batch import Batch
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
+from grosmc_mj.experiments.laboratory import Fault, Laboratory
+from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import AnalyticPlant
+
+SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
+LAWS = [(system, name) for system in SYSTEMS for name in controller_names(system)]
+each_law = pytest.mark.parametrize(("system", "name"), LAWS)
+each_system = pytest.mark.parametrize("system", SYSTEMS)
+# Exact ones of three systems, not in the order of their files.
+QUICK = [find_claim(name) for name in ("pendulum-eq40", "arm-eq57", "servo-circular-bound")]
+
+
+@cache
+def fault(name: str) -> Fault:
+    return next(each for each in FAULTS if each.name == name)
+
+
+@cache
+def sound(system: str, name: str) -> Controller:
+    return chapter_controller(name, MujocoPlant.load(system).analytic())
+
+
+def faulty(name: str, system: str, controller: str = "grosmc", case: str = "nominal") -> Controller:
+    experiment = find_experiment(system, case)
+    return fault(name).controller(sound(system, controller), experiment, "physics")
+
+
+def faulty_plant(name: str, system: str, case: str) -> Any:
+    experiment = find_experiment(system, case)
+    return fault(name).plant(experiment.plant("physics"), experiment, "physics")
+
+
+def samples(law: Controller) -> list[tuple[float, Array]]:
+    """Random instants and states in the region of every law."""
+    random, n = np.random.default_rng(3), len(law.designed.error.system.states)
+    return [(0.01 * k, random.uniform(-1, 1, n)) for k in range(20)]
+
+
+def inputs(law: Controller) -> tuple[Array, Array]:
+    """u and, for a law with a surface, s of a law along the samples, (count, m)."""
+    memory, u, s = law.memory(), [], []
+    for t, x in samples(law):
+        u.append(np.atleast_1d(law.input_at(t, x, memory)))
+        s.append(np.array(getattr(memory, "s", [0.0])))
+    return np.array(u), np.array(s)
+
+
+@each_law
+def test_wrong_sign_and_zero_gain_change_the_input_alone(system: str, name: str) -> None:
+    u, s = inputs(sound(system, name))
+    wrong, s_wrong = inputs(faulty("wrong sign of u", system, name))
+    assert np.array_equal(wrong, -u)
+    assert np.array_equal(s_wrong, s)
+    law = faulty("zero switching gain", system, name)
+    continuous = "fl-lqr" if system == "cart_pendulum" else "lqr"
+    alone = sound(system, continuous if name == "grosmc" else name)
+    assert inputs(law)[0] == pytest.approx(inputs(alone)[0], rel=1e-13)
+    x = np.array([find_experiment(system, "nominal").case.x0])
+    z = np.full((1, law.coordinates.size), 0.3)
+    own = nominal(law.designed, law.parameters, [0.0], x, z)
+    assert switching_rate(law.parameters, own).tolist() == [0.0]
+
+
+@each_system
+def test_surface_without_its_integral_and_with_a_small_g(system: str) -> None:
+    """Consistently: S = G (A - B K), G B = G B and its inverse still hold."""
+    law = faulty("integral left out", system)
+    z = np.array([law.designed.error.error_state(t, x, law.parameters) for t, x in samples(law)])
+    assert inputs(law)[1] == pytest.approx((z - z[0]) @ law.parameters.G.T, abs=1e-13)
+    law, p = faulty("G too small", system), sound(system, "grosmc").parameters
+    small, optimum = law.parameters, law.designed.lqr
+    assert pytest.approx(0.01 * p.G, rel=1e-15) == small.G
+    assert pytest.approx(small.S, rel=1e-12) == small.G @ optimum.closed_loop
+    assert pytest.approx(small.G @ optimum.B, rel=1e-12) == small.GB
+    assert small.GB @ small.GB_inverse == pytest.approx(np.eye(len(small.GB)), rel=1e-12)
+    assert small.size_of_GB == pytest.approx(np.linalg.norm(small.GB), rel=1e-12)
+    for name in ("K", "eta", "gamma0", "gamma1", "k", "epsilon"):
+        assert np.all(getattr(small, name, 0) == getattr(p, name, 0))
+
+
+def test_laws_of_other_plants_believe_in_them() -> None:
+    for name in controller_names("cart_pendulum"):
+        law, p = faulty("printed a in the law", "cart_pendulum", name), sound("cart_pendulum", name)
+        assert law.parameters.plant == replace(p.parameters.plant, printed=1.0)
+    for system in ("servo", "arm"):
+        assert faulty("printed a in the law", system) is sound(system, "grosmc")
+        true = MujocoPlant.load(system, edits=find_case(system, "case2").edits).analytic()
+        law = faulty("laws know the plant", system, "grosmc", "case2")
+        assert law.parameters.plant == true.parameters
+        assert law.parameters.plant != sound(system, "grosmc").parameters.plant
+
+
+@pytest.mark.parametrize(
+    ("system", "case", "body"),
+    [("servo", "case2", "rotor"), ("cart_pendulum", "case1", "pole"), ("arm", "case2", "link")],
+)
+def test_faults_of_edits_change_what_they_say(system: str, case: str, body: str) -> None:
+    before = MujocoPlant.load(system).model.body(body)
+    (edit,) = find_case(system, case).edits
+    assert isinstance(edit, BodyEdit)
+    wrong = faulty_plant("mass without inertia", system, case).model.body(body)
+    assert wrong.mass == pytest.approx(edit.mass_scale * before.mass)
+    assert np.array_equal(wrong.inertia, before.inertia)
+    assert np.array_equal(wrong.ipos, before.ipos)
+    nominal_plant = MujocoPlant.load(system).analytic().parameters
+    assert faulty_plant("edit dropped", system, case).analytic().parameters == nominal_plant
+    right = case_plant(find_case(system, case), "physics", Settings())
+    assert isinstance(right, MujocoPlant)
+    scale = edit.mass_scale * edit.length_scale**2
+    assert right.model.body(body).inertia == pytest.approx(scale * before.inertia, rel=1e-12)
+    twice = faulty_plant("edit done twice", system, case).model.body(body)
+    assert twice.mass == pytest.approx(edit.mass_scale**2 * before.mass)
+
+
+@each_system
+def test_faults_of_physics_leave_the_model_and_the_equations_alone(system: str) -> None:
+    plant = faulty_plant("gravity upside down", system, "case1")
+    gravity = MujocoPlant.load(system).model.opt.gravity
+    assert np.array_equal(plant.model.opt.gravity, -gravity)
+    assert gravity[2] == -9.8
+    assert plant.edits == find_case(system, "case1").edits
+    plant = faulty_plant("printed physics", system, "nominal")
+    assert isinstance(plant, AnalyticPlant)
+    assert plant.variant == ("printed" if system in ("cart_pendulum", "arm") else "corrected")
+    experiment = find_experiment(system, "case1")
+    for name in ("gravity upside down", "edit done twice"):
+        corrected = experiment.plant("corrected")
+        assert fault(name).plant(corrected, experiment, "corrected") is corrected
+
+
+def test_slow_sampling_and_wrong_pushes() -> None:
+    lab = Laboratory(Settings(), fault("slow sampling"))
+    assert lab.settings == replace(Settings(), control_period=10 * Settings().control_period)
+    T, h = lab.settings.control_period / 2, lab.settings.timestep / 2
+    assert lab.refined.settings == replace(lab.settings, control_period=T, timestep=h)
+    experiment = find_experiment("arm", "case1")
+    dropped = fault("disturbance dropped").experiment(experiment).case
+    assert dropped == replace(experiment.case, disturbances=())
+    tenfold = fault("decimal point misplaced").experiment(experiment).case
+    for was, now in zip(experiment.case.disturbances, tenfold.disturbances, strict=True):
+        assert np.array(now.wrench) == pytest.approx(10 * np.array(was.wrench))
+        assert replace(now, wrench=was.wrench) == was
+
+
+# Who notices.
+
+
+@pytest.mark.slow
+def test_every_fault_is_noticed() -> None:
+    """By a few of the claims already; grosmc-mj claims self-test tries them all."""
+    quick = ("servo-load-grosmc", "servo-circular-bound", "pendulum-eq40", "arm-eq57")
+    # Runs of many seconds meet only what the quick ones cannot notice, or not alone.
+    slow = {
+        "servo-load-lqr": ("disturbance dropped",),
+        "pendulum-naive-gain": ("printed a in the law",),
+        "arm-variations": ("zero switching gain", "G too small", "slow sampling"),
+        "two-link-projection": ("edit done twice",),
+    }
+    tried = [(quick, FAULTS)] + [
+        ((name,), [each for each in FAULTS if each.name in noticed])
+        for name, noticed in slow.items()
+    ]
+    caught: dict[str, set[str]] = {each.name: set() for each in FAULTS}
+    for names, faults in tried:
+        claims = [find_claim(name) for name in names]
+        for each in self_test(Settings(), claims, faults, Batch(), thorough=True):
+            caught[each.fault.name] |= set(each.claims)
+    assert all(caught.values()), [name for name, claims in caught.items() if not claims]
+    assert {"servo-load-grosmc", "arm-variations"} <= caught["zero switching gain"]
+    assert "servo-circular-bound" in caught["mass without inertia"]
+    assert {"pendulum-eq40", "arm-eq57"} <= caught["printed physics"]
+    # Neither claim looks at a law.
+    for name in ("wrong sign of u", "zero switching gain", "G too small", "slow sampling"):
+        assert not {"pendulum-eq40", "arm-eq57"} & caught[name]
+
+
+CAUSED = {
+    Verdict.SUPPORTED: ("servo-unknown-gains", "disturbance dropped"),
+    Verdict.REFUTED: ("servo-sliding-dynamics", "integral left out"),
+    Verdict.UNDETERMINED: ("pendulum-disturbance-lqr", "decimal point misplaced"),
+    Verdict.PREMISE_NOT_MET: ("servo-sliding-dynamics", "zero switching gain"),
+    Verdict.INCONCLUSIVE: ("servo-load-lqr", "wrong sign of u"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_a_fault_brings_each_verdict_about(verdict: Verdict) -> None:
+    """Of a claim whose verdict in a sound laboratory is another one."""
+    claim, name = find_claim(CAUSED[verdict][0]), CAUSED[verdict][1]
+    assert claim.verdicts["physics"] is not verdict
+    finding = judge(Laboratory(Settings(), fault(name)), claim, refine=False)
+    assert finding.verdict is verdict
+
+
+def test_a_law_that_works_nowhere_has_no_region() -> None:
+    """That it fails from every start does not support that it works from small ones only."""
+    claim, lab = find_claim("pendulum-region-lqr"), Laboratory(Settings(), fault("wrong sign of u"))
+    measured = judge(lab, claim, refine=False).plants["corrected"].measured
+    assert (measured.value, measured.note) == (None, "not from 5 degrees")
+    assert not claim.holds(measured)
+
+
+def test_a_claim_that_has_noticed_is_tried_no_more() -> None:
+    """Every fault is still put in, and tried with others as long as nobody notices."""
+    claims, gravity = QUICK[:2], fault("gravity upside down")
+    printed = fault("printed physics")
+    again = replace(printed, name="again")
+    caught = self_test(Settings(), claims, [printed, again, gravity], Batch())
+    assert [(len(each.claims), each.tried) for each in caught] == [(2, 2), (1, 1), (1, 1)]
+    thorough = self_test(Settings(), claims, [printed, again], Batch(), thorough=True)
+    assert [each.claims for each in thorough] == [("pendulum-eq40", "arm-eq57")] * 2
+
+
+def test_claims_that_look_at_the_law_look_at_the_faulty_one() -> None:
+    """The law with the printed C is a controller like any other, with the same faults."""
+    seen: list[str] = []
+
+    def spy(law: Controller, *_: Any) -> Controller:
+        seen.append(law.name)
+        return law
+
+    lab = Laboratory(Settings(), Fault("spy", "looks on", controller=spy))
+    find_claim("arm-printed-c").measure(lab, "corrected")
+    assert seen
+
+
+def test_every_claim_is_in_one_part_of_one_system() -> None:
+    parts = parts_of(CLAIMS)
+    assert sorted(claim.id for part in parts for claim in part) == sorted(c.id for c in CLAIMS)
+    assert all(len({claim.system for claim in part}) == 1 for part in parts)
+    # Enough of them for a handful of cores.
+    assert len(parts) >= 12
+
+
+@pytest.mark.slow
+def test_processes_find_the_same_in_the_order_of_the_claims() -> None:
+    lab, told = Laboratory(Settings()), []
+    here = [judge(lab, claim) for claim in QUICK]
+    for executor in (Batch(), make_executor("processes", workers=2)):
+        assert judge_claims(lab, QUICK, executor, told.append) == here
+    assert sorted(told) == sorted(2 * [claim.id for claim in QUICK])
+    other = Laboratory(*Laboratory(Settings(control_period=2e-3)).__reduce__()[1])
+    assert other.refined.settings.control_period == 1e-3
+    faults = [fault("printed physics"), fault("gravity upside down")]
+    one, two = (
+        self_test(Settings(), QUICK, faults, executor, thorough=True)
+        for executor in (Batch(), make_executor("processes", workers=2))
+    )
+    assert one == two
