@@ -58,7 +58,7 @@ class DoctorCommand(Command):
             console.print(words, soft_wrap=True)
         console.print("[bold]ffmpeg[/]")
         if ffmpeg is not None:
-            words = f"  {ffmpeg.origin:<12} [green]works[/]: {ffmpeg.version}, {ffmpeg.path}"
+            words = f"  {'ffmpeg':<12} [green]works[/]: {ffmpeg.version}, {ffmpeg.path}"
             console.print(words, soft_wrap=True)
         console.print(f"[bold]Machine[/]\n  cores        {len(os.sched_getaffinity(0))}")
         console.print(f"  display      {'yes' if has_display() else 'none (only glfw needs one)'}")
