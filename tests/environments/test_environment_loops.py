@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grosmc_mj.environments.episode import Episode, EpisodeSetup
-from grosmc_mj.environments.signals import seen_state, state_names
+from grosmc_mj.environments.episode import Episode
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Computing
-from grosmc_mj.simulation.steppers import stepper_of
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -27,10 +25,13 @@ def bench() -> Experiment:
 
 
 def episode() -> Episode:
-    setup = EpisodeSetup("cart_pendulum", bench())
-    found = Episode(setup, stepper_of(setup.plant, setup.problem.timestep))
-    found.restart(setup.start(np.random.default_rng(0)))
-    return found
+    return Episode("cart_pendulum", bench())
+
+
+def seen_by(agent: Episode) -> np.ndarray:
+    """The state that the agent sees, (n,)."""
+    seen = agent.observation()
+    return np.concatenate([seen[state.name] for state in agent.plant.system.states])
 
 
 @pytest.mark.slow
@@ -40,12 +41,10 @@ def test_a_law_as_an_agent_does_what_it_does_in_its_loop() -> None:
     run = experiment.run("physics", "implicit").trajectory
     agent, bare = episode(), replace(law, loop=None)
     memory, _kept_alive = bare.begin()
-    stride, states = agent.setup.problem.stride, [agent.x.copy()]
+    stride, states = agent.problem.stride, [agent.x.copy()]
     assert stride == 2
     while not agent.over:
-        seen = agent.observation()
-        x = seen_state(state_names(agent.setup.plant.system), seen)[1]
-        agent.hold(bare.input_at(agent.time, x, memory))
+        agent.hold(bare.input_at(agent.time, seen_by(agent), memory))
         agent.advance(stride)
         states.append(agent.x.copy())
     np.testing.assert_allclose(np.array(states), run.state[::stride], rtol=0, atol=1e-9)
@@ -56,8 +55,8 @@ def test_observations_are_what_sensors_and_estimators_tell() -> None:
     resolution = 0.314e-3
     for _ in range(20):
         agent.hold([1.0])
-        agent.advance(agent.setup.problem.stride)
-        told = seen_state(state_names(agent.setup.plant.system), agent.observation())[1][1]
+        agent.advance(agent.problem.stride)
+        told = seen_by(agent)[1]
         assert abs(told / resolution - round(told / resolution)) < 1e-9
     assert told != agent.x[1]
 
@@ -66,14 +65,13 @@ def test_an_action_arrives_after_the_delay() -> None:
     agent = episode()
     agent.hold([5.0])
     agent.advance(2)
-    still = agent.stepper
     idle = episode()
     idle.hold([0.0])
     idle.advance(2)
-    np.testing.assert_array_equal(still.x, idle.stepper.x)
+    np.testing.assert_array_equal(agent.x, idle.x)
     agent.advance(2)
     idle.advance(2)
-    assert agent.stepper.x[2] > idle.stepper.x[2]
+    assert agent.x[2] > idle.x[2]
 
 
 def test_looking_twice_changes_nothing() -> None:

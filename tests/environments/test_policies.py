@@ -19,7 +19,7 @@ from grosmc_mj.chapter.claims.claim import Measured, Verdict
 from grosmc_mj.chapter.claims.ledger import find_claim, judge
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
-from grosmc_mj.errors import ArgumentError, PolicyError, UndefinedLawError
+from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics.recorded import compare_with_optimum, measure
@@ -124,9 +124,7 @@ def test_a_random_policy_is_measured_like_any_other() -> None:
     assert all(each.value is None or math.isfinite(each.value) for each in metrics.values())
 
 
-def test_what_predicts_or_takes_time_steps_is_asked_the_same_question() -> None:
-    pytest.importorskip("dm_env")
-
+def test_what_predicts_is_asked_the_same_question() -> None:
     def force(observation: Any) -> Array:
         return 30.0 * observation["error"][:1] + 5.0 * observation["error"][1:]
 
@@ -134,24 +132,9 @@ def test_what_predicts_or_takes_time_steps_is_asked_the_same_question() -> None:
         def predict(self, observation: Any) -> tuple[Array, None]:
             return force(observation), None
 
-    steps: list[Any] = []
-
-    def agent(step: Any) -> Array:
-        steps.append(step)
-        return force(step.observation)
-
     case = find_case("cart_pendulum", "case1")
     plain = run(case, asking(force))
     assert np.array_equal(run(case, asking(Model())).state, plain.state)
-    assert np.array_equal(run(case, asking(agent, takes="time_step")).state, plain.state)
-    assert [step.first() for step in steps[:3]] == [True, False, False]
-    # The rewards are those of the environment of the same case.
-    environment = pytest.importorskip("grosmc_mj.environments").load("cart_pendulum", "case1")
-    step = environment.reset()
-    for seen in steps[1:20]:
-        step = environment.step(force(step.observation))
-        # k T - (k - 1) T is T but for the rounding of k T, at most 2e-17 s of 1e-3 s.
-        assert seen.reward == pytest.approx(step.reward, rel=1e-13)
 
 
 def test_a_policy_with_a_memory_is_reset_where_a_run_begins() -> None:
@@ -207,14 +190,6 @@ def missing(observation: Any) -> Any:
     return observation["pole angel"]
 
 
-def dividing(observation: Any) -> Any:
-    return 1.0 / (observation["cart speed"][0].item() * 0.0)
-
-
-def rooting(observation: Any) -> Any:
-    return math.sqrt(-1.0)
-
-
 def calling(observation: Any) -> Any:
     return np.linalg.inv(np.zeros((2, 2)))
 
@@ -223,31 +198,27 @@ def calling(observation: Any) -> Any:
     ("policy", "said"),
     [
         (missing, "KeyError: 'pole angel'"),
-        (dividing, "ZeroDivisionError: float division by zero"),
-        (rooting, "ValueError: math domain error"),
-        (calling, "LinAlgError: Singular matrix"),
+        (calling, "Singular matrix"),
     ],
 )
 def test_an_error_in_a_policy_points_to_its_line(policy: Any, said: str) -> None:
     line = inspect.getsourcelines(policy)[1] + 1
-    with pytest.raises(PolicyError) as found:
+    with pytest.raises(ArgumentError) as found:
         run(find_case("cart_pendulum", "nominal"), asking(policy))
-    expected = f"policy {policy.__name__} raised {said} at {Path(__file__)}:{line} (t = 0 s)"
+    expected = f"{Path(__file__).name}:{line}: {said} ({policy.__name__} at t = 0 s)"
     assert str(found.value) == expected
 
 
 def test_a_policy_of_the_wrong_signature_is_told() -> None:
-    with pytest.raises(PolicyError, match=r"raised TypeError: .*takes 0 positional .* when it was"):
+    with pytest.raises(ArgumentError, match=r"TypeError: .*takes 0 positional .* at t = 0 s"):
         run(find_case("cart_pendulum", "nominal"), asking(lambda: 0.0))
 
 
 @pytest.mark.parametrize(
     ("action", "said"),
     [
-        ([1.0, 2.0], r"a list of shape \(2,\), must return 1 number\(s\).* \(1,\): force \[N\]"),
-        (None, r"a NoneType of shape \(0,\)"),
-        ("push", r"a str of shape \(0,\)"),
-        ([[1.0]], r"a list of shape \(1, 1\)"),
+        ([1.0, 2.0], r"returned \[1.0, 2.0\], must return 1 number\(s\): force \[N\]"),
+        (None, "returned None, must return 1 number"),
     ],
 )
 def test_an_action_of_the_wrong_shape_is_told(action: Any, said: str) -> None:
@@ -258,8 +229,6 @@ def test_an_action_of_the_wrong_shape_is_told(action: Any, said: str) -> None:
 def test_wrong_use_is_told_in_one_line(open_loop: Callable[[float], Controller]) -> None:
     with pytest.raises(ArgumentError, match="a float is no policy: give a function of an obs"):
         asking(1.0)
-    with pytest.raises(ArgumentError, match="unknown form of observation 'timestep': did you mean"):
-        asking(missing, takes="timestep")
     with pytest.raises(ArgumentError, match="open loop has no error coordinates"):
         policy_controller(missing, open_loop(1.0))
     with pytest.raises(ArgumentError, match="claim arm-index is about arm, not about servo"):
@@ -304,17 +273,6 @@ def test_a_broken_measurement_is_an_error_and_no_finding() -> None:
     claim = replace(find_claim("servo-load-grosmc"), measure=broken)
     with pytest.raises(AssertionError, match="a slip of ours"):
         judge_policy("servo", lambda _: 0.0, [claim], settings=COARSE, refine=False)
-
-
-def test_each_design_of_a_system_can_have_its_own_policy() -> None:
-    designs = ("two_link_arm", "two_link_arm regulation")
-    policies = {name: law_policy(law("two_link_arm", design=name)) for name in designs}
-    names = ["two-link-regulation"]
-    settings = replace(COARSE, control_period=2e-3, timestep=2e-3)
-    (found,) = judge_policy("two_link_arm", policies, names, settings=settings, refine=False)
-    assert found.verdict is Verdict.SUPPORTED
-    with pytest.raises(ArgumentError, match="unknown policy 'two_link_arm regulation': did you me"):
-        judge_policy("two_link_arm", {"two_link_arm": missing}, names, settings=COARSE)
 
 
 @pytest.mark.slow
