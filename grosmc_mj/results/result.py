@@ -47,13 +47,13 @@ class Answer(Part):
 
 
 class Standing(Part):
-    """Where a law breaks first.
+    """How a law stands in a case; of a run for every law, whether it keeps everything or not.
 
     Attributes:
         case: SYSTEM/CASE.
         law: Its name.
-        breaks_at: Rung, plant or imperfection; empty if it stands everywhere.
-        words: By how much, or how far it stands.
+        breaks_at: Where it breaks first: rung, plant or imperfection; empty if it stands.
+        words: The number that decides with its limit, or how far it stands.
         complete: Whether nothing was interrupted that may break it still.
     """
 
@@ -72,8 +72,9 @@ class Value(Part):
         value: A number, a verdict, or None for none.
         unit: Of a number.
         better: 1 if more is better, -1 if less is, else 0; of verdicts ``diff`` knows it.
-        relative: Change that is rounding, of ``size``; of another machine the larger one.
-        absolute: Change that is rounding.
+        relative: How closely it repeats on another machine, as a share of ``size``; 0.1 of what
+            switching amplifies.
+        absolute: The same in its unit.
         size: What ``relative`` is of; None for the value itself.
     """
 
@@ -81,13 +82,13 @@ class Value(Part):
     value: Number | Text = None
     unit: Text = ""
     better: Literal[-1, 0, 1] = 0
-    relative: float = 0.0
-    absolute: float = 0.0
+    relative: float = 1e-6
+    absolute: float = 1e-9
     size: Number = None
 
 
 class Series(Part):
-    """Points of a chart, joined if there are several.
+    """Points of a chart.
 
     Attributes:
         name: In the legend.
@@ -95,6 +96,7 @@ class Series(Part):
         y: None where there is none.
         texts: Of each point; empty for none.
         good: Whether what is required holds at each point; empty where nothing is.
+        joined: Whether a line joins them.
     """
 
     name: Text
@@ -102,6 +104,7 @@ class Series(Part):
     y: Sequence[Number]
     texts: Sequence[Text] = ()
     good: Sequence[bool | None] = ()
+    joined: bool = True
 
 
 class LineChart(Part):
