@@ -95,7 +95,7 @@ class FilmCommand(Command):
             experiment = experiment.varied(duration=self.duration)
         known = experiment.controllers
         default = _CONTROLLERS if set(_CONTROLLERS) <= set(known) else known[-MOST_TAKES:]
-        names = tuple(dict.fromkeys(self.controllers or default))
+        names = tuple(dict.fromkeys(default if self.controllers is None else self.controllers))
         check_request(experiment, names, form)
         path = self.output or Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
         results = [experiment.run("physics", name) for name in names]
