@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import pickle
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -224,19 +223,13 @@ def test_a_scene_has_the_rows_of_its_instants() -> None:
     assert max(torques) > 0
 
 
-def test_a_storyboard_grows_with_the_frames_and_leaves_the_model_as_it_was() -> None:
-    def model_bytes(model: mujoco.MjModel) -> bytes:
-        buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, buffer)
-        return buffer.tobytes()
-
-    shown = film(replace(SMALL, start=0.2))
-    before = model_bytes(shown.model)
-    board = storyboard(shown)
-    assert model_bytes(shown.model) == before
-    # All of the run's thousand rows would be 24 kB a signal.
-    pixels = 2 * shown.format.width * shown.format.height * 3
-    assert len(pickle.dumps(board)) - pixels - len(before) < 100_000
+def test_a_film_leaves_the_model_as_it_was() -> None:
+    model = film().model
+    before, after = (np.zeros(mujoco.mj_sizeModel(model), np.uint8) for _ in range(2))
+    mujoco.mj_saveModel(model, None, before)
+    storyboard(film())
+    mujoco.mj_saveModel(model, None, after)
+    np.testing.assert_array_equal(before, after)
 
 
 def test_all_that_a_film_shows_makes_another_digest() -> None:
@@ -717,9 +710,6 @@ def test_takes_have_the_palettes_colours_and_names_and_the_title_says_which_case
     run = result("servo", "nominal", "lqr")
     own = film_of([run] * 4, SMALL, ("mine", "yours", "hers", "theirs"))
     assert len({take.colour for take in own.takes}) == 4
-    colours = [*palette.COLOURS.values(), *palette.OTHERS, palette.DISTURBANCE]
-    assert len({colour.lower() for colour in colours}) == len(colours)
-    assert palette.red_green_blue("#FF0033") == (1, 0, 0.2)
 
 
 def test_a_validation_gives_one_film_a_case_of_physics_alone() -> None:

@@ -30,7 +30,7 @@ from shipped import find_case, run_case
 import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.film import Film, Format, Take
@@ -506,28 +506,6 @@ def test_a_full_disk_is_one_line_and_nothing_is_left(
     assert "free the disk or choose another place" in line
     assert not list(tmp_path.glob(".*"))
     assert (tmp_path / "f.mp4").exists() == (suffix == "json")
-
-
-@pytest.mark.parametrize("place", ["file/f.mp4", "taken.mp4", "/proc/f.mp4"])
-def test_a_place_that_cannot_be_written_is_told_before_any_frame_is_drawn(
-    place: str,
-    tmp_path: Path,
-    at_frame: Callable[[int, Callable[[], object]], None],
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    (tmp_path / "file").write_text("")
-    (tmp_path / "taken.mp4").mkdir()
-    drawn: list[int] = []
-    at_frame(0, lambda: drawn.append(0))
-    assert film(tmp_path / place, *FILM, "--to", "0.1") == cli.WRONG
-    assert f"cannot write {tmp_path / place}" in capfd.readouterr().err
-    assert not drawn
-
-
-def test_a_film_that_is_no_mp4_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError, match=r"must end in \.mp4"):
-        write_film(lone_film("servo", "nominal", TINY), tmp_path / "f.avi")
-    assert contents(tmp_path) == {}
 
 
 def test_workers_are_no_more_than_frames_and_end_with_the_drawing(
