@@ -38,10 +38,6 @@ class SetupError(GrosmcError, RuntimeError):
     """Something outside the package is missing or broken: a file, a library, the disk."""
 
 
-class PolicyError(GrosmcError, RuntimeError):
-    """A policy of the user's own that raised an error."""
-
-
 class DivergenceError(GrosmcError, RuntimeError):
     """A simulation that could not be carried to its end.
 

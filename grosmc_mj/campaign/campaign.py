@@ -20,8 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.parts import LOOP_UNITS, MACHINE_UNITS
-from grosmc_mj.experiments.metrics import NO_WINDOWS
-from grosmc_mj.experiments.metrics import meters_of
+from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import (
     Limit,

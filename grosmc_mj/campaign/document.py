@@ -82,7 +82,7 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
             for law, drivers in found.sensitivities.items()
         },
         worst_runs=dict(found.worst),
-        units={number.name: number.unit for number in campaign.quantities},
+        units={number.name: number.unit for number in campaign.family.quantities},
     )
 
 
@@ -209,7 +209,7 @@ def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict
         engine=engine,
         controller=outcome.controller,
         judged_by=outcome["judged_by"][0],
-        uncertain={name: outcome[name][0] for name in campaign.names},
+        uncertain={name: outcome[name][0] for name in campaign.family.names},
         status=outcome["status"][0],
         ended=outcome["ended"][0],
         metrics={name: outcome[name][0] for name in METRICS},
@@ -234,5 +234,5 @@ def _finite(value: float) -> float | None:
 
 def _named(campaign: Campaign, values: Array | None) -> dict[str, float] | None:
     """The uncertain numbers by name."""
-    names = campaign.names
+    names = campaign.family.names
     return None if values is None else dict(zip(names, values.tolist(), strict=True))

@@ -19,7 +19,6 @@ from grosmc_mj.campaign.distributions import Distribution, distribution
 from grosmc_mj.campaign.plant_sample import EDITS, edits_of
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
     LOOP_UNITS,
@@ -28,8 +27,13 @@ from grosmc_mj.experiments.file.parts import (
     in_model,
     unit_of,
 )
-from grosmc_mj.experiments.file.schema import numbers_of
-from grosmc_mj.experiments.file.schema import QUANTITIES, CorrelationTable, UncertainTable
+from grosmc_mj.experiments.file.schema import (
+    QUANTITIES,
+    CaseFile,
+    CorrelationTable,
+    UncertainTable,
+    numbers_of,
+)
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run

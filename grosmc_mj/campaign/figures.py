@@ -89,7 +89,7 @@ def map_axes(
 
     None where only one number is uncertain, or nothing is required of any law.
     """
-    by_name = {number.name: number for number in campaign.quantities}
+    by_name = {number.name: number for number in campaign.family.quantities}
     if not campaign.judged or len(by_name) < 2:
         return None
     shares = dict.fromkeys(by_name, 0.0)

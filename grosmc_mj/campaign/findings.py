@@ -222,7 +222,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     Raises:
         SetupError: If there are no runs, or a part is damaged.
     """
-    specification, judged, names = campaign.specification, campaign.judged, campaign.names
+    specification, judged, names = campaign.specification, campaign.judged, campaign.family.names
     counts = folder.counts(campaign, range(specification.shards))
     if not counts:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")

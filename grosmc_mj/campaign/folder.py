@@ -295,7 +295,7 @@ def _schema(campaign: Campaign) -> pa.Schema:
         "sliding": "of the law's surface",
     }
     columns = {"id": "", "controller": ""}
-    columns |= {number.name: number.unit for number in campaign.quantities}
+    columns |= {number.name: number.unit for number in campaign.family.quantities}
     columns |= {name: units.get(unit, unit) for name, unit in METRICS.items()}
     columns |= {MARGIN + limit.key: limit.unit for limit in campaign.requirements}
     columns |= {"relative": "1", "order": "1", "status": "", "ended": "s"}

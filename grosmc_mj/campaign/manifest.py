@@ -55,7 +55,7 @@ def configuration_of(campaign: Campaign) -> dict[str, Any]:
         "uncertain": {
             number.name: f"{number.distribution.words}; nominal {number.nominal:.17g}; "
             f"unit {number.unit}"
-            for number in campaign.quantities
+            for number in campaign.family.quantities
         },
         "file": json.loads(json.dumps(campaign.experiment.document())),
     }

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.parts import LOOP_UNITS, table_of
-from grosmc_mj.machine import MachinePart
-from grosmc_mj.experiments.file.parts import MACHINE_PARTS
+from grosmc_mj.experiments.file.parts import LOOP_UNITS, MACHINE_PARTS
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, Profile, Pulse

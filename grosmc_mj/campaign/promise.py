@@ -84,7 +84,7 @@ class PromisedFamily:
             raise PremiseError("premises are computed for the package's own systems in MuJoCo only")
         if region is None:
             raise PremiseError("no operating region is declared for this design")
-        for number in campaign.quantities:
+        for number in campaign.family.quantities:
             if number.quantity in _NOT_IN_EQUATIONS:
                 words = f"no {number.quantity}, so {number.name} has no premise"
                 raise PremiseError(f"the equations have {words}")
@@ -111,7 +111,7 @@ class PromisedFamily:
         largest = np.zeros((len(bodies), 6))
         factors = {
             number.of: max(map(abs, number.ends(scale)))
-            for number in campaign.quantities
+            for number in campaign.family.quantities
             if number.quantity == "amplitude"
         } | dict(known or {})
         for disturbance in campaign.experiment.case.disturbances:
@@ -131,7 +131,7 @@ class PromisedFamily:
     def surface_band(self) -> float:
         """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
         campaign, law = self.campaign, self.law
-        plant = campaign.plant_sample(campaign.nominal).plant(campaign.plant)
+        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.plant)
         rate = largest_rate(law, plant.analytic(), self.bound)
         switching = getattr(law.parameters, "switching", None)
         width = max(_SAMPLE, getattr(switching, "width", 0.0))
@@ -146,7 +146,7 @@ class PromisedFamily:
             number.ends(scale)
             if (number.owner == "start" if of_starts else number.of_plant)
             else (number.nominal,)
-            for number in self.campaign.quantities
+            for number in self.campaign.family.quantities
         ]
         return [np.array(corner) for corner in itertools.product(*ends)]
 
@@ -188,7 +188,7 @@ def promise(campaign: Campaign, controller: str) -> Promise:
     try:
         premises = PromisedFamily.of(campaign, controller)
         band = premises.surface_band()
-        if not campaign.bounded:
+        if not campaign.family.bounded:
             raise PremiseError("the uncertainty has no end, so no premise covers all of it")
         return Promise(*premises.reach(), band)
     except GrosmcError as error:

@@ -146,7 +146,7 @@ def _away(runs: Outcomes, band: float) -> Array:
 
 def _points(campaign: Campaign) -> Array:
     """Points of the unit cube: corners, if the ranges have some, and the first samples."""
-    specification, corners = campaign.specification, campaign.corners(_CORNERS)
+    specification, corners = campaign.specification, campaign.family.corners(_CORNERS)
     if specification.sampler == "corners" and len(corners):
         return corners
     samples = min(specification.runs, PLANTS - len(corners))

@@ -16,8 +16,7 @@ from grosmc_mj.campaign.family import MARGIN
 from grosmc_mj.campaign.folder import Folder
 from grosmc_mj.campaign.runs import EQUATIONS, Batch, Outcomes, laws_with_meters, outcomes
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
-from grosmc_mj.experiments.metrics import Metric, compare_with_optimum, measure, settling
-from grosmc_mj.experiments.metrics import METRICS
+from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
@@ -103,7 +102,7 @@ def searched_values(campaign: Campaign, folder: Path, which: str, controller: st
         raise SetupError(f"{folder} has no {name}: run the campaign with {option}")
     try:
         plant = json.loads(path.read_text(encoding="utf-8"))["controllers"][controller][which]
-        values = plant and np.array([float(plant[name]) for name in campaign.names])
+        values = plant and np.array([float(plant[name]) for name in campaign.family.names])
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         raise SetupError(f"{path} cannot be read: run the campaign with {option} again") from None
     if values is None:

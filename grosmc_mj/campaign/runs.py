@@ -15,8 +15,14 @@ from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.family import MARGIN
 from grosmc_mj.campaign.plant_sample import PlantSample
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.metrics import DWELL, Recording, transient_of
-from grosmc_mj.experiments.metrics import METRICS, meters_of, said_by
+from grosmc_mj.experiments.metrics import (
+    DWELL,
+    METRICS,
+    Recording,
+    meters_of,
+    said_by,
+    transient_of,
+)
 from grosmc_mj.experiments.requirements import costs_wanted, initial_error, margins_of, windows
 from grosmc_mj.loop import relooped
 from grosmc_mj.plants import AnalyticPlant, Plant
@@ -209,7 +215,7 @@ def outcomes(
     judge = PHYSICS if kind == "physics" else EQUATIONS
     columns = {
         "id": ids,
-        **dict(zip(campaign.names, values.T, strict=True)),
+        **dict(zip(campaign.family.names, values.T, strict=True)),
         **{name: np.where(completed, metrics[name], np.nan) for name in METRICS},
         **{MARGIN + of.key: margins.get(of.key, nothing) for of in campaign.requirements},
         "relative": np.where(completed, np.min(shares, axis=0), -np.inf),

@@ -62,7 +62,7 @@ def screening_of(campaign: Campaign) -> Screening:
         return Screening(why_not=why_not)
     # Of another seed: the campaign's own first runs would be judged twice.
     points = campaign.points("random", 0, SAMPLE, more=1)
-    batch = Batch(campaign, campaign.values(points), range(SAMPLE))
+    batch = Batch(campaign, campaign.family.values(points), range(SAMPLE))
     why_not = next(filter(None, map(model_mismatch, batch.physics[:_PLANTS])), "")
     if why_not or (why_not := _no_equations(batch)):
         return Screening(why_not=why_not)
@@ -85,7 +85,7 @@ def screening_of(campaign: Campaign) -> Screening:
 def _campaign_mismatch(campaign: Campaign) -> str:
     """What no equations of any of its plants can have; empty if they may have everything."""
     plant = campaign.plant
-    nominal = campaign.plant_sample(campaign.nominal).plant(plant)
+    nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
     if isinstance(nominal, MujocoPlant) and (nominal.parts or not nominal.system.symbolic):
         return model_mismatch(nominal)
     if plant.stepped_by != "RK4":

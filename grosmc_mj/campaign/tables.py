@@ -220,7 +220,7 @@ def plant_words(campaign: Campaign, values: Array) -> str:
 
 def numbers_as_run(campaign: Campaign, values: Array) -> list[tuple[Quantity, float, float]]:
     """Each uncertain number with its value in a plant (d,) and its nominal one, as they are run."""
-    quantities = campaign.quantities
-    pairs = np.stack([values, campaign.nominal], axis=1)
+    quantities = campaign.family.quantities
+    pairs = np.stack([values, campaign.family.nominal], axis=1)
     rows = [campaign.as_run(of, pair) for of, pair in zip(quantities, pairs, strict=True)]
     return [(of, *row.tolist()) for of, row in zip(quantities, rows, strict=True)]

@@ -82,7 +82,7 @@ def worst(
             many.
         advance: Called with the number of runs done.
     """
-    family, seed, d = campaign.family, campaign.specification.seed, len(campaign.quantities)
+    family, seed, d = campaign.family, campaign.specification.seed, len(campaign.family.quantities)
     sampler, corners = campaign.specification.sampler, family.corners(_CORNERS)
     samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
     rest = campaign.points("lhs", 0, _POPULATION - len(samples) - len(corners), more=1)
@@ -131,7 +131,7 @@ class _Contender:
         self._least, self.values, self.runs = math.inf, np.zeros(0), 0
 
     def __call__(self, points: Array) -> Array:
-        values = self._campaign.values(inside(points))
+        values = self._campaign.family.values(inside(points))
         order = screened_search(self._campaign, self._controller, values)["order"]
         if order.min() < self._least:
             self._least, self.values = float(order.min()), values[int(order.argmin())]
@@ -146,7 +146,7 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
     Numbers are made nominal one by one, each time the one without which it fails worst; then all
     that are left are moved towards their nominal values together.
     """
-    nominal, plant = campaign.nominal, values.copy()
+    nominal, plant = campaign.family.nominal, values.copy()
 
     def order(candidates: Array) -> Array:
         return screened_search(campaign, controller, candidates)["order"]

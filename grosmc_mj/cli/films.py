@@ -1,11 +1,10 @@
-"""Films of results that a command has: those of validate, run and campaign --replay."""
+"""Films as commands write them: film itself, and those of validate, run and campaign --replay."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
@@ -13,80 +12,81 @@ from grosmc_mj.errors import SetupError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from grosmc_mj.experiments.case import Case
     from grosmc_mj.experiments.runs import RunResult, Settings
-    from grosmc_mj.films.write import Written
+    from grosmc_mj.films.film import Film
 
 FOLDER = "films"
 
 
-def say_film(console: Console, written: Written, fps: int) -> None:
-    """Say how large a film is, and where it and its pictures are."""
-    size = written.film.stat().st_size / 1e6
+def write_with_progress(
+    console: Console, case: Case, film: Film, path: Path, settings: Settings, **options: Any
+) -> None:
+    """Write the film of a case, and say how large it is and where it and its pictures are.
+
+    Args:
+        console: Where it is said.
+        case: What was run.
+        film: Of its runs.
+        path: The MP4.
+        settings: How it was run.
+        options: Of ``write_case_film``.
+
+    Raises:
+        SetupError: If it cannot be rendered or written.
+    """
+    from grosmc_mj.experiments.films import write_case_film
+
+    with screen.progress(len(film.times), "frames") as advance:
+        written = write_case_film(
+            case, film, path, settings=settings, advance=lambda: advance(path.name), **options
+        )
     console.print(
-        f"{written.frames} frames, {written.frames / fps:.1f} s, {size:.1f} MB "
-        f"({written.backend}, ffmpeg {written.ffmpeg.version})",
+        f"{written.frames} frames, {written.frames / film.format.fps:.1f} s, "
+        f"{path.stat().st_size / 1e6:.1f} MB ({written.backend}, ffmpeg {written.ffmpeg.version})",
         markup=False,
     )
-    screen.say_files(console, written.film, written.poster, *([written.gif] if written.gif else []))
+    screen.say_files(console, *filter(None, (path, written.poster, written.gif)))
 
 
 def film_results(
     console: Console, results: Sequence[RunResult], settings: Settings, folder: Path
 ) -> None:
     """Film every case of a validation, or say in one line why not; what is there is kept."""
-    from grosmc_mj.experiments.films import SMALL, films_of, is_current, write_case_film
-    from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
+    from grosmc_mj.experiments.films import films_of
 
-    kept = []
-    try:
-        find_ffmpeg()
-        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
-        for case, shown in films_of(results):
-            path = folder / FOLDER / f"{case.system}_{case.name}.mp4"
-            if is_current(shown, path):
-                kept.append(path)
-                continue
-            with screen.progress(len(shown.times), "frames") as advance:
-                written = write_case_film(
-                    case,
-                    shown,
-                    path,
-                    settings=settings,
-                    backend=backend,
-                    advance=lambda: advance(path.name),  # noqa: B023  called in this turn only
-                )
-            say_film(console, written, SMALL.fps)
-    except SetupError as error:
-        console.print(f"No films: {error}", style="yellow", soft_wrap=True)
-    if kept:
-        console.print(f"Kept {len(kept)} films drawn from the same data: {folder / FOLDER}")
+    films = {
+        folder / FOLDER / f"{case.system}_{case.name}.mp4": (case, film)
+        for case, film in films_of(results)
+    }
+    _write_missing(console, films, settings)
 
 
 def film_runs(
     console: Console, results: Sequence[RunResult], settings: Settings, path: Path
 ) -> None:
-    """Film runs in MuJoCo, side by side, or say in one line why not."""
-    from grosmc_mj.experiments.films import film_of, write_case_film
-    from grosmc_mj.films.film import MOST_TAKES, Format
-    from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
+    """Film runs in MuJoCo, side by side, or say in one line why not; what is there is kept."""
+    from grosmc_mj.experiments.films import film_of
+    from grosmc_mj.films.film import MOST_TAKES
 
     shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
-    if not shown:
-        console.print("No film: there is no run in MuJoCo.", style="yellow")
-        return
+    films = {path: (shown[0].case, film_of(shown))} if shown else {}
+    _write_missing(console, films, settings)
+
+
+def _write_missing(
+    console: Console, films: Mapping[Path, tuple[Case, Film]], settings: Settings
+) -> None:
+    """Write the films that are not there yet, or say in one line why not."""
+    from grosmc_mj.experiments.films import is_current
+
+    missing = {path: shown for path, shown in films.items() if not is_current(shown[1], path)}
     try:
-        find_ffmpeg()
-        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
-        film = film_of(shown, Format())
-        with screen.progress(len(film.times), "frames") as advance:
-            written = write_case_film(
-                shown[0].case,
-                film,
-                path,
-                settings=settings,
-                backend=backend,
-                advance=lambda: advance(path.name),
-            )
-        say_film(console, written, film.format.fps)
+        for path, (case, film) in missing.items():
+            write_with_progress(console, case, film, path, settings)
     except SetupError as error:
-        console.print(f"No film: {error}", style="yellow", soft_wrap=True)
+        console.print(f"No films: {error}", style="yellow", soft_wrap=True)
+    if not films:
+        console.print("No film: there is no run in MuJoCo.", style="yellow")
+    if kept := len(films) - len(missing):
+        console.print(f"Kept {kept} films drawn from the same data")

@@ -1,50 +1,56 @@
-"""One episode: a case as something to be acted on, and its course, action by action.
+"""A case as something to be acted on, and the course of an episode, action by action.
 
 The instants, the wrenches and the numbers are those that ``simulate`` would have.
 """
 
 from __future__ import annotations
 
+import copy
 from collections import OrderedDict
+from collections.abc import Sequence
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import replace
+from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import reals, require
+from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.environments.agent_loop import AgentLoop
-from grosmc_mj.environments.reward import Index
-from grosmc_mj.environments.signals import Signals, input_label, state_names
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.environments.signals import Index, Signals, input_label
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.fields import Range
+from grosmc_mj.films.scene import default_camera, pose
+from grosmc_mj.loop.controllers import loop_of, relooped
 from grosmc_mj.loop.loop import LARGEST_SEED
+from grosmc_mj.loop.stages import observe, remember
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
-from grosmc_mj.plants import Plant, find_system
+from grosmc_mj.plants import Signal, find_system
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.steppers import Stepper
+from grosmc_mj.simulation.python_engine import ClosedLoop
+from grosmc_mj.simulation.steppers import Steppers
+from grosmc_mj.simulation.trajectory import Status
 
 # The law whose index gives the reward.
 INDEX_LAW = "grosmc"
 # Starts drawn before giving up on finding one where plant and index are defined.
 _TRIES = 1000
 
-
 # NumPy's new and old generators alike.
 Random = np.random.Generator | np.random.RandomState
 
 
-class EpisodeSetup:
-    """One case of one system, ready to be run by somebody else's loop.
-
-    The instants and the wrenches are those that ``simulate`` lays out for the same case.
+class Episode:
+    """One case under somebody else's actions: a closed loop whose law holds the last action.
 
     Args:
         target: A system, with one of its cases as the task; or SYSTEM/CASE or the path of a case
             file, which is a task itself.
-        task: Name of one of a system's cases, or an experiment.
+        task: Name of one of a system's cases, by default the nominal one, or an experiment.
         control_period: Time between two actions [s], a multiple of the timestep; the case's own
             by default.
         timestep: Physics timestep [s]; the case's own by default.
@@ -56,13 +62,13 @@ class EpisodeSetup:
     Attributes:
         case: The case.
         plant: Its edited model in MuJoCo, or its equations where it has none.
-        law: The controller whose index gives the reward, without a loop.
-        looped: The same in the case's loop; None for a case without.
         signals: What is observed.
         index: What is to be minimized.
         problem: Instants and wrenches, as for ``simulate``.
         low: Least action, (m,): the declared or the actuators' limit; infinite without one.
         high: The largest one, (m,).
+        reward: Of the last action; 0 before the first.
+        ended: Why there can be no next step; empty while there can.
 
     Raises:
         ModelError: If there is no such system.
@@ -79,37 +85,76 @@ class EpisodeSetup:
         spread: ArrayLike = 0.0,
         action_limit: ArrayLike | None = None,
     ) -> None:
-        experiment = _experiment(target, task)
-        experiment = experiment.with_settings(control_period=control_period, timestep=timestep)
+        experiment = _experiment(target, task).with_settings(
+            control_period=control_period, timestep=timestep
+        )
         settings, where = experiment.settings, experiment.nominal.truest
         self.case, self.plant = experiment.case, experiment.plant(where)
-        law = experiment.law(where, _index_law(experiment))
-        self.looped, self.law = law if law.loop else None, replace(law, loop=None)
-        self.signals, self.index = Signals(self.law), Index(self.law)
+        known = INDEX_LAW in {*experiment.controllers, *experiment.file.laws}
+        law = experiment.law(where, INDEX_LAW if known else experiment.controllers[-1])
+        system = self.plant.system
+        self.signals, self.index = Signals(law), Index(law)
+        self._action = action = np.zeros(len(system.inputs))
+
+        def held(t: float, x: Array, memory: Any, p: Any, u: Array) -> None:
+            u[:] = action
+
+        loop = replace(loop_of(law), predicts=False) if law.loop else None
+        self._agent = replace(law, law=held, loop=loop)
         self.problem, _ = prepare(
             self.plant,
-            self.law,
+            self._agent,
             self.case.x0,
             duration=self.case.duration,
             control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=self.case.disturbances,
         )
-        self.low, self.high = _limited(self.plant, action_limit)
-        self._spread = _half_widths(self.plant, spread)
-        self._require_start()
+        self.low, self.high = self.plant.input_limits
+        if action_limit is not None:
+            bound = Range(0, above=True)
+            limit = _numbers("action_limit", action_limit, system.inputs, bound)
+            self.low, self.high = np.maximum(self.low, -limit), np.minimum(self.high, limit)
+        self._spread = _numbers("spread", spread, system.states, Range(0))
+        if why := self.undefined(np.array(self.case.x0)):
+            raise ArgumentError(f"{self.case.system}/{self.case.name} can't start: {why}")
+        self._steppers, self._renderers = Steppers(self.problem.timestep), dict[Any, Any]()
+        self.restart(np.array(self.case.x0))
 
     @property
-    def inputs(self) -> int:
-        """m, the number of inputs."""
-        return len(self.low)
+    def x(self) -> Array:
+        """The last valid state, (n,)."""
+        return self._closed.run.x.copy()
+
+    @property
+    def time(self) -> float:
+        """Time of the last valid state [s]: k T at a sample, not a running sum."""
+        problem, steps = self.problem, self._closed.steps
+        samples, rest = divmod(steps, problem.stride)
+        return steps * problem.timestep if rest else samples * problem.control_period
+
+    @property
+    def over(self) -> bool:
+        """Whether the case's duration is reached."""
+        return self._closed.steps >= self.problem.steps
 
     @property
     def undrawable(self) -> str:
         """Why it can't be drawn; empty if it can."""
-        if self.plant.kind == "physics":
-            return ""
-        return f"{self.plant.system.name} is given by equations: only a model in MuJoCo is drawn"
+        why = f"{self.plant.system.name} is given by equations: only a model in MuJoCo is drawn"
+        return "" if self.plant.kind == "physics" else why
+
+    def undefined(self, x: Array) -> str:
+        """Why an episode can't go on from a state; empty if it can."""
+        system = self.plant.system
+        if system.singular(x):
+            return f"the plant is singular at {system.singularity}"
+        return "" if self.index.defined(x) else f"the index is undefined outside {system.region}"
+
+    def reset(self, random: Random) -> None:
+        """Begin again at a start, and with noise, of a generator."""
+        x0 = self.start(random)
+        self.restart(x0, int(random.uniform(0, LARGEST_SEED)) if self._agent.loop else 0)
 
     def start(self, random: Random) -> Array:
         """The case's start, or one drawn uniformly about it, (n,).
@@ -118,10 +163,10 @@ class EpisodeSetup:
             ArgumentError: If the plant or the index is defined at next to none of them.
         """
         x0 = np.array(self.case.x0)
-        if not self._spread.any():
-            return x0
         for _ in range(_TRIES):
-            drawn = random.uniform(x0 - self._spread, x0 + self._spread)
+            drawn = (
+                random.uniform(x0 - self._spread, x0 + self._spread) if any(self._spread) else x0
+            )
             with suppress(ArgumentError):
                 self.plant.require_start(drawn)
                 if not self.undefined(drawn):
@@ -131,90 +176,6 @@ class EpisodeSetup:
             "take a smaller one"
         )
 
-    def run(self, random: Random) -> int:
-        """Number of a run, for what a loop draws; 0 where there is none."""
-        if self.looped is None:
-            return 0
-        return int(random.uniform(np.zeros(1), np.full(1, float(LARGEST_SEED)))[0])
-
-    def undefined(self, x: Array) -> str:
-        """Why an episode can't go on from a state; empty if it can."""
-        system = self.plant.system
-        if system.singular(x):
-            return f"the plant is singular at {system.singularity}"
-        if not self.index.defined(x):
-            return f"the index is undefined outside {system.region}"
-        return ""
-
-    def checked(self, action: ArrayLike) -> Array:
-        """An action as the inputs that are commanded, (m,).
-
-        Raises:
-            ArgumentError: If it is not m finite numbers.
-        """
-        u = reals(action)
-        if u.shape != (self.inputs,) or not np.all(np.isfinite(u)):
-            raise ArgumentError(
-                f"action {action!r} must be {self.inputs} finite number(s) in an array of shape "
-                f"({self.inputs},): {input_label(self.plant.system)}"
-            )
-        return u
-
-    def _require_start(self) -> None:
-        """Refuse a case that could not take its first step.
-
-        Raises:
-            ArgumentError: If its start is undefined.
-        """
-        why = self.undefined(np.array(self.case.x0))
-        if why:
-            raise ArgumentError(f"{self.case.system}/{self.case.name} can't start: {why}")
-
-
-class Episode:
-    """What happens to one plant between two resets.
-
-    Args:
-        setup: The case.
-        stepper: What moves its plant.
-
-    Attributes:
-        setup: The case.
-        stepper: What moves its plant.
-        x: The last valid state, (n,).
-        done: Timesteps that were carried out.
-        reward: Of the last action; 0 before the first.
-        ended: Why there can be no next step; empty while there can.
-    """
-
-    def __init__(self, setup: EpisodeSetup, stepper: Stepper) -> None:
-        self.setup, self.stepper = setup, stepper
-        self._loop = AgentLoop(setup.looped) if setup.looped else None
-        self.x = np.array(setup.case.x0)
-        self.done, self.reward, self.ended = 0, 0.0, ""
-
-    def on(self, stepper: Stepper) -> Episode:
-        """The same episode so far, to go on with another stepper in the same state."""
-        other = Episode(self.setup, stepper)
-        other.x[:], other.done = self.x, self.done
-        other.reward, other.ended = self.reward, self.ended
-        other._loop = self._loop.copied() if self._loop else None
-        return other
-
-    @property
-    def time(self) -> float:
-        """Time of the last valid state [s]: k T at a sample, not a running sum."""
-        problem = self.setup.problem
-        samples, rest = divmod(self.done, problem.stride)
-        if rest:
-            return self.done * problem.timestep
-        return samples * problem.control_period
-
-    @property
-    def over(self) -> bool:
-        """Whether the case's duration is reached."""
-        return self.done >= self.setup.problem.steps
-
     def restart(self, x0: Array, run: int = 0) -> None:
         """Begin again from a state, (n,), with the noise of a run.
 
@@ -222,11 +183,13 @@ class Episode:
             SetupError: If somebody else's control callback is installed.
         """
         refuse_foreign_callback()
-        self.stepper.restart(x0)
-        self.x[:] = x0
-        if self._loop:
-            self._loop.restart(run)
-        self.done, self.reward, self.ended = 0, 0.0, ""
+        agent = self.problem.controller
+        if self._agent.loop:
+            agent = relooped(self._agent, loop_of(self._agent).loop, run)
+        problem = replace(self.problem, controllers=(agent,), x0=x0[None])
+        self._action[:] = 0.0
+        self._closed = ClosedLoop(problem, steppers=self._steppers)
+        self.reward, self.ended = 0.0, ""
 
     def hold(self, action: ArrayLike) -> None:
         """Command an input until the next one, and book what that costs.
@@ -240,17 +203,16 @@ class Episode:
         Raises:
             ArgumentError: If it is not m finite numbers.
         """
-        setup, problem = self.setup, self.setup.problem
-        u = np.clip(setup.checked(action), setup.low, setup.high)
-        if self._loop:
-            self._loop.ask(u)
-        else:
-            self.stepper.hold(u)
-        left = problem.steps - self.done
-        whole = left >= problem.stride
-        interval = problem.control_period if whole else left * problem.timestep
-        cost = setup.index.stage_cost(self.time, self.x, u)
-        self.reward = -interval * cost
+        u, problem = reals(action), self.problem
+        if u.shape != self.low.shape or not np.all(np.isfinite(u)):
+            raise ArgumentError(
+                f"action {action!r} must be {len(self.low)} finite number(s) in an array of shape "
+                f"{self.low.shape}: {input_label(self.plant.system)}"
+            )
+        self._action[:] = np.clip(u, self.low, self.high)
+        left = problem.steps - self._closed.steps
+        interval = problem.control_period if left >= problem.stride else left * problem.timestep
+        self.reward = -interval * self.index.stage_cost(self.time, self.x, self._action)
 
     def advance(self, steps: int) -> None:
         """Carry out timesteps under the held input, up to the case's duration.
@@ -258,79 +220,74 @@ class Episode:
         Args:
             steps: How many.
         """
-        problem, stepper = self.setup.problem, self.stepper
-        # A diverging state overflows quietly; the stepper tells.
+        # A diverging state overflows quietly; the status tells.
         with np.errstate(all="ignore"), warnings_counted_only():
-            for _ in range(min(steps, problem.steps - self.done)):
-                if self._loop:
-                    stepper.hold(self._loop.given(self.x))
-                if problem.disturbed:
-                    stepper.push(problem.wrench(0, self.done))
-                if not stepper.step():
-                    self.ended = self._say("the state grew without bound")
-                    return
-                self.x[:] = stepper.x
-                self.done += 1
-        why = self.setup.undefined(self.x)
-        self.ended = self._say(why) if why else ""
+            status = self._closed.advance(min(steps, self.problem.steps - self._closed.steps))
+        diverged = status is Status.DIVERGED
+        why = "the state grew without bound" if diverged else self.undefined(self.x)
+        self.ended = f"t = {self.time:g} s: {why}" if why else ""
 
     def observation(self) -> OrderedDict[str, Array]:
         """What is seen of the last valid state; in a loop as sensors and estimators tell it."""
-        x = self._loop.seen(self.x) if self._loop else self.x
-        return self.setup.signals.observe(self.time, x)
+        x, step = self.x, self._closed.steps
+        if self._agent.loop:
+            ahead = deepcopy(self._closed.run.loop)
+            remember(step, x, ahead)
+            observe(step, ahead)
+            x = ahead.seen
+        return self.signals.observe(self.time, x)
 
-    def _say(self, why: str) -> str:
-        """A reason with its time."""
-        return f"t = {self.time:g} s: {why}"
+    def picture(self, width: int = 640, height: int = 480) -> np.ndarray:
+        """A picture of the state, (height, width, 3).
+
+        Raises:
+            ArgumentError: For equations, which have no body.
+            SetupError: If nothing here can draw: MUJOCO_GL says what does, read once at start.
+        """
+        if self.undrawable:
+            raise ArgumentError(self.undrawable)
+        if (width, height) not in self._renderers:
+            # The plant's own model is not to be changed, and the one that moves has no looks.
+            model = copy.copy(self.plant.model)
+            model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+            try:
+                self._renderers[width, height] = mujoco.Renderer(model, height, width)
+            # Each backend has errors of its own.
+            except Exception as error:
+                raise SetupError(
+                    f"nothing here can draw ({error}): start Python with MUJOCO_GL=egl or "
+                    "MUJOCO_GL=osmesa; grosmc-mj doctor tells what works"
+                ) from error
+        renderer = self._renderers[width, height]
+        data = mujoco.MjData(renderer.model)
+        pose(renderer.model, data, np.asarray(self._closed.physics()))
+        renderer.update_scene(data, default_camera(renderer.model))
+        return renderer.render()
+
+    def close(self) -> None:
+        """Free what draws."""
+        while self._renderers:
+            self._renderers.popitem()[1].close()
 
 
 def _experiment(target: str, task: str | Experiment | None) -> Experiment:
     """The experiment of a target, or of a case of a system."""
-    require("target", target, str, "a system, SYSTEM/CASE or the path of a case file")
     if isinstance(task, Experiment):
         system = find_system(target).name
         if (case := task.case).system != system:
             raise ArgumentError(f"case {case.name!r} is one of {case.system}, not of {system}")
         return task
-    if "/" in target or target.endswith(".toml"):
-        if task is not None:
-            raise ArgumentError(f"{shown(target, str)} is a task itself: leave out task={task!r}")
+    if task is None and ("/" in target or target.endswith(".toml")):
         return Experiment.load(target)
     return find_experiment(find_system(target).name, "nominal" if task is None else task)
 
 
-def _index_law(experiment: Experiment) -> str:
-    """The law whose index gives the reward: the chapter's, or the last one of the file."""
-    known = {*experiment.controllers, *experiment.file.laws}
-    return INDEX_LAW if INDEX_LAW in known else experiment.controllers[-1]
-
-
-def _limited(plant: Plant, declared: ArrayLike | None) -> tuple[Array, Array]:
-    """Bounds of the actions, (m,) each."""
-    low, high = plant.input_limits
-    if declared is None:
-        return low, high
-    limit = reals(declared)
-    if limit.shape not in {(), low.shape} or not np.all(np.isfinite(limit) & (limit > 0)):
+def _numbers(name: str, value: ArrayLike, of: Sequence[Signal], bound: Range) -> Array:
+    """A number for each signal, of which one may stand for all, within a bound."""
+    numbers, count = reals(value), len(of)
+    if numbers.shape not in {(), (count,)} or not all(map(bound.holds, numbers.ravel().tolist())):
+        labels = ", ".join(f"{signal.name} [{signal.unit}]" for signal in of)
         raise ArgumentError(
-            f"action_limit = {declared!r} must be positive and finite, one number or {len(low)}: "
-            f"{input_label(plant.system)}"
+            f"{name} = {value!r} must be one number or {count}, {bound.wanted}: {labels}"
         )
-    low, high = np.maximum(low, -limit), np.minimum(high, limit)
-    if np.any(low > high):
-        raise ArgumentError(
-            f"action_limit = {declared!r} leaves nothing of the actuators' own range: "
-            f"{input_label(plant.system)}"
-        )
-    return low, high
-
-
-def _half_widths(plant: Plant, spread: ArrayLike) -> Array:
-    """Half widths of every state, (n,)."""
-    n, widths = len(plant.system.states), reals(spread)
-    if widths.shape not in {(), (n,)} or not np.all(np.isfinite(widths) & (widths >= 0)):
-        raise ArgumentError(
-            f"spread = {spread!r} must be one number, or {n} of them, not negative: "
-            f"{', '.join(state_names(plant.system))}"
-        )
-    return np.broadcast_to(widths, (n,))
+    return np.broadcast_to(numbers, (count,))

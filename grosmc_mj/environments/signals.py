@@ -1,4 +1,4 @@
-"""What a policy sees, by name and with units: the same in every face of a plant."""
+"""What a policy sees, by name and with units, and the index that it is paid by."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.control.matrices import quadratic
 from grosmc_mj.plants import System
 
 Observation = Mapping[str, Any]
@@ -32,14 +32,10 @@ class Signals:
     """
 
     def __init__(self, law: Controller) -> None:
-        error = law.designed.error
-        self._error, self._parameters = error, law.parameters
-        self.system: System = error.system
-        self._names = state_names(self.system)
-        states = {signal.name: signal.unit for signal in self.system.states}
-        of_error = ", ".join(error.units)
+        self._error, self._parameters = law.designed.error, law.parameters
+        of_error, size = ", ".join(self._error.units), self._error.size
+        states = {signal.name: signal.unit for signal in self._error.system.states}
         self.units = {**states, "time": "s", "error": of_error, "reference": of_error}
-        size = error.size
         self.sizes = {**dict.fromkeys(states, 1), "time": 1, "error": size, "reference": size}
 
     def observe(self, t: float, x: ArrayLike) -> OrderedDict[str, Array]:
@@ -52,45 +48,47 @@ class Signals:
         Returns:
             New arrays by name.
         """
-        error, p = self._error, self._parameters
-        state = np.asarray(x, float)
-        seen = OrderedDict((name, state[i : i + 1].copy()) for i, name in enumerate(self._names))
-        seen["time"] = np.array([t])
-        seen["error"] = error.error_state(t, state, p)
+        error, p, state = self._error, self._parameters, np.array(x, float)
         # A law that regulates the whole state has no reference.
-        seen["reference"] = error.reference_along([t], getattr(p, "reference", None))[0]
-        return seen
-
-    def labelled(self, name: str) -> str:
-        """An entry's name with its unit: ``pole angle [rad]``."""
-        return f"{name} [{self.units[name]}]"
+        reference = error.reference_along([t], getattr(p, "reference", None))[0]
+        states = zip((signal.name for signal in error.system.states), state[:, None], strict=True)
+        entries = dict(states) | {"time": np.array([t])}
+        return OrderedDict(entries, error=error.error_state(t, state, p), reference=reference)
 
 
-def state_names(system: System) -> tuple[str, ...]:
-    """Names of the states' entries."""
-    return tuple(signal.name for signal in system.states)
+class Index:
+    """J = 1/2 ∫ z'Qz + v'Rv dt of eqs. (13), (27) and (48).
+
+    v is u, about its operating point, for a law on the plant's linear model, and alpha + E u of
+    eqs. (23) and (44) after feedback linearization.
+
+    Args:
+        law: A controller with error coordinates and the optimum that it was designed for.
+    """
+
+    def __init__(self, law: Controller) -> None:
+        self._p, self._design = law.parameters, law.designed
+        self._memory, self._kept_alive = law.begin()
+        _, self._v = self._design.error.input_maps(linearizing=self._design.linearizing)
+
+    def defined(self, x: Array) -> bool:
+        """Whether a state is in the region that the index is defined in."""
+        return not self._design.linearizing or bool(self._design.error.system.linearizable(x))
+
+    def stage_cost(self, t: float, x: Array, u: ArrayLike) -> float:
+        """1/2 (z'Qz + v'Rv), in the index's unit per second.
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            u: Input, (m,).
+        """
+        error, optimum, v = self._design.error, self._design.lqr, np.zeros(np.size(u))
+        self._v(t, x, np.asarray(u, float), self._memory, self._p, v)
+        z = error.error_state(t, x, self._p)
+        return float(0.5 * (quadratic(z, optimum.Q) + quadratic(v, optimum.R)))
 
 
 def input_label(system: System) -> str:
     """The inputs with their units: ``force [N]``."""
     return ", ".join(f"{signal.name} [{signal.unit}]" for signal in system.inputs)
-
-
-def seen_state(names: tuple[str, ...], observation: Observation) -> tuple[float, Array]:
-    """Time [s] and state (n,) from an observation.
-
-    Raises:
-        ArgumentError: If an entry is missing or has not one number.
-    """
-    try:
-        values = [np.asarray(observation[name], float).reshape(()) for name in ("time", *names)]
-    except KeyError as error:
-        raise ArgumentError(
-            unknown_name("observation, wanted", error.args[0], map(str, observation))
-        ) from None
-    except (TypeError, ValueError, IndexError):
-        raise ArgumentError(
-            f"the observation must map time, {', '.join(names)} to one number each: give the "
-            "named observation, neither flattened nor batched"
-        ) from None
-    return float(values[0]), np.array(values[1:])

@@ -21,13 +21,12 @@ from grosmc_mj.films.camera import camera_names
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
-from grosmc_mj.films.marks import trace_site
+from grosmc_mj.films.scene import camera_names
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.palette import law_styles
-from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.simulation.trajectory import Status
 
 if TYPE_CHECKING:
@@ -95,10 +94,9 @@ def film_of(
     moving = max(spans) > _STILL
     errors = [result.controller.designed.error for result in results]
     # A law of the whole state holds more than the controlled coordinates: the first of these is
-    # shown in place of s. Of a robot the tip's path is drawn, if its model names one.
+    # shown in place of s.
     whole = any(isinstance(error, StateCoordinates) for error in errors)
     others = [i for i in range(len(system.states)) if i not in system.controlled]
-    robots = all(isinstance(error, RobotCoordinates) for error in errors)
     takes, names = [], names or [result.controller.name for result in results]
     styles = law_styles(names)
     for result, name in zip(results, names, strict=True):
@@ -121,7 +119,6 @@ def film_of(
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
         beside=others[0] if whole else None,
-        trace=trace_site(physics.model) if robots else -1,
     )
 
 
@@ -187,7 +184,7 @@ def write_case_film(
                 "controllers": [take.label for take in film.takes],
                 "film": {**asdict(film.format), "camera": film.camera_name, "stop": film.stop},
                 "backend": written.backend,
-                "ffmpeg": {"origin": written.ffmpeg.origin, "version": written.ffmpeg.version},
+                "ffmpeg": {"version": written.ffmpeg.version},
             },
             "frames": written.frames,
             "duration": {"value": written.frames / film.format.fps, "unit": "s"},
@@ -215,7 +212,7 @@ def film_digest(board: Storyboard) -> str:
     parts: list[Any] = [model, board.times, *board.chart, board.camera, board.placement]
     parts += [board.speed, board.largest, mujoco.__version__]
     for scene in board.scenes:
-        parts += [*scene[:-1], *(scene.trace or ())]
+        parts += scene
     parts += [path.read_bytes() for path in sorted(Path(drawing_code).parent.glob("*.py"))]
     for part in parts:
         digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())

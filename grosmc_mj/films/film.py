@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import field
-from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated
 
 import mujoco
 import numpy as np
 import pydantic
 
-from grosmc_mj.arguments import reals
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.fields import Positive, Range, Seconds, checked
-from grosmc_mj.films.camera import FREE_CAMERA, camera_names, default_camera
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Range, Reals, Seconds, checked
+from grosmc_mj.films.scene import camera_names, default_camera
 from grosmc_mj.simulation.trajectory import Trajectory
 
 MOST_TAKES = 4
-# An hour of film at 30 frames per second is as long as one wants to wait for.
-MOST_FRAMES = 100_000
-
-
-def _rows(values: Any) -> Array | None:
-    """Coordinates with a row an instant, a single one as a column."""
-    rows = None if values is None else reals(values)
-    return rows[:, None] if rows is not None and rows.ndim == 1 else rows
 
 
 @checked()
@@ -39,8 +29,7 @@ class Take:
         colour: #RRGGBB.
         run: With its full physics states.
         ghost: Where the controlled coordinates should have been at each instant of the run, in
-            their own units, (N + 1, controlled) or, for a single one, (N + 1,); None to draw no
-            ghost.
+            their own units, (N + 1, controlled); None to draw no ghost.
         sliding_unit: Unit of s.
         ended: Why the run ended early; empty if it did not.
     """
@@ -48,7 +37,7 @@ class Take:
     label: str
     colour: str
     run: pydantic.InstanceOf[Trajectory]
-    ghost: Annotated[Array | None, pydantic.PlainValidator(_rows)] = None
+    ghost: Annotated[Array, Reals((None, None))] | None = None
     sliding_unit: str = ""
     ended: str = ""
 
@@ -63,12 +52,6 @@ class Take:
                 f"{self.label}: the ghost has shape {self.ghost.shape}, must be {shape}: one "
                 "row an instant, one column for each controlled coordinate"
             )
-
-    @property
-    def ghosts(self) -> Array:
-        """The ghost's coordinates, (N + 1, controlled), of a take that has one."""
-        assert self.ghost is not None
-        return self.ghost
 
 
 @checked()
@@ -89,7 +72,7 @@ class Format:
     width: Annotated[int, Range(320, 3840, unit="pixels", whole=True)] = 1280
     height: Annotated[int, Range(240, 2160, unit="pixels", whole=True)] = 720
     fps: Annotated[int, Range(1, 240, whole=True)] = 30
-    speed: Positive = 1.0
+    speed: Annotated[float, Range(1 / 64, 64)] = 1.0
     camera: str | None = None
     start: Seconds = 0.0
     stop: Seconds | None = None
@@ -97,16 +80,6 @@ class Format:
     def __post_init__(self) -> None:
         if self.width % 2 or self.height % 2:
             raise ArgumentError(f"a film of {self.width} x {self.height} pixels: both must be even")
-        if self.stop is not None and self.stop <= self.start:
-            raise ArgumentError(
-                f"a film from {self.start:g} s to {self.stop:g} s shows nothing: it must end after "
-                "it begins"
-            )
-
-    def frames(self, end: float) -> float:
-        """How many frames show a run that ends then [s]."""
-        stop = end if self.stop is None else self.stop
-        return (stop - self.start) * self.fps / self.speed
 
     def check(self, cameras: Sequence[str], end: float) -> None:
         """Refuse what a model or a run does not have.
@@ -116,20 +89,15 @@ class Format:
             end: When the runs end [s].
 
         Raises:
-            ArgumentError: If the camera is unknown, nothing would be shown, or too much.
+            ArgumentError: If the camera is unknown, or nothing would be shown.
         """
-        if self.camera not in (None, *cameras):
-            raise ArgumentError(unknown_name("camera", self.camera, cameras))
-        if self.start >= end:
+        if self.camera is not None:
+            require_known("camera", self.camera, cameras)
+        stop = end if self.stop is None else self.stop
+        if not self.start < stop <= end + 1e-9:
             raise ArgumentError(
-                f"a film from {self.start:g} s shows nothing: the runs end at {end:g} s"
-            )
-        if self.stop is not None and self.stop > end + 1e-9:
-            raise ArgumentError(f"a film to {self.stop:g} s: the runs end at {end:g} s")
-        if self.frames(end) > MOST_FRAMES:
-            raise ArgumentError(
-                f"a film of {self.frames(end):.0f} frames: at most {MOST_FRAMES} are made; take a "
-                "higher speed or fewer frames per second"
+                f"a film from {self.start:g} s to {stop:g} s shows nothing: the runs begin at 0 s "
+                f"and end at {end:g} s"
             )
 
 
@@ -145,7 +113,6 @@ class Film:
         ghost_label: What the ghost is, in words.
         ghost_symbol: And its symbol.
         beside: Index of a state that is shown in place of s; None to show s.
-        trace: Id of a site whose path is drawn, and dotted where it should be; -1 for none.
     """
 
     title: str
@@ -155,22 +122,19 @@ class Film:
     ghost_label: str = "reference"
     ghost_symbol: str = "yᵣ"
     beside: int | None = None
-    trace: int = -1
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.takes) <= MOST_TAKES:
             raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        all_joints = tuple(self.model.joint(i).name for i in range(self.model.njnt))
+        names = tuple(self.model.joint(i).name for i in range(self.model.njnt))
         for take in self.takes:
-            run, states = take.run, np.asarray(take.run.physics).shape[1]
+            run, joints = take.run, take.run.system.joints
             # Joints of a machine's parts come after the system's own.
-            joints = all_joints[: len(run.system.joints)]
-            if states != size or joints != run.system.joints:
+            if np.asarray(run.physics).shape[1] != size or names[: len(joints)] != joints:
                 raise ArgumentError(
-                    f"{take.label}: a run of {run.system.name} with states of {states} numbers is "
-                    f"not of this model, which has the joints {', '.join(joints)} and states of "
-                    f"{size}"
+                    f"{take.label}: a run of {run.system.name} is not of this model, which has "
+                    f"the joints {', '.join(names)} and states of {size} numbers"
                 )
             if len(run.time) == 2 and run.time[1] > 1.5 * self.model.opt.timestep:
                 raise ArgumentError(
@@ -178,15 +142,10 @@ class Film:
                 )
         self.format.check(camera_names(self.model), self.end)
 
-    @cached_property
-    def longest(self) -> Take:
-        """The take that ends last."""
-        return max(self.takes, key=lambda take: float(take.run.time[-1]))
-
     @property
     def end(self) -> float:
         """When the longest run ends [s]."""
-        return float(self.longest.run.time[-1])
+        return max(float(take.run.time[-1]) for take in self.takes)
 
     @property
     def stop(self) -> float:
@@ -202,19 +161,18 @@ class Film:
     @property
     def camera_name(self) -> str:
         """Name of the camera; ``free`` for MuJoCo's own."""
-        return "free" if self.camera == FREE_CAMERA else self.model.camera(self.camera).name
+        return (*camera_names(self.model), "free")[self.camera]
 
     @property
     def times(self) -> Array:
         """The instant that each frame shows [s]: start + k speed / fps, as long as the data."""
-        count = max(1, round(self.format.frames(self.end)))
-        return self.format.start + np.arange(count) * (self.format.speed / self.format.fps)
+        count = round((self.stop - self.format.start) * self.format.fps / self.format.speed)
+        return self.format.start + np.arange(max(1, count)) * self.format.speed / self.format.fps
 
     def rows(self, take: Take) -> np.ndarray:
         """The recorded instant nearest to each frame: its row, (frames,).
 
         A run that ended early stays at its last row.
         """
-        time = take.run.time
-        step = float(time[1] - time[0]) if len(time) > 1 else math.inf
-        return np.clip(np.rint(self.times / step).astype(int), 0, len(time) - 1)
+        step = self.model.opt.timestep
+        return np.clip(np.rint(self.times / step).astype(int), 0, len(take.run.time) - 1)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -25,8 +24,6 @@ BACKENDS = {
     "osmesa": ("libOSMesa.so.8", "apt-get install libosmesa6"),
     "glfw": (None, ""),
 }
-# Values of MUJOCO_GL that leave the choice open.
-_OPEN = ("", "enable", "enabled", "on", "true", "1")
 # Of one trial [s].
 _TIMEOUT = 120
 
@@ -53,10 +50,9 @@ class Probe(NamedTuple):
 
 
 class Ffmpeg(NamedTuple):
-    """A working ffmpeg: path of the program, ``system`` or ``imageio-ffmpeg``, its version."""
+    """A working ffmpeg: path of the program and its version."""
 
     path: str
-    origin: str
     version: str
 
 
@@ -87,38 +83,26 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def candidates(wish: str | None) -> list[str]:
-    """Backends to try, in order: the one wished for, or all those that could work here.
-
-    Args:
-        wish: Value of MUJOCO_GL that the user has set, if any.
-
-    Raises:
-        SetupError: If the wish is not a backend.
-    """
-    wish = (wish or "").strip().lower()
-    if wish in _OPEN:
-        return ["egl", "osmesa", *(["glfw"] if has_display() else [])]
-    if wish not in BACKENDS:
-        unknown = unknown_name("backend", wish, BACKENDS)
-        raise SetupError(f"MUJOCO_GL: {unknown}; run: unset MUJOCO_GL")
-    return [wish]
-
-
 def find_backend(wish: str | None = None) -> Probe:
     """The trial of the first backend that works.
 
     Args:
-        wish: Value of MUJOCO_GL that the user has set, if any.
+        wish: Value of MUJOCO_GL that the user has set, if any: this one alone is tried.
 
     Raises:
-        SetupError: If none works, saying why and what mends it.
+        SetupError: If none works, saying why and what mends it, or the wish is not a backend.
     """
+    names = [(wish or "").strip().lower()]
+    if not names[0]:
+        names = ["egl", "osmesa", *(["glfw"] if has_display() else [])]
     trials = []
-    for name in candidates(wish):
-        trials.append(trial := probe(name))
-        if trial.works:
-            return trial
+    for name in names:
+        if name not in BACKENDS:
+            unknown = unknown_name("backend", name, BACKENDS)
+            raise SetupError(f"MUJOCO_GL: {unknown}; run: unset MUJOCO_GL")
+        trials.append(probe(name))
+        if trials[-1].works:
+            return trials[-1]
     reasons = "; ".join(f"{trial.backend}: {trial.reason}" for trial in trials)
     remedy = next((f"; run: {trial.remedy}" for trial in trials if trial.remedy), "")
     raise SetupError(f"no OpenGL backend renders off-screen ({reasons}){remedy}")
@@ -133,11 +117,12 @@ def probe(name: str) -> Probe:
     # -P: no module of the user's own folder is taken for one of the libraries.
     command = [sys.executable, "-P", str(Path(__file__).with_name("probe.py"))]
     try:
-        trial = _output(command, os.environ | rendering(name), check=False)
+        trial = subprocess.run(
+            command, env=os.environ | rendering(name), timeout=_TIMEOUT, check=False,
+            capture_output=True, text=True, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Probe(name, reason=f"no answer within {_TIMEOUT} s")
-    except OSError as error:
-        return Probe(name, reason=f"{sys.executable} cannot be run: {error.strerror}")
     _, answered, renderer = trial.stdout.rpartition("renderer: ")
     if answered and trial.returncode == 0:
         return Probe(name, renderer.strip())
@@ -146,51 +131,19 @@ def probe(name: str) -> Probe:
     except OSError:
         return Probe(name, "", f"{library} is not installed", remedy)
     lines = trial.stderr.split("\n") if trial.returncode > 0 else []
-    silent = f"the test program ended with {ended(trial.returncode)} and no answer"
-    last = next((line.strip() for line in reversed(lines) if line.strip()), silent)
-    return Probe(name, "", last, remedy)
-
-
-def ended(code: int) -> str:
-    """How a process ended, in words, by its exit code."""
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
+    silent = f"the test program ended with exit code {trial.returncode} and no answer"
+    return Probe(name, "", [silent, *filter(str.strip, lines)][-1].strip(), remedy)
 
 
 def find_ffmpeg() -> Ffmpeg:
-    """The system's ffmpeg, else the one that imageio-ffmpeg carries; it must have H.264.
+    """The ffmpeg that imageio-ffmpeg carries, else the system's.
 
     Raises:
-        SetupError: If there is none that works, saying why and what mends it.
+        SetupError: If there is none that works.
     """
-    reasons = []
-    for origin, path in (("system", shutil.which("ffmpeg")), ("imageio-ffmpeg", _carried())):
-        try:
-            if path is None:
-                reasons.append(f"{origin}: not installed")
-            elif "libx264" not in _output([path, "-hide_banner", "-encoders"]).stdout:
-                reasons.append(f"{origin}: {path} cannot write H.264 (libx264)")
-            else:
-                return Ffmpeg(path, origin, _output([path, "-version"]).stdout.split()[2])
-        except (OSError, subprocess.SubprocessError, IndexError) as error:
-            reasons.append(f"{origin}: {path} does not run ({error})")
-    raise SetupError(f"no ffmpeg ({'; '.join(reasons)}); run: apt-get install ffmpeg")
-
-
-def _output(
-    command: list[str], environment: dict[str, str] | None = None, *, check: bool = True
-) -> subprocess.CompletedProcess[str]:
-    """Run a program that reads nothing, within a time; returns what it has written."""
-    return subprocess.run(
-        command, env=environment, check=check, timeout=_TIMEOUT,
-        capture_output=True, text=True, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
-
-
-def _carried() -> str | None:
-    """Path of imageio-ffmpeg's program, if it is there."""
     try:
         import imageio_ffmpeg
 
-        return imageio_ffmpeg.get_ffmpeg_exe()
-    except (ImportError, RuntimeError):
-        return None
+        return Ffmpeg(imageio_ffmpeg.get_ffmpeg_exe(), imageio_ffmpeg.get_ffmpeg_version())
+    except (ImportError, RuntimeError, OSError) as error:
+        raise SetupError(f"no ffmpeg ({error}); run: apt-get install ffmpeg") from error

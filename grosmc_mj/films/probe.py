@@ -23,13 +23,7 @@ _MODEL = """
 </mujoco>
 """
 
-
-def renderer_name() -> str:
-    """OpenGL's name of the renderer, once it has rendered the scene.
-
-    Raises:
-        RuntimeError: If the picture is not the scene.
-    """
+if __name__ == "__main__":
     from OpenGL import GL
 
     model = mujoco.MjModel.from_xml_string(_MODEL)
@@ -38,14 +32,8 @@ def renderer_name() -> str:
     with mujoco.Renderer(model, 48, 64) as renderer:
         renderer.update_scene(data, "eye")
         picture = renderer.render().astype(int)
-        name = GL.glGetString(GL.GL_RENDERER)
+        name = GL.glGetString(GL.GL_RENDERER) or b"unknown"
     ball, sky = picture[24, 32], picture[4, 4]
-    if not picture.any():
-        raise RuntimeError("it renders black frames")
     if not (ball[0] > 150 > ball[2] and sky[2] > 150 > sky[0]):
         raise RuntimeError(f"it renders a ball of colour {ball} before a sky of colour {sky}")
-    return name.decode() if isinstance(name, bytes) else "unknown"
-
-
-if __name__ == "__main__":
-    sys.stdout.write(f"renderer: {renderer_name()}\n")
+    sys.stdout.write(f"renderer: {name.decode()}\n")

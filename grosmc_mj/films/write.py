@@ -1,37 +1,45 @@
-"""Writing films: an MP4 that every browser plays, a poster, a small GIF."""
+"""Writing films: an MP4 that every browser plays, a poster, a small GIF.
+
+Frames are drawn in processes of their own, which begin anew: nothing is ever forked after
+rendering, and MUJOCO_GL is set before any of them imports MuJoCo.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import subprocess
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Annotated, NamedTuple
+from typing import IO, Annotated, Any, NamedTuple
 
 import numpy as np
 from PIL import Image
 
+from grosmc_mj.child_processes import interrupts_held, worker_pool
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
-from grosmc_mj.films.film import Film
-from grosmc_mj.films.frames import Storyboard
-from grosmc_mj.films.offscreen import Ffmpeg, ended, find_backend, find_ffmpeg
+from grosmc_mj.films.film import Film, Format
+from grosmc_mj.films.frames import Storyboard, begin, draw
+from grosmc_mj.films.offscreen import Ffmpeg, find_backend, find_ffmpeg, rendering
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.workers import child, draw_frames, feed, lines_of
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
 # Two threads on any machine: their number changes the bytes.
 _H264 = (
     "-an -vcodec h264 -pix_fmt yuv420p -crf 23 -preset veryfast -tune animation -threads 2 "
-    "-vf scale=out_color_matrix=bt709:out_range=tv "
-    "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv "
+    "-vf scale=out_color_matrix=bt709:out_range=tv,"
+    "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv "
     "-fflags +bitexact -flags:v +bitexact -movflags +faststart"
 )
-_GIF_WIDTH, _GIF_FPS, _GIF_COLOURS = 640, 10, 128
+_GIF = [
+    "-vf",
+    "fps=10,scale='min(640,iw)':-2:flags=area,split[a][b];[a]palettegen=max_colors=128[p];"
+    "[b][p]paletteuse=dither=none:diff_mode=rectangle",
+]
 
 
 class Written(NamedTuple):
@@ -40,7 +48,7 @@ class Written(NamedTuple):
     Attributes:
         film: MP4.
         poster: PNG.
-        gif: GIF, if it was asked for.
+        gif: GIF, if there is one.
         frames: How many the film has.
         backend: What rendered it.
         ffmpeg: What wrote it.
@@ -62,7 +70,7 @@ def write_film(
     path: Path | str,
     *,
     backend: str | None = None,
-    workers: Annotated[int, Range(1, 1024, whole=True)] | None = None,
+    workers: Annotated[int, Range(1, 256, whole=True)] | None = None,
     gif: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Written:
@@ -84,71 +92,93 @@ def write_film(
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
     program, backend = find_ffmpeg(), backend or find_backend(os.environ.get("MUJOCO_GL")).backend
-    board, size = storyboard(film), f"{film.format.width}x{film.format.height}"
-    poster, small = path.with_suffix(".png"), path.with_suffix(".gif") if gif else None
+    board, poster = storyboard(film), path.with_suffix(".png")
+    small = path.with_suffix(".gif") if gif else None
+    encodings = {path: _H264.split()} | ({small: _GIF} if small else {})
+    drawing = draw_frames(board, backend, workers or len(os.sched_getaffinity(0)))
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
-        aside = {
-            name: files.enter_context(written_aside(name)) for name in (path, poster, small) if name
-        }
-        best = board.chart.empty
-
-        def drawn() -> Iterator[np.ndarray]:
-            """The frames; the one for the poster is kept."""
-            nonlocal best
+        aside = {name: files.enter_context(written_aside(name)) for name in (*encodings, poster)}
+        with contextlib.ExitStack() as encoders, contextlib.closing(drawing) as frames:
+            pipes = [
+                encoders.enter_context(_encoder(program, film.format, options, aside[name], name))
+                for name, options in encodings.items()
+            ]
+            still = board.chart.empty
             for index, frame in enumerate(frames):
-                yield frame
+                for pipe in pipes:
+                    pipe.write(frame.data)
+                if index == len(board.times) // 2:
+                    still = frame
                 advance()
-                best = frame if index == board.poster else best
-
-        drawing = draw_frames(board, backend, workers or len(os.sched_getaffinity(0)))
-        with contextlib.closing(drawing) as frames:
-            source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", film.format.fps]
-            _run_ffmpeg(program, [*source, "-i", "-", *_H264.split(), aside[path]], path, drawn())
         try:
-            Image.fromarray(best).save(aside[poster], optimize=True)
+            Image.fromarray(still).save(aside[poster], optimize=True)
         except OSError as error:
             raise cannot_write(poster, error) from error
-        if small is not None:
-            _write_gif(program, aside[path], aside[small], small, film.format.width)
     return Written(path, poster, small, len(board.times), backend, program, board)
 
 
-def _write_gif(program: Ffmpeg, film: Path, gif: Path, path: Path, width: int) -> None:
-    """A small GIF of a finished film, in two passes, so that memory stays flat."""
-    scale = f"fps={_GIF_FPS},scale={min(width, _GIF_WIDTH)}:-2:flags=area"
-    colours = f"palettegen=max_colors={_GIF_COLOURS}:stats_mode=full"
-    use = "paletteuse=dither=none:diff_mode=rectangle"
-    palette = gif.with_suffix(".palette.png")
-    try:
-        _run_ffmpeg(program, ["-i", film, "-vf", f"{scale},{colours}", palette], path)
-        filters = ["-lavfi", f"{scale}[x];[x][1:v]{use}"]
-        _run_ffmpeg(program, ["-i", film, "-i", palette, *filters, gif], path)
-    finally:
-        palette.unlink(missing_ok=True)
-
-
-def _run_ffmpeg(
-    program: Ffmpeg, arguments: Iterable[object], path: Path, frames: Iterable[np.ndarray] = ()
-) -> None:
-    """Run ffmpeg on frames that it reads from its standard input.
-
-    Args:
-        program: ffmpeg.
-        arguments: Its own.
-        path: The file that is written, as the user knows it.
-        frames: In order.
+@contextlib.contextmanager
+def _encoder(
+    program: Ffmpeg, form: Format, options: Sequence[str], part: Path, path: Path
+) -> Iterator[IO[bytes]]:
+    """The standard input of an ffmpeg that writes raw frames to a file.
 
     Raises:
         SetupError: If it does not finish the file.
     """
-    command = [program.path, "-v", "error", "-xerror", "-y", *map(str, arguments)]
-    with TemporaryFile("w+") as messages:
-        with child(command, stdin=subprocess.PIPE, stderr=messages) as process:
-            feed(process, (frame.data for frame in frames))
-            code = process.wait()
-        lines = lines_of(messages)
-    if any("No space left" in line for line in lines):
-        raise cannot_write(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    source = f"-f rawvideo -pix_fmt rgb24 -s {form.width}x{form.height} -r {form.fps} -i -".split()
+    command = [program.path, "-v", "error", "-xerror", "-y", *source, *options, str(part)]
+    # A group of its own: a terminal's Ctrl-C does not reach it.
+    with (
+        TemporaryFile("w+") as messages,
+        subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, process_group=0) as run,
+    ):
+        assert run.stdin is not None
+        try:
+            with contextlib.suppress(BrokenPipeError), run.stdin as pipe:
+                yield pipe
+            code = run.wait()
+        finally:
+            run.kill()
+        messages.seek(0)
+        lines = [f"exit code {code}", *messages.read().replace(str(part), str(path)).splitlines()]
     if code:
-        raise SetupError(f"{path}: ffmpeg stopped: {[ended(code), *lines][-1]}")
+        reason = next((line for line in lines if "No space left" in line), lines[-1])
+        raise cannot_write(path, OSError(f"ffmpeg stopped: {reason}"))
+
+
+def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.ndarray]:
+    """Every frame of a film in order, (height, width, 3) each, drawn by worker processes.
+
+    Closing the iterator, or an interrupt, ends the workers; without a parent they end as well.
+
+    Args:
+        board: The film.
+        backend: Value of MUJOCO_GL for them.
+        workers: How many; no more than there are frames are started.
+
+    Raises:
+        SetupError: If a worker cannot render or dies.
+    """
+    count = len(board.times)
+    workers = min(workers, count)
+    # Software rendering would start a thread for every core in each worker.
+    threads = {"LP_NUM_THREADS": "1"} if workers > 1 else {}
+    pool = worker_pool(workers, rendering(backend) | threads, begin, board)
+    frames: deque[Any] = deque()
+    try:
+        with interrupts_held():
+            frames.extend(pool.submit(draw, index) for index in range(min(2 * workers, count)))
+        for index in range(count):
+            yield frames.popleft().result()
+            if index + 2 * workers < count:
+                frames.append(pool.submit(draw, index + 2 * workers))
+    except Exception as error:
+        reason = " ".join(str(error).split()[:12]) or type(error).__name__
+        raise SetupError(
+            f"a rendering process ended unexpectedly with MUJOCO_GL={backend} ({reason}); "
+            "run grosmc-mj doctor, or try fewer --workers"
+        ) from error
+    finally:
+        pool.shutdown(kill_workers=True)

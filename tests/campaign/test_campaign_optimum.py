@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from campaign_cases import PAIR, PLANT, campaign
 
-from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.campaign.runs import EQUATIONS, evaluate
+from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.simulation.simulate import simulate
 
 UNCERTAIN = '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 3]\n'

@@ -15,7 +15,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.films.marks import trace_site
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
@@ -129,13 +128,6 @@ def test_without_dm_control_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "dm_control.entities.manipulators", None)
     with pytest.raises(SetupError, match="pip install dm_control"):
         arms.jaco()
-
-
-def test_a_film_finds_its_tip_where_the_fingers_meet() -> None:
-    model, tip = arm().plant.model, trace_site(arm().plant.model)
-    assert model.site(tip).name == "jaco_hand/tip"
-    assert model.site_bodyid[tip] == model.site(arms.TIP).bodyid
-    np.testing.assert_array_equal(model.site_pos[tip], model.site(arms.TIP).pos)
 
 
 def test_its_machine_divides_each_armature_between_motor_and_joint() -> None:

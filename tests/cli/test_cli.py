@@ -62,11 +62,11 @@ def run(*arguments: str) -> int:
         (("film", "servo", "--size", "640x-480"), "--size"),
         (("film", "servo", "--fps", "0"), "must be a whole number from 1 to 240"),
         (("film", "servo", "--fps", "30.5"), "--fps"),
-        (("film", "servo", "--speed", "0"), "speed = 0 must be finite and positive"),
-        (("film", "servo", "--speed", "nan"), "speed = nan must be finite and positive"),
+        (("film", "servo", "--speed", "0"), "speed = 0 must be from 0.015625 to 64"),
+        (("film", "servo", "--speed", "nan"), "speed = nan must be from 0.015625 to 64"),
         (("film", "servo", "--from", "5", "--to", "3"), "from 5 s to 3 s shows nothing"),
         (("film", "servo", "--from", "-1"), "start = -1 must be finite and not negative"),
-        (("film", "servo", "--workers", "0"), "--workers 0 must be from 1 to 256"),
+        (("film", "servo", "--workers", "0"), "workers = 0 must be a whole number from 1 to 256"),
         (("film", "servo", "-o", "f.avi"), "must end in .mp4"),
     ],
 )
@@ -83,14 +83,17 @@ def test_wrong_use_gets_one_line_and_exit_code_2(
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("--from", "100"), "from 100 s shows nothing: the runs end at 18 s"),
-        (("--to", "100"), "to 100 s: the runs end at 18 s"),
+        (("--from", "100"), "shows nothing: the runs begin at 0 s and end at 18 s"),
+        (("--to", "100"), "from 0 s to 100 s shows nothing"),
         (("--camera", "nose"), "unknown camera 'nose': valid: fixed, follow"),
         (("--controllers", "mpc"), "valid: lqr, fl-lqr, grosmc"),
         (("--controllers",), "1 to 4 controllers, not 0"),
         (("--controllers", "pid", "lqr", "fl-lqr", "grosmc", "smc"), "controller"),
-        (("--speed", "1e-12"), "frames"),  # of which there would be more than any memory holds
-        (("--workers", "1000000"), "--workers 1000000"),
+        (
+            ("--speed", "1e-12"),
+            "speed = 1e-12 must be from 0.015625 to 64",
+        ),  # of which there would be more than any memory holds
+        (("--workers", "1000000"), "workers = 1e+06 must be a whole number"),
     ],
 )
 def test_wrong_use_of_film_is_said_before_a_backend_is_looked_for(

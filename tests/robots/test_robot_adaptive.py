@@ -11,11 +11,6 @@ import numpy as np
 import pytest
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.findings import run_campaign
-from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.specification import Specification
-from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import computed_torque_pd
 from grosmc_mj.control.references import FourierSeries, fourier_series

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.films import FOLDER, say_film
+from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import TARGET, result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
 
-if TYPE_CHECKING:
-    from grosmc_mj.experiments.experiment import Experiment
-
 # Where none are named.
 _CONTROLLERS = ("lqr", "grosmc")
-_MOST_WORKERS = 256
-# Of the runs of a film [s].
-_LONGEST = 120.0
 
 
 @dataclass(frozen=True)
@@ -83,71 +75,35 @@ class FilmCommand(Command):
     ] = None
     gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    switching: Annotated[str, arg(metavar="NAME")] = "sign"
-    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
+    switching: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    surface: Annotated[str | None, arg(metavar="printed|discrete", help_behavior_hint="")] = None
 
     def execute(self) -> int:
         """Run, render, write."""
-        from grosmc_mj.experiments.films import check_request, film_of, write_case_film
-        from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.films.film import Format
-        from grosmc_mj.films.offscreen import find_backend, find_ffmpeg
+        from grosmc_mj.experiments.films import check_request, film_of
+        from grosmc_mj.films.film import MOST_TAKES, Format
 
-        width, height = _size(self.size)
+        size = re.fullmatch(r"(\d+)[x×](\d+)", self.size.strip().lower())
+        if size is None:
+            raise ArgumentError(f"--size {self.size} must be WIDTHxHEIGHT in pixels, like 1280x720")
+        width, height = map(int, size.groups())
         form = Format(width, height, self.fps, self.speed, self.camera, self.start, self.stop)
-        if self.workers is not None and not 1 <= self.workers <= _MOST_WORKERS:
-            raise ArgumentError(f"--workers {self.workers} must be from 1 to {_MOST_WORKERS}")
-        experiment = shown_experiment(self.target)
-        if self.duration is not None:
-            if not 0 < self.duration <= _LONGEST:
-                raise ArgumentError(
-                    f"--duration {self.duration:g} s must be positive and at most {_LONGEST:g} s"
-                )
-            experiment = experiment.varied(duration=self.duration)
-        settings = Settings(
-            switching=self.switching,
-            surface=self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
+        experiment = shown_experiment(self.target).with_settings(
+            switching=self.switching, surface=self.surface
         )
-        experiment = experiment.with_settings(**settings.changes())
-        asked = _controllers(experiment) if self.controllers is None else self.controllers
-        names = tuple(dict.fromkeys(asked))
+        if self.duration is not None:
+            experiment = experiment.varied(duration=self.duration)
+        known = experiment.controllers
+        default = _CONTROLLERS if set(_CONTROLLERS) <= set(known) else known[-MOST_TAKES:]
+        names = tuple(dict.fromkeys(default if self.controllers is None else self.controllers))
         check_request(experiment, names, form)
         path = self.output or Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
-        if path.suffix.lower() != ".mp4":
-            raise ArgumentError(f"-o {path} must end in .mp4")
-        find_ffmpeg()
-        backend = find_backend(os.environ.get("MUJOCO_GL")).backend
         results = [experiment.run("physics", name) for name in names]
-        shown = film_of(results, form, names)
-        with screen.progress(len(shown.times), "frames") as advance:
-            written = write_case_film(
-                experiment.case,
-                shown,
-                path,
-                settings=experiment.settings,
-                backend=backend,
-                workers=self.workers,
-                gif=self.gif,
-                advance=lambda: advance(path.name),
-            )
-        console = screen.console()
-        endings = [f"{result.key}: {result.ended}" for result in results if result.ended]
-        screen.say_lines(console, endings, all=self.verbose)
-        say_film(console, written, form.fps)
+        console, film = screen.console(), film_of(results, form, names)
+        write_with_progress(
+            console, experiment.case, film, path, experiment.settings,
+            workers=self.workers, gif=self.gif,
+        )  # fmt: skip
+        ended = [f"{result.key}: {result.ended}" for result in results if result.ended]
+        screen.say_lines(console, ended, all=self.verbose)
         return screen.DONE
-
-
-def _controllers(experiment: Experiment) -> Sequence[str]:
-    """LQR beside GROSMC, or the last that fit beside each other."""
-    from grosmc_mj.films.film import MOST_TAKES
-
-    names = experiment.controllers
-    return _CONTROLLERS if set(_CONTROLLERS) <= set(names) else names[-MOST_TAKES:]
-
-
-def _size(text: str) -> tuple[int, int]:
-    """Width and height of WxH."""
-    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip().lower())
-    if found is None:
-        raise ArgumentError(f"--size {text} must be WIDTHxHEIGHT in pixels, such as 1280x720")
-    return int(found[1]), int(found[2])

@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET, shown_experiment
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import SetupError
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class ViewCommand(Command):
 
     The closed loop runs as you watch, in real time and without end, or a recorded run is replayed.
 
-    Keys: space pauses; . shows one picture more; + and - double and halve the speed; backspace
-    starts again. Left and right push the uncertain body for 0.2 s (a force along x, or a torque
-    where a force moves nothing), up and down make the push stronger and weaker; in a replay left
-    and right go 1 s back and on. The mouse turns and moves the picture, [ and ] change the camera,
-    Tab shows MuJoCo's own panel. Close the window or press Ctrl-C to end.
+    Keys: space pauses; + and - double and halve the speed; backspace starts again. Left and right
+    push the uncertain body along its joint for 0.2 s, up and down make the push stronger and
+    weaker; in a replay left and right go 1 s back and on. The mouse turns and moves the picture,
+    [ and ] change the camera, Tab shows MuJoCo's own panel. Close the window or press Ctrl-C to
+    end.
 
     Without a display it says so and names the command that makes a film. On macOS run it with
     mjpython -m grosmc_mj.cli view.
@@ -43,45 +43,33 @@ class ViewCommand(Command):
     controller: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     replay: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     speed: Annotated[float, arg(metavar="X")] = 1.0
-    switching: Annotated[str, arg(metavar="NAME")] = "sign"
-    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
+    switching: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    surface: Annotated[str | None, arg(metavar="printed|discrete", help_behavior_hint="")] = None
 
     def execute(self) -> int:
         """Prepare the case, open the window."""
-        from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.viewer import Live, Motion, Playback, RecordedRun, play, require_display
+        from grosmc_mj.viewer import Live, RecordedRun, play
 
-        Playback(self.speed)  # refuses a speed that cannot be before anything is compiled
-        settings = Settings(
-            switching=self.switching,
-            surface=self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
+        experiment = shown_experiment(self.target).with_settings(
+            switching=self.switching, surface=self.surface
         )
-        asked = shown_experiment(self.target).with_settings(**settings.changes())
-        if asked.nominal.plant.kind != "physics":
-            raise ArgumentError(f"{self.target}: it does not run in MuJoCo: nothing to see")
-        name = self.controller or asked.controllers[-1]
-        law, plant, case = asked.law("physics", name), asked.plant("physics"), asked.case
-        try:
-            require_display()
-        except SetupError as error:
-            raise SetupError(f"{error}; for a film of it run: {self._film(name)}") from error
-        motion: Motion
+        name = self.controller or experiment.controllers[-1]
+        law, plant, case = (
+            experiment.law("physics", name),
+            experiment.plant("physics"),
+            experiment.case,
+        )
         if self.replay:
-            result = asked.run("physics", name)
-            motion = RecordedRun(plant.model, result.trajectory, result.ended)
+            run = experiment.run("physics", name)
+            motion = RecordedRun(plant.model, run.trajectory, run.ended)
         else:
-            period = asked.settings.control_period
             motion = Live(
                 plant, law, case.x0, duration=case.duration, disturbances=case.disturbances,
-                control_period=period,
+                control_period=experiment.settings.control_period,
             )  # fmt: skip
-        play(motion, speed=self.speed, say=screen.notice)
+        try:
+            play(motion, speed=self.speed)
+        except RuntimeError as error:  # of MuJoCo's own too, such as that macOS needs mjpython
+            film = f"grosmc-mj film {self.target} --controllers {name}"
+            raise SetupError(f"{error}; for a film of it run: {film}") from error
         return screen.DONE
-
-    def _film(self, name: str) -> str:
-        """The command that films it."""
-        return (
-            f"grosmc-mj film {self.target} --controllers {name}"
-            + (f" --switching {self.switching}" if self.switching != "sign" else "")
-            + (f" --surface {self.surface}" if self.surface != "printed" else "")
-        )

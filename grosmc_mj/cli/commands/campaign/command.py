@@ -147,7 +147,7 @@ class CampaignCommand(Command):
             there = campaigns.manifest.read_manifest(folder.path)
             campaigns.manifest.refuse_other_code(folder.path, there, specification)
         campaign = campaigns.campaign.Campaign.of(specification)
-        self._refuse_axes(campaign.names)
+        self._refuse_axes(campaign.family.names)
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
         console = screen.console()
         with folder.held():

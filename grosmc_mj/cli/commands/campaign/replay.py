@@ -117,7 +117,7 @@ def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]
         for limit in campaign.limits_of(outcome.controller)
     )
     lines = [f"{words}: margin {margin:+.4g} {unit}".rstrip() for margin, words, unit in margins]
-    values = np.array([outcome[name][0] for name in campaign.names])
+    values = np.array([outcome[name][0] for name in campaign.family.names])
     for of, value, nominal in campaigns.tables.numbers_as_run(campaign, values):
         unit, factor = of.shown_unit
         number = f"{of.name}: {value * factor:.6g} {unit}".rstrip()
