@@ -11,7 +11,8 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.file.schema import DistributionTable, numbers_of
+from grosmc_mj.experiments.file.schema import DistributionTable
+from grosmc_mj.experiments.file.units import numbers_of
 
 _ENDS = ("least", "most")
 # By name: the numbers that each needs, those that it may have, and scipy's distribution of them.

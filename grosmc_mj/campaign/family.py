@@ -32,8 +32,8 @@ from grosmc_mj.experiments.file.schema import (
     CaseFile,
     CorrelationTable,
     UncertainTable,
-    numbers_of,
 )
+from grosmc_mj.experiments.file.units import numbers_of
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run

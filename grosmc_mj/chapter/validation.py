@@ -15,7 +15,8 @@ from grosmc_mj.chapter.claims.results import (
     claims_values,
     counts_words,
 )
-from grosmc_mj.experiments.case import Case, case_document, run_document
+from grosmc_mj.experiments.case import Case, case_document
+from grosmc_mj.experiments.document import run_document
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import Metric
 from grosmc_mj.experiments.runs import RunResult, Settings

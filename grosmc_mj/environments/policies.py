@@ -13,7 +13,7 @@ from grosmc_mj.control.controller import Controller, Sampled, custom_controller
 from grosmc_mj.environments.signals import Index, Observation, Signals, input_label
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.inputs import ask
+from grosmc_mj.simulation.inputs import write_inputs
 
 
 class LawPolicy:
@@ -65,7 +65,7 @@ class LawPolicy:
                 f"s: load the environment, or make the policy, with control_period={needed:g}"
             )
         self._last = t
-        ask(self._controller, t, np.array(x), self._memory, self._u)
+        write_inputs(self._controller, t, np.array(x), self._memory, self._u)
         if self._memory.undefined:
             name = self._controller.name
             raise UndefinedLawError(f"t = {t:g} s: {name} is undefined at this state", t)

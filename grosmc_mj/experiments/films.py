@@ -17,7 +17,6 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case, case_document, seed_of
-from grosmc_mj.films.camera import camera_names
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code

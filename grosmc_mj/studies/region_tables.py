@@ -67,12 +67,12 @@ def legend(region: Region, maps: Sequence[RegionMap]) -> str:
 
 def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
     """A row for each plant, a map for each law."""
-    axes = [(axis.label, axis.shown(axis.limit)) for axis in region.axes]
+    across, up = ((axis.label, axis.shown(axis.limit)) for axis in region.axes)
     letters = [Letter(letter=x.value, name=x.title, colour=x.colour) for x in Outcome]
 
     def chart(found: RegionMap) -> GridChart:
         name = f"{label_of(found.controller)}, {found.case.name}: {found.converged:.1f} % converge"
-        return GridChart(name=name, axes=axes, grid=_grid(found), legend=letters)
+        return GridChart(name=name, axes=(across, up), grid=_grid(found), legend=letters)
 
     cases = dict.fromkeys(found.case.name for found in maps)
     return [[chart(found) for found in maps if found.case.name == case] for case in cases]

@@ -75,7 +75,8 @@ def test_a_tampered_row_is_named(folder: Folder, tmp_path: Path, column: str, va
     row = table["controller"].to_pylist().index("grosmc") + 2
     forged(copy.part(0), replaced(table, column, row, value))
     found = replay(campaign(servo()), copy, "2", "grosmc", "native")
-    (line,) = found.differences or ()
+    assert found.differences is not None
+    (line,) = found.differences
     assert line.startswith(f"{column}: {value} was stored, ")
     assert replay(campaign(servo()), copy, "2", "lqr", "native").differences == []
 

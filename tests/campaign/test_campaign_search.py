@@ -323,7 +323,7 @@ def premises_of(uncertain: str) -> PromisedFamily:
 @pytest.mark.parametrize("spread", ["[-3, 1]", "[-1, 3]", "[-3, -1]", "[1, 3]"])
 def test_wrenches_on_a_body_add_up_at_the_largest_magnitude_of_each(spread: str) -> None:
     premises = premises_of(AMPLITUDE.replace("[-1, 1]", spread))
-    assert premises.campaign.nominal.tolist() == [0.0]
+    assert premises.campaign.family.nominal.tolist() == [0.0]
     for scale in (0.0, 0.5, 1.0):
         torque = 3 * scale + 0.1
         assert premises.amplitude(scale).tolist() == [0, 0, 0, 0, pytest.approx(torque), 0]

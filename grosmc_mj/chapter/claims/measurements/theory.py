@@ -128,7 +128,8 @@ def approach(
         x = error.place(t, z, p)
         if abs(x[system.output]) > system.position_bound or not system.linearizable(x):
             continue
-        slope, raised = error.slopes(x[None], p)[0], error.raised_along([t], p)[0]
+        slope = np.reshape(error.linearization.slope(x, p.plant), (error.size, len(x)))
+        raised = error.raised_along([t], p)[0]
         for *signs, push in itertools.product((-1.0, 1.0), repeat=len(p.G) + 1):
             sides = np.array(signs)
             memory.z0[:], memory.t = z - aside @ sides, t

@@ -74,7 +74,8 @@ def _true_gain(law: Controller, derivative: Derivative, x: Array) -> Array:
     """E* of a plant's own accelerations, in the coordinates that the law believes in, (m, m)."""
     error = law.coordinates
     assert isinstance(error, ErrorCoordinates)
-    slope = error.slopes(x[None], law.parameters)[0][list(error.linearization.last_rows)]
+    slopes = error.linearization.slope(x, law.parameters.plant)
+    slope = np.reshape(slopes, (error.size, len(x)))[list(error.linearization.last_rows)]
     still = derivative(x, np.zeros(error.inputs))
     columns = [derivative(x, unit) - still for unit in np.eye(error.inputs)]
     return error.sign * slope @ np.array(columns).T
