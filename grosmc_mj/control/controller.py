@@ -194,7 +194,7 @@ def custom_controller(
     taken = [(key, ("plant", "reference", "period")) for key in numbers]
     for key, own in [*taken, *((key, _OF_THE_RUN) for key in memory or {})]:
         if not key.isidentifier() or keyword.iskeyword(key) or key in own:
-            raise ArgumentError(f"{key!r} cannot name a number or memory: take another")
+            raise ArgumentError(f"{key!r} cannot be the name of a number or memory")
     for key, value in (memory or {}).items():
         entries = reals(value)
         if not np.all(np.isfinite(entries)):

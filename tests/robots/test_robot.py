@@ -516,5 +516,5 @@ def test_designs_that_need_symbols_say_so() -> None:
 
 
 def test_a_reference_of_another_robot_is_refused() -> None:
-    with pytest.raises(PremiseError, match=r"2 joints .* derivatives for \(2, 2, 2\)"):
+    with pytest.raises(PremiseError, match=r"relative degrees .* derivatives for \(2, 2, 2\)"):
         two_link().task(fourier_series(3, 1), None, *weights(2))
