@@ -214,6 +214,11 @@ def test_fingerprint_follows_every_number_that_numba_freezes(make):
     assert changed == [3.0, 7.0]
 
 
+def test_fingerprint_follows_operations_and_constants() -> None:
+    laws = [lambda x: x + 2.0, lambda x: x * 2.0, lambda x: x + 3.0]
+    assert len({fingerprint(law) for law in laws}) == 3
+
+
 def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

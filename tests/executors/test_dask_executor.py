@@ -112,7 +112,7 @@ def test_a_running_cluster_gives_each_report_once(running: Cluster, by: str) -> 
     assert sorted((each.index, each.report) for each in done) == [
         (each.index, each.report) for each in expected
     ]
-    assert told == []
+    assert not [line for line in told if "was lost" in line]
     assert executor.threads_per_worker == 1
 
 

@@ -371,11 +371,13 @@ def test_wrench_acts_in_its_window_and_leaves_no_trace(
 
 
 @every_engine
-def test_the_next_run_of_a_batch_begins_without_wrench(engine: Engine) -> None:
-    """MuJoCo keeps xfrc_applied until it is written again."""
+@pytest.mark.parametrize("kind", ["physics", "analytic"])
+def test_the_next_run_of_a_batch_begins_without_wrench(kind: str, engine: Engine) -> None:
+    """Both keep a wrench until it is written again."""
+    where = physics("servo") if kind == "physics" else physics("servo").analytic()
     kick = Disturbance("rotor", (0, 0, 0, 0, 0.1, 0))
     still = Controller("none", lambda t, x, memory, p: 0.0, Gain(0.0))
-    run = simulate(physics("servo"), still, np.zeros((2, 2)), duration=0.03, threads=1,
+    run = simulate(where, still, np.zeros((2, 2)), duration=0.03, threads=1,
                    disturbances=[[kick], []], engine=engine)  # fmt: skip
     assert run.state[0, -1, 1] != 0
     assert not run.state[1].any()
