@@ -323,7 +323,7 @@ def test_a_run_that_cannot_be_is_said_and_not_raised(monkeypatch: pytest.MonkeyP
     assert (found.kept, found.amplitude, found.chatter, found.shares) == (False, None, None, {})
 
 
-def test_rivals_climb_on_request_and_the_file_s_own_disturbances_by_default() -> None:
+def test_rivals_climb_on_request_and_the_file_s_own_loads_act(tmp_path: Path) -> None:
     names = {law.name for law in ladder("servo").laws}
     assert {"lqr", "pv", "implicit, predicted"} <= names
     assert names.isdisjoint({"lqi", "pid", "adrc", "adaptive, quick"})
@@ -331,6 +331,12 @@ def test_rivals_climb_on_request_and_the_file_s_own_disturbances_by_default() ->
     assert [each.name for each in ladder("servo").conditions] == ["nominal"]
     loaded = [each.name for each in ladder("servo", loaded=True).conditions]
     assert loaded == ["nominal", "case1", "case2"]
+    load = 'body = "rotor", torque = ["0 N m", "1 N m", "0 N m"], profile = "constant"'
+    text = CLAIMED.replace("[[claim]]", f"disturbance = [{{ {load} }}]\n[[claim]]")
+    mine = str(written(tmp_path, text))
+    assert [each.name for each in ladder(mine).conditions] == ["under load"]
+    both = [each.name for each in ladder(mine, loaded=True).conditions]
+    assert both == ["under load", "nominal"]
 
 
 # --- the chapter's claims ---
