@@ -141,7 +141,13 @@ def _document(file: Path) -> Document | None:
     if not isinstance(content, dict):
         return None
     kind, model = next(
-        ((kind, model) for kind, keys, model in KINDS if keys <= content.keys()), (OTHER, None)
+        (
+            (kind, model)
+            for kind, keys, model in KINDS
+            # Every result of the one form has standings, most of them none.
+            if keys <= content.keys() and (kind != "ladder" or content["standings"])
+        ),
+        (OTHER, None),
     )
     if model is None and "schema_version" not in content:
         return None
