@@ -38,6 +38,7 @@ from grosmc_mj.chapter.claims.measurements.theory import left_unseen, optimal_ga
 from grosmc_mj.chapter.claims.page import slips_table
 from grosmc_mj.chapter.claims.results import claim_numbers, claims_result, sweeps_result
 from grosmc_mj.chapter.claims.story import (
+    causes_table,
     claim_tables,
     counts_table,
     sentences_table,
@@ -577,6 +578,10 @@ def test_terminal_document_and_page_count_sentences() -> None:
     assert [x["verdict"] for x in content["sentences"]] == [s.verdict.value for s in sentences]
     row = [Kind.CLAIM.plural, *map(str, counts), str(len(sentences))]
     assert counts_table(findings).rows[0] == row
+    causes = {cause: ids.split(", ") for cause, ids, _ in causes_table(findings).rows}
+    failed = [each.claim for each in findings if each.verdict is not S]
+    assert sorted(x for own in causes.values() for x in own) == sorted(c.id for c in failed)
+    assert all(claim.id in causes[claim.cause] for claim in failed)
     page = PAGE.read_text(encoding="utf-8").splitlines()
     assert f"| {' | '.join(row)} |" in page
     for sentence in sentences:

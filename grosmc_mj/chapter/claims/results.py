@@ -21,6 +21,7 @@ from grosmc_mj.chapter.claims.story import (
 from grosmc_mj.chapter.claims.sweep import Swept
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
     KEPT,
@@ -188,7 +189,7 @@ def _sweep_chart(row: Mapping[str, Any]) -> LineChart:
     return LineChart(name=name, titles=(row["choice"], "measured"), lines=[line])
 
 
-def self_test_result(caught: Sequence[Caught]) -> dict[str, Any]:
+def self_test_result(caught: Sequence[Caught], settings: Settings) -> dict[str, Any]:
     """The content of self_test.json."""
     missed = [each.fault.name for each in caught if not each.claims]
     words = f"All {len(caught)} faults are noticed"
@@ -200,6 +201,7 @@ def self_test_result(caught: Sequence[Caught]) -> dict[str, Any]:
         words=words,
     )
     return result(
-        "self_test", None, seed=0, answers=[answer], sheets=[Sheet(table=noticed_table(caught))],
+        "self_test", asdict(settings), seed=0, answers=[answer],
+        sheets=[Sheet(table=noticed_table(caught))],
         noticed_by={each.fault.name: list(each.claims) for each in caught},
     )  # fmt: skip

@@ -158,15 +158,15 @@ class SelfTestCommand(_Publishing):
         from grosmc_mj.executors import executor_for
         from grosmc_mj.experiments.runs import Settings
 
-        claims = select_claims(self.target)
+        claims, settings = select_claims(self.target), Settings()
         with screen.progress(len(claims), "claims") as advance:
             caught = self_test(
-                Settings(), claims, FAULTS, executor_for(len(claims)), advance, screen.notice,
+                settings, claims, FAULTS, executor_for(len(claims)), advance, screen.notice,
                 thorough=self.verbose,
             )  # fmt: skip
         noticing = {name for each in caught for name in each.claims}
         blind = [f"{claim.id} notices no fault" for claim in claims if claim.id not in noticing]
-        content, path = self_test_result(caught), self.out / "self_test.json"
+        content, path = self_test_result(caught, settings), self.out / "self_test.json"
         self._publish(path, content, [noticed_table(caught)], blind)
         return screen.DONE if not blind and all(each.claims for each in caught) else screen.DIFFERS
 

@@ -9,6 +9,7 @@ from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import EVERY, of, within
 from grosmc_mj.chapter.claims.measurements.theory import Derivative, approach
+from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.control import reaching
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
@@ -17,7 +18,6 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
 
 _SYSTEM = "two_link_arm"
@@ -110,14 +110,6 @@ def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
     own = float(getattr(law.parameters, "eta", 0.0))
     note = f"{_PLANTS} payloads x {_STATES} states; the law's own η is {own:.3g}"
     return Measured(worst + declared.reaching_rate, note)
-
-
-def true_tip(result: RunResult) -> Array:
-    """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
-    error = result.controller.designed.error
-    assert isinstance(error, ErrorCoordinates)
-    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
-    return z[:, error.output_rows]
 
 
 def off_the_circle(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
