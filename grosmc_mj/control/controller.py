@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import real, reals
+from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, Workspace
 from grosmc_mj.control.coordinates.state import StateCoordinates
@@ -101,8 +101,11 @@ class Controller:
     loop: AppliedLoop | None = None
 
     def __post_init__(self) -> None:
-        if not callable(self.law):
-            raise ArgumentError(f"{self.name}: law = {shown(self.law)} must be a function")
+        require("name of the controller", self.name, str, "a text")
+        for part in ("law", "memory"):
+            if not callable(value := getattr(self, part)):
+                raise ArgumentError(f"{self.name}: {part} = {shown(value)} must be a function")
+        require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
         object.__setattr__(self, "law", writing(self.law))
 
     def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:

@@ -6,14 +6,18 @@ from collections.abc import Mapping
 from dataclasses import make_dataclass
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from sympy.logic.boolalg import Boolean
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.errors import ModelError, one_line, shown
 from grosmc_mj.fields import Finite, Name, checked_call
 from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.equations import Equations, Expressions
 from grosmc_mj.plants.system import Signal, System
+
+_TRUTH = "g has truth values, must have expressions of sympy, or numbers"
 
 
 @checked_call
@@ -54,6 +58,10 @@ def affine_plant(
     """
     try:
         symbols = tuple(sp.Symbol(state) for state in states)
+        if any(isinstance(entry, bool) for row in g for entry in np.ravel(row).tolist()):
+            raise TypeError(_TRUTH)  # noqa: TRY301
+        if not isinstance(region, (bool, Boolean)):
+            raise TypeError(f"region = {shown(region)} must be a condition of sympy")  # noqa: TRY301
         equations = Equations(x=symbols, f=f, g=g, h=h, region=region)
     except (sp.SympifyError, AttributeError, TypeError, ValueError) as error:
         raise ModelError(f"{name}: the equations cannot be read: {one_line(str(error))}") from error

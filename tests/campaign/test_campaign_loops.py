@@ -201,7 +201,11 @@ def sensor(of: str, number: str, ends: str) -> str:
             'deviation = "20 s", least = "0 s" }\n',
             "no such machine or loop: computing: delay = .* timesteps of 0.001 s: at most 100000",
         ),
-        (FILTER, sensor("angle", "noise", '["0 mrad", "1 mrad"]'), "neither noise nor resolution"),
+        (
+            FILTER,
+            sensor("angle", "noise", '["0 mrad", "1 mrad"]'),
+            "rotor angle has neither",
+        ),
     ],
 )
 def test_loops_that_cannot_be_are_refused_before_anything_is_run(

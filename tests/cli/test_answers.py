@@ -201,8 +201,8 @@ def test_every_command_has_a_summary_and_takes_verbose() -> None:
     for each in [*commands, *STUDIES.values(), *CLAIMS.values()]:
         assert (each.__doc__ or "").partition("\n")[0].endswith((".", ":"))
         assert "verbose" in each.__dataclass_fields__
-    named = ["new", "run", "campaign", "film", "view", "validate", "claims", "study", "report",
-             "diff", "list", "doctor"]  # fmt: skip
+    named = ["new", "run", "campaign", "film", "view", "validate", "claims", "study", "identify",
+             "compare", "report", "diff", "list", "doctor"]  # fmt: skip
     assert list(COMMANDS) == named
 
 

@@ -46,7 +46,7 @@ def run(*arguments: str) -> int:
         (("validate", "servo", "--record", "--control-period", "0.002"), "default settings"),
         (
             ("frobnicate",),
-            "new, run, campaign, film, view, validate, claims, study, report, diff, list",
+            "validate, claims, study, identify, compare, report, diff, list",
         ),
         (("study", "tolerance", "arm", "--seeds", "0"), "must be from 1 to 1000"),
         (("study", "tolerance", "maglev"), "there is no loop"),

@@ -154,7 +154,7 @@ WRONG = [
     ("k = 18", "QR = 1", "controller grosmc: unknown key 'QR'"),
     ("k = 18", "k = [1, 2]", "k = [1, 2] must be a number"),
     ("k = 18", "k = nan", "k = nan must be finite"),
-    ("k = 18", "G = [[1, 2, 3]]", "G has shape (1, 3), must be (1, 2)"),
+    ("k = 18", "G = [[1, 2, 3]]", "G = [[1.0, 2.0, 3.0]] must be 1 x 2 finite numbers"),
     ("k = 18", '[task]\nreference = ["__import__(0)"]', "has __import__, may have t, pi, sin"),
     ("k = 18", '[task]\nreference = ["t.real"]', "has real, may have t, pi, sin"),
     ("k = 18", '[task]\nreference = ["t, t"]', "'t, t' is no formula in t"),

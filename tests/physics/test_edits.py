@@ -325,7 +325,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: BodyEdit("pole", mass_scale=0.0), "edit of 'pole': mass_scale = 0 must be"),
     (lambda: BodyEdit("pole", length_scale=math.inf), "length_scale = inf must be finite"),
     (lambda: AddedMass("link", math.nan), "mass = nan must be finite and positive"),
-    (lambda: AddedMass("link", 1.0, (0.0, math.inf, 0.0)), "three finite numbers"),
+    (lambda: AddedMass("link", 1.0, (0.0, math.inf, 0.0)), "3 finite numbers"),
     (lambda: JointEdit("j", damping=-1.0), "damping = -1 must be finite"),
     (lambda: changed(BodyEdit("world", 2.0)), "unknown body 'world'.*valid: link, horn, one, two"),
     (lambda: changed(AddedMass("lnk", 1.0)), "unknown body 'lnk': did you mean 'link'"),

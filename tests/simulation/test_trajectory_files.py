@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import sympy as sp
 
 import grosmc_mj as gm
 from grosmc_mj import cli
@@ -117,7 +118,8 @@ def test_a_csv_is_for_others(tmp_path: Path) -> None:
 def test_two_signals_of_one_name_are_told_apart() -> None:
     """A plant whose state is called v, as what the index weighs is."""
     plant = gm.affine_plant("cart", states={"p": "m", "v": "m/s"}, inputs={"force": "N"},
-                            f=["v", 0], g=[0, 1], h=["p"], parameters={})  # fmt: skip
+                            f=[sp.Symbol("v"), 0], g=[0, 1], h=[sp.Symbol("p")],
+                            parameters={})  # fmt: skip
     task = gm.Task(plant, gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2)),
                    gm.control.Setpoint(), np.eye(2), 1.0)  # fmt: skip
     run = gm.simulate(plant, gm.linearized_lqr(task), [1.0, 0.0], duration=0.01)

@@ -163,7 +163,7 @@ B3, B4 = linearize(NOMINAL)[1][2:, 0]
         ((np.diag([10.0, 100.0, 1.0, 1.0]), 1.0), holding_ism, {}, "sliding dynamics have a pole"),
         # G B = -0.2 B_3, but the longer pole turns less per force: G B_t > 0.
         (None, holding_ism, {"G": [[0.0, 0.0, 1.0, -1.2 * B3 / B4]]}, "choose another G"),
-        (None, holding_ism, {"G": [[1.0, 0.0]]}, "shape"),
+        (None, holding_ism, {"G": [[1.0, 0.0]]}, "must be 1 x 4"),
         (None, holding_ism, {"G": [[1.0, 0.0, 0.0, 0.0]]}, "singular"),
         (None, holding_ism, {"G": [[0.0, 0.0, math.inf, 0.0]]}, "finite"),
         *(
