@@ -43,8 +43,8 @@ class DoctorCommand(Command):
             words = works if trial.works else f"no: {trial.reason}{remedy}"
             console.print(f"  {trial.backend:<12} {words}", soft_wrap=True)
         if ffmpeg is not None:
-            words = f"  {'ffmpeg':<12} [green]works[/]: {ffmpeg.version}, {ffmpeg.path}"
-            console.print(f"[bold]ffmpeg[/]\n{words}")
+            words = f"  {'ffmpeg':<12} [green]works[/]: {ffmpeg.version},\n{ffmpeg.path}"
+            console.print(f"[bold]ffmpeg[/]\n{words}", soft_wrap=True)
         display = "yes" if offscreen.has_display() else "none (only glfw needs one)"
         machine = {
             "cores": len(os.sched_getaffinity(0)),
