@@ -101,15 +101,20 @@ def _answer(
 def _standings(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
 ) -> Iterator[Standing]:
-    """Of each law the plant where it is furthest beyond a limit, or the limit it is nearest to."""
+    """Of each law the plant where it is furthest beyond a limit, or the limit it is nearest to.
+
+    A law of which nothing is required has none: it keeps nothing.
+    """
     for law in dict.fromkeys(run.controller.name for run in results):
         own = [item for item in judgements if item.controller == law]
-        worst = max(own, key=lambda item: (not item.kept, item.share), default=None)
+        if not own:
+            continue
+        worst = max(own, key=lambda item: (not item.kept, item.share))
         yield Standing(
             case=target,
             law=law,
-            breaks_at="" if worst is None or worst.kept else worst.plant,
-            words="nothing is required of it" if worst is None else _measured(worst),
+            breaks_at="" if worst.kept else worst.plant,
+            words=_measured(worst),
             complete=complete,
         )
 
