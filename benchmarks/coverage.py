@@ -22,7 +22,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.identify.fit import Fit, fit
-from grosmc_mj.identify.log import Log, from_columns
+from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import parameters_of
 
 # The shipped servo: inertia [kg m^2], damping [N m s/rad], torque constant [N m/A].
@@ -70,7 +70,8 @@ def machine(number: int) -> tuple[Array, Log]:
         rate = end + (rate - end) * fades
     measured = angles + NOISE * random.standard_normal(len(time))
     true = np.array([scale, damping, late * FINE])
-    return true, from_columns(f"servo {number}", time, u[:, None], {"rotor angle": measured})
+    whole = [slice(0, len(time))]
+    return true, Log(f"servo {number}", time, u[:, None], {"rotor angle": measured}, whole)
 
 
 def fitted(experiment: Experiment, log: Log) -> Fit:

@@ -26,6 +26,7 @@ from grosmc_mj.results.result import (
     Series,
     Sheet,
     Value,
+    finite,
     result,
 )
 
@@ -107,7 +108,7 @@ def worst_document(campaign: Campaign, found: Sequence[Worst]) -> dict[str, Any]
         answers=[answer],
         sheets=[Sheet(table=worst_table(campaign, found))],
         values=[
-            Value(name=f"{plant.controller}: least margin", value=_finite(plant.relative), better=1)
+            Value(name=f"{plant.controller}: least margin", value=finite(plant.relative), better=1)
             for plant in found
         ],
         says=NO_PROOF,
@@ -180,7 +181,7 @@ def _radius_chart(search: Radius) -> LineChart:
     series = Series(
         name="least margin",
         x=[look.scale for look in looks],
-        y=[_finite(look.least) for look in looks],
+        y=[finite(look.least) for look in looks],
         good=[look.failures == 0 for look in looks],
     )
     return LineChart(
@@ -225,11 +226,6 @@ def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict
 def _result(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
     seed = campaign.specification.seed
     return result(kind, configuration_of(campaign), seed=seed, **fields)
-
-
-def _finite(value: float) -> float | None:
-    """A number for JSON; none of a run that did not complete."""
-    return value if abs(value) < float("inf") else None
 
 
 def _named(campaign: Campaign, values: Array | None) -> dict[str, float] | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -24,6 +23,7 @@ from grosmc_mj.results.result import (
     Sheet,
     Standing,
     Value,
+    finite,
     result,
 )
 from grosmc_mj.results.tables import number
@@ -169,11 +169,6 @@ def run_values(results: Sequence[RunResult]) -> Iterator[Value]:
                 name=f"{name}: {key}", value=finite(metric.value), unit=metric.unit,
                 relative=relative, absolute=absolute,
             )  # fmt: skip
-
-
-def finite(value: float | None) -> float | None:
-    """The value, or None for one that JSON has no number for."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 def run_document(result: RunResult) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from grosmc_mj.campaign.family import Quantity
@@ -42,15 +43,12 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     names = {quantity.name for quantity in fit.parameters.quantities}
     own = zip(content.get("uncertain", []), experiment.file.uncertain, strict=False)
     kept = [table for table, read in own if read.called not in names]
-    deviations, shown = fit.covariance.diagonal() ** 0.5, iter(range(len(fit.half)))
+    settings, deviations = experiment.settings, iter(np.sqrt(np.diag(fit.covariance)).tolist())
     fitted: list[Quantity] = []
-    for quantity, value, free in zip(
-        fit.parameters.quantities, fit.values.tolist(), fit.fitted, strict=True
-    ):
-        settings = experiment.settings
+    for quantity, value, half in fit.estimates:
         _set(content, quantity, quantity.as_run(value, settings.timestep, settings.control_period))
-        if free:
-            kept.append(_uncertain(quantity, value, float(deviations[next(shown)])))
+        if half is not None:
+            kept.append(_uncertain(quantity, value, next(deviations)))
             fitted.append(quantity)
     content["uncertain"] = kept
     rho = fit.correlation

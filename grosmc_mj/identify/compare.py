@@ -7,17 +7,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.errors import GrosmcError
+from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.log import Log, noise_of
 from grosmc_mj.identify.replay import Predictor, starts_of
 from grosmc_mj.plants import Plant
-from grosmc_mj.results.result import MEASURED, Answer, LineChart, Series, Sheet, Value, result
+from grosmc_mj.results.result import (
+    MEASURED,
+    Answer,
+    LineChart,
+    Series,
+    Sheet,
+    Value,
+    finite,
+    result,
+)
 from grosmc_mj.results.tables import names, number, numbers, table
 
 # Shares of the longest horizon at which the error is told.
 _SHARES = (0.1, 0.2, 0.5, 1.0)
+# Errors that differ by less than this factor are one.
+_EQUAL = 1.001
 
 
 class RungError(NamedTuple):
@@ -60,9 +71,11 @@ def compared(
         log: The log.
         horizon: Of a prediction [s].
         timestep: Of plants given as equations [s].
+
+    Raises:
+        ArgumentError: If none of them can follow it.
     """
     rows, notes = [], []
-    horizons = [share * horizon for share in _SHARES]
     for rung, plant in plants.items():
         own = plant.step_length or timestep
         predictor = Predictor.of(log, horizon, own)
@@ -72,29 +85,33 @@ def compared(
         except GrosmcError as error:
             notes.append(f"{rung} cannot follow the log: {error}")
             continue
-        for j, state in enumerate(plant.system.states):
-            if state.name not in log.outputs:
-                continue
-            squares: list[list[float]] = [[] for _ in horizons]
-            for w, (window, states) in enumerate(zip(predictor.windows, runs, strict=True)):
-                error = log.outputs[state.name][window.samples] - predictor.at_samples(
-                    w, states[:, j]
-                )
-                ages = log.time[window.samples] - window.start
-                for square, age in zip(squares, horizons, strict=True):
-                    if age <= ages[-1] + 0.5 * log.period:
-                        square.append(float(error[np.abs(ages - age).argmin()]) ** 2)
-            rms = [float(np.sqrt(np.mean(square))) if square else np.nan for square in squares]
-            rows.append(RungError(rung, state.name, state.unit, horizons, rms))
+        ages = [log.time[window.samples] - window.start for window in predictor.windows]
+        longest = min(horizon, max(float(age[-1]) for age in ages))
+        horizons = [share * longest for share in _SHARES]
+        units = {state.name: state.unit for state in plant.system.states}
+        for name, errors in predictor.errors(runs, plant.system).items():
+            rms = [
+                float(np.sqrt(np.mean([
+                    error[np.abs(age - h).argmin()] ** 2
+                    for age, error in zip(ages, errors, strict=True)
+                    if h <= age[-1] + 0.5 * log.period
+                ])))
+                for h in horizons
+            ]  # fmt: skip
+            rows.append(RungError(rung, name, units[name], horizons, rms))
+    if not rows:
+        raise ArgumentError("; ".join(notes))
     return rows, notes
 
 
 def best_rung(rows: Sequence[RungError]) -> dict[str, str]:
-    """By measured state the rung with the least error at the longest horizon that all reach."""
+    """By measured state the rung with the least error at the longest horizon, or several."""
     best = {}
     for state in dict.fromkeys(row.state for row in rows):
-        own = [row for row in rows if row.state == state]
-        best[state] = min(own, key=lambda row: np.nan_to_num(row.rms[-1], nan=np.inf)).rung
+        last = {row.rung: np.nan_to_num(row.rms[-1], nan=np.inf) for row in rows
+                if row.state == state}  # fmt: skip
+        least = min(last.values())
+        best[state] = " and ".join(rung for rung, rms in last.items() if rms <= _EQUAL * least)
     return best
 
 
@@ -116,7 +133,7 @@ def comparison_result(
         )
         lines = [
             Series(name=row.rung, x=list(row.horizons),
-                   y=[None if np.isnan(rms) else rms for rms in row.rms])
+                   y=[*map(finite, row.rms)])
             for row in own
         ]  # fmt: skip
         chart = LineChart(
@@ -131,17 +148,17 @@ def comparison_result(
             Answer(
                 question=f"Which rung explains {log.name}",
                 verdict=MEASURED,
-                words=f"{said} has the least error after {horizon:g} s",
+                words=f"Least error after {rows[0].horizons[-1]:.3g} s: {said}",
                 more="; ".join(notes),
             )
         ],
         sheets=sheets,
         values=[
-            Value(name=f"{row.rung} {row.state} at {age:g} s", value=None if np.isnan(rms) else rms,
+            Value(name=f"{row.rung} {row.state} at {age:g} s", value=finite(rms),
                   unit=row.unit, better=-1)
             for row in rows
             for age, rms in zip(row.horizons, row.rms, strict=True)
         ],
-        errors=[{**row._asdict(), "rms": [None if np.isnan(x) else x for x in row.rms]}
+        errors=[{**row._asdict(), "rms": [*map(finite, row.rms)]}
                 for row in rows],
     )  # fmt: skip

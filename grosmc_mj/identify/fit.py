@@ -8,8 +8,9 @@ and the intervals.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +18,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.identify.log import Log, noise_of, resolution_of
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor, starts_of
-from grosmc_mj.plants import Plant
+from grosmc_mj.plants import Plant, System
 
 # Differences for derivatives, as shares of a parameter's and a state's size.
 _STEP = 1e-4
@@ -66,6 +68,20 @@ class Quality(NamedTuple):
     white: bool
 
 
+class Estimate(NamedTuple):
+    """A parameter after the fit.
+
+    Attributes:
+        quantity: The parameter.
+        value: Its value.
+        half: Half width of its 95 % interval; None if the log does not show it.
+    """
+
+    quantity: Quantity
+    value: float
+    half: float | None
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Parameters fitted to a log.
@@ -94,78 +110,100 @@ class Fit:
         deviation = np.sqrt(np.diag(self.covariance))
         return self.covariance / np.outer(deviation, deviation)
 
+    @property
+    def estimates(self) -> list[Estimate]:
+        """The parameters one by one."""
+        half: list[float | None] = [None] * len(self.values)
+        for index, width in zip(np.flatnonzero(self.fitted), self.half.tolist(), strict=True):
+            half[index] = width
+        rows = zip(self.parameters.quantities, self.values.tolist(), half, strict=True)
+        return [Estimate(*row) for row in rows]
 
+
+@dataclass(frozen=True, eq=False)
 class _Residual:
     """The weighted residual of a log, and its derivatives by parameters and starts.
 
-    Args:
+    Attributes:
         parameters: The parameters.
         free: Which are fitted, (d,).
         predictor: The log's windows.
         plant: Before any change.
         scales: Of the measured states.
+        fixed: Values of the parameters that are not fitted, (d,).
     """
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        free: NDArray[np.bool_],
-        predictor: Predictor,
-        plant: Plant,
-        scales: dict[str, float],
-    ) -> None:
-        self.parameters, self.free, self.predictor = parameters, free, predictor
-        self.plant, self.scales, self._system = plant, scales, plant.system
-        self.starts = starts_of(predictor.log, predictor.windows, plant.system)
-        outputs = predictor.log.outputs
+    parameters: Parameters
+    free: NDArray[np.bool_]
+    predictor: Predictor
+    plant: Plant
+    scales: dict[str, float]
+    fixed: Array
+
+    @cached_property
+    def starts(self) -> Array:
+        """The first guess of the windows' starts, (windows, n)."""
+        return starts_of(self.predictor.log, self.predictor.windows, self.plant.system)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """A size of each state, (n,)."""
+        outputs = self.predictor.log.outputs
         spread = {name: max(float(np.ptp(y)), 1e-9) for name, y in outputs.items()}
         largest = max(spread.values())
-        self._sizes = np.array([spread.get(s.name, largest) for s in plant.system.states])
-        self._low = parameters.bounds[0][free]
-        self._width = (parameters.bounds[1] - parameters.bounds[0])[free]
+        return np.array([spread.get(state.name, largest) for state in self.plant.system.states])
+
+    @property
+    def width(self) -> Array:
+        """Width of the range of each parameter that is fitted."""
+        low, high = self.parameters.bounds
+        return (high - low)[self.free]
 
     def point(self, values: Array) -> Array:
         """Values of all parameters, with the starts, as a point of the search."""
-        inside = (values[self.free] - self._low) / self._width
+        inside = (values - self.parameters.bounds[0])[self.free] / self.width
         return np.concatenate([inside, (self.starts / self._sizes).ravel()])
 
     def parts(self, x: Array) -> tuple[Array, Array]:
         """Values of all parameters, and the starts, of a point."""
-        values, count = self.parameters.nominal.copy(), len(self._width)
-        values[self.free] = self._low + self._width * x[:count]
+        values, count = self.fixed.copy(), int(self.free.sum())
+        values[self.free] = self.parameters.bounds[0][self.free] + self.width * x[:count]
         return values, x[count:].reshape(self.starts.shape) * self._sizes
 
     def of(self, points: Sequence[Array]) -> list[Array]:
-        """The residuals at several points, (r,) each."""
-        log, predictor = self.predictor.log, self.predictor
-        parts = [self.parts(x) for x in points]
-        delays = [self.parameters.input_delay(values) for values, _ in parts]
-        plants = [self.parameters.plant(values, self.plant) for values, _ in parts]
-        names = [state.name for state in self._system.states]
+        """The residuals at several points, (r,) each: state by state, window by window."""
+        values, starts = zip(*map(self.parts, points), strict=True)
+        runs = self.predictor.states(
+            [self.parameters.plant(each, self.plant) for each in values],
+            starts,
+            [self.parameters.input_delay(each) for each in values],
+        )
         residuals = []
-        for (values, _), runs in zip(
-            parts, predictor.states(plants, [starts for _, starts in parts], delays), strict=True
-        ):
-            rows = []
-            for w, states in enumerate(runs):
-                for name, measured in log.outputs.items():
-                    late = self.parameters.sensor(name, "delay", values)
-                    bias = self.parameters.sensor(name, "bias", values)
-                    predicted = predictor.at_samples(w, states[:, names.index(name)], late) + bias
-                    error = measured[predictor.windows[w].samples] - predicted
-                    rows.append(error / self.scales[name])
+        for each, states in zip(values, runs, strict=True):
+            sensor = partial(self.parameters.sensor, values=each)
+            errors = self.predictor.errors(states, self.plant.system, sensor)
+            rows = [part / self.scales[name] for name, parts in errors.items() for part in parts]
             residuals.append(np.nan_to_num(np.concatenate(rows), nan=1e6))
         return residuals
+
+    def errors(self, x: Array) -> dict[str, list[Array]]:
+        """The residual at a point in the units of the states, by state and window."""
+        (r,) = self.of([x])
+        ends = np.cumsum([w.samples.stop - w.samples.start for w in self.predictor.windows])
+        shares = np.split(r, len(self.scales))
+        return {
+            name: np.split(share * self.scales[name], ends[:-1])
+            for name, share in zip(self.scales, shares, strict=True)
+        }
 
     def owners(self) -> NDArray[np.intp]:
         """The window of each entry of the residual, (r,)."""
         sizes = [w.samples.stop - w.samples.start for w in self.predictor.windows]
-        outputs = len(self.predictor.log.outputs)
-        return np.repeat(np.arange(len(sizes)), np.array(sizes) * outputs)
+        return np.tile(np.repeat(np.arange(len(sizes)), sizes), len(self.scales))
 
     def jacobian(self, x: Array) -> Array:
         """Its derivative by the point, (r, p): a start acts in its own window alone."""
-        count, (windows, n) = len(self._width), self.starts.shape
+        count, (windows, n) = int(self.free.sum()), self.starts.shape
         directions = [np.eye(len(x))[k] for k in range(count)]
         for j in range(n):
             direction = np.zeros((windows, n))
@@ -213,17 +251,19 @@ def fit(
         ArgumentError: If the log shows none of the parameters.
     """
     predictor = Predictor.of(log, horizon, timestep)
-    scales = {name: _first_scale(values) for name, values in log.outputs.items()}
+    # In the order of the states, as the residual has them.
+    outputs = {s.name: log.outputs[s.name] for s in plant.system.states if s.name in log.outputs}
+    scales = {name: _first_scale(values) for name, values in outputs.items()}
     free, unseen = np.ones(len(parameters.names), bool), list[Unseen]()
     values = parameters.first
     while True:
         progress(f"fitting {int(free.sum())} parameters")
-        residual = _Residual(parameters, free, predictor, plant, scales)
+        residual = _Residual(parameters, free, predictor, plant, scales, parameters.nominal)
         x = _searched(residual, residual.point(values))
         scales = _rescaled(residual, x)
-        residual = replaced(residual, scales)
+        residual = replace(residual, scales=scales)
         x = _searched(residual, x)
-        jacobian = residual.jacobian(x)
+        jacobian, values = residual.jacobian(x), residual.parts(x)[0]
         weak = _weak(parameters, free, jacobian)
         if weak is None:
             break
@@ -231,25 +271,17 @@ def fit(
         free = free & (np.array(parameters.names) != weak.held)
         if not free.any():
             raise ArgumentError(f"{log.name} shows none of the parameters: {weak.words}")
-        values = np.where(free, residual.parts(x)[0], parameters.nominal)
-    count = int(free.sum())
-    (r,) = residual.of([x])
-    covariance, half = _sysid().calculate_intervals([r], jacobian)
-    width = residual._width
+    count, width = int(free.sum()), residual.width
+    covariance, half = _sysid().calculate_intervals(residual.of([x]), jacobian)
     return Fit(
         parameters=parameters,
         fitted=free,
-        values=residual.parts(x)[0],
+        values=values,
         covariance=covariance[:count, :count] * np.outer(width, width),
         half=half[:count] * width,
         unseen=unseen,
         scales=scales,
     )
-
-
-def replaced(residual: _Residual, scales: dict[str, float]) -> _Residual:
-    """The same residual with other weights."""
-    return _Residual(residual.parameters, residual.free, residual.predictor, residual.plant, scales)
 
 
 def _sysid() -> Any:
@@ -295,16 +327,11 @@ def _first_scale(values: Array) -> float:
 
 def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
     """The standard deviation of each state's residual."""
-    (r,) = residual.of([x])
-    names, sums = list(residual.scales), dict.fromkeys(residual.scales, 0.0)
-    place = 0
-    for window in residual.predictor.windows:
-        size = window.samples.stop - window.samples.start
-        for name in names:
-            sums[name] += float(r[place : place + size] @ r[place : place + size])
-            place += size
-    samples = max(1, place // len(names) - residual.starts.size // len(names))
-    return {name: residual.scales[name] * float(np.sqrt(sums[name] / samples)) for name in names}
+    errors, scales = residual.errors(x), {}
+    for name, parts in errors.items():
+        samples = sum(map(len, parts)) - residual.starts.size // len(errors)
+        scales[name] = float(np.linalg.norm(np.concatenate(parts)) / np.sqrt(max(1, samples)))
+    return scales
 
 
 def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> Unseen | None:
@@ -338,52 +365,49 @@ def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> U
     return Unseen(name, others, words)
 
 
-def quality(found: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> list[Quality]:
-    """How well a fit predicts a log, with the starts of its windows fitted to it."""
-    arrays = residuals(found, log, plant, horizon, timestep)
-    rows = []
-    for state in plant.system.states:
-        if state.name not in log.outputs:
-            continue
-        measured = np.concatenate([log.outputs[state.name][w] for w, _ in arrays[state.name]])
-        error = np.concatenate([e for _, e in arrays[state.name]])
-        rms = float(np.sqrt(np.mean(error**2)))
-        spread = float(np.linalg.norm(measured - measured.mean()))
-        fine = resolution_of(log.outputs[state.name]) or noise_of(log.outputs[state.name])
-        rows.append(
-            Quality(
-                state.name, state.unit, rms, 1 - float(np.linalg.norm(error)) / max(spread, 1e-12),
-                rms / max(fine, 1e-12), _white([e for _, e in arrays[state.name]]),
-            )
-        )  # fmt: skip
-    return rows
-
-
 def residuals(
     found: Fit, log: Log, plant: Plant, horizon: float, timestep: float
 ) -> dict[str, list[tuple[slice, Array]]]:
-    """The residual of each measured state in each window, in its unit."""
-    none = np.zeros(len(found.parameters.names), bool)
-    held = replace_nominal(found.parameters, found.values)
+    """The samples and the residual of each measured state in each window, in its unit.
+
+    The starts of the windows are fitted to the log, the parameters are not.
+    """
     predictor = Predictor.of(log, horizon, timestep)
-    residual = _Residual(held, none, predictor, plant, found.scales)
-    x = _searched(residual, residual.point(found.values))
-    (r,) = residual.of([x])
-    place, parts = 0, {name: list[tuple[slice, Array]]() for name in log.outputs}
-    for window in predictor.windows:
-        size = window.samples.stop - window.samples.start
-        for name in log.outputs:
-            parts[name].append((window.samples, r[place : place + size] * found.scales[name]))
-            place += size
-    return parts
+    none = np.zeros(len(found.values), bool)
+    residual = _Residual(found.parameters, none, predictor, plant, found.scales, found.values)
+    errors = residual.errors(_searched(residual, residual.point(found.values)))
+    samples = [window.samples for window in predictor.windows]
+    return {name: list(zip(samples, parts, strict=True)) for name, parts in errors.items()}
 
 
-def replace_nominal(parameters: Parameters, values: Array) -> Parameters:
-    """The same parameters, with other values of the case."""
-    quantities = [
-        replace(q, nominal=float(v)) for q, v in zip(parameters.quantities, values, strict=True)
-    ]
-    return replace(parameters, quantities=quantities)
+def quality(
+    parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System
+) -> list[Quality]:
+    """How well a fit predicts a log.
+
+    Args:
+        parts: Its ``residuals``.
+        log: The log.
+        system: Units of the states.
+    """
+    units, rows = {state.name: state.unit for state in system.states}, []
+    for name, pieces in parts.items():
+        values = log.outputs[name]
+        measured = np.concatenate([values[samples] for samples, _ in pieces])
+        error = np.concatenate([residual for _, residual in pieces])
+        rms, spread = float(np.sqrt(np.mean(error**2))), float(np.std(measured))
+        step = resolution_of(values) or noise_of(values)
+        rows.append(
+            Quality(
+                state=name,
+                unit=units[name],
+                rms=rms,
+                fit=1 - rms / max(spread, 1e-12),
+                steps=rms / max(step, 1e-12),
+                white=_white([residual for _, residual in pieces]),
+            )
+        )
+    return rows
 
 
 def _white(pieces: Sequence[Array]) -> bool:

@@ -8,7 +8,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -105,6 +104,8 @@ def read_log(path: Path, system: System, table: LogTable | None) -> Log:
 
 def _columns(path: Path) -> dict[str, Array]:
     """The columns of numbers of a file."""
+    if not path.is_file():
+        raise ArgumentError(f"{path} is no file: name a CSV or Parquet file")
     try:
         if path.suffix.lower() == ".parquet":
             read = pq.read_table(path)
@@ -191,11 +192,11 @@ def _require_excited(path: Path, inputs: Sequence[Signal], u: Array) -> None:
             "be learned: log a run with steps or a sweep"
         )
     for signal, values in zip(inputs, u.T, strict=True):
-        ends = (values.min(), values.max())
-        share = max(float(np.mean(values == end)) for end in ends)
+        end = max((values.min(), values.max()), key=lambda end: np.mean(values == end))
+        share = float(np.mean(values == end))
         if share > _SATURATED and len(np.unique(values)) > len(values) // 10:
             raise ArgumentError(
-                f"{path}: {signal.name} is at its end of {max(ends, key=abs):g} {signal.unit} for "
+                f"{path}: {signal.name} is at its end of {end:g} {signal.unit} for "
                 f"{100 * share:.0f} % of the log: it saturates; log a run with smaller inputs"
             )
 
@@ -232,10 +233,3 @@ def resolution_of(values: Array) -> float:
     """The step of an encoder; 0 for none."""
     steps = np.diff(np.unique(values))
     return float(steps.min()) if 0 < len(steps) < len(values) // 3 else 0.0
-
-
-def from_columns(name: str, time: Any, inputs: Any, outputs: Mapping[str, Any]) -> Log:
-    """A log of arrays: time (N,), inputs (N, m), states by name (N,)."""
-    arrays = {key: np.asarray(values, float) for key, values in outputs.items()}
-    return Log(name, np.asarray(time, float), np.asarray(inputs, float), arrays,
-               [slice(0, len(time))])  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -27,6 +27,8 @@ _SLIPS = (
 )
 # Inputs that leave this share of the error explain little; without a slip they leave so much less.
 _POOR, _BETTER = 0.9, 1.2
+# Samples of a window.
+_FEWEST = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,21 @@ class Predictor:
 
     @classmethod
     def of(cls, log: Log, horizon: float, timestep: float) -> Predictor:
-        """Windows of a horizon [s] one after the other, over all pieces of a log."""
+        """Windows of a horizon [s] one after the other, over all pieces of a log.
+
+        Raises:
+            ArgumentError: If a window or a piece of the log would have too few samples.
+        """
+        shortest = _FEWEST * log.period
+        if horizon < shortest:
+            raise ArgumentError(
+                f"--horizon {horizon:g} s is {horizon / log.period:.3g} samples of {log.name}: it "
+                f"must be {_FEWEST} at least, {shortest:g} s"
+            )
+        if not log.pieces:
+            raise ArgumentError(
+                f"{log.name}: too few samples are left to predict: hold out more of a longer log"
+            )
         windows = []
         for piece in log.pieces:
             first = piece.start
@@ -129,9 +145,33 @@ class Predictor:
             row[round(float(until) / self.timestep) + 1 :] = np.nan
         return [list(states[k * count : (k + 1) * count]) for k in range(len(plants))]
 
-    def at_samples(self, window: int, values: Array, delay: float = 0.0) -> Array:
+    def errors(
+        self,
+        states: Sequence[Array],
+        system: System,
+        sensor: Callable[[str, str], float] = lambda _state, _quantity: 0.0,
+    ) -> dict[str, list[Array]]:
+        """Measured less predicted values of each measured state in each window.
+
+        Args:
+            states: Of each window, (steps + 1, n).
+            system: Names of the states.
+            sensor: From a state and ``delay`` or ``bias`` to that of its sensor.
+        """
+        errors: dict[str, list[Array]] = {}
+        for j, state in enumerate(system.states):
+            if (measured := self.log.outputs.get(state.name)) is None:
+                continue
+            delay, bias = sensor(state.name, "delay"), sensor(state.name, "bias")
+            errors[state.name] = [
+                measured[window.samples] - self._at_samples(window, x[:, j], delay) - bias
+                for window, x in zip(self.windows, states, strict=True)
+            ]
+        return errors
+
+    def _at_samples(self, window: Window, values: Array, delay: float) -> Array:
         """Values on the timesteps of a window at the instants of its samples, later by a delay."""
-        times = self.log.time[self.windows[window].samples] - self.windows[window].start - delay
+        times = self.log.time[window.samples] - window.start - delay
         return np.interp(times, np.arange(len(values)) * self.timestep, values)
 
 
@@ -165,36 +205,21 @@ def require_matching(log: Log, plant: Plant, horizon: float, timestep: float) ->
     Raises:
         ArgumentError: With the column and the factor.
     """
-    predictor = Predictor.of(log, horizon, timestep)
+    windows = Predictor.of(log, horizon, timestep).windows
 
-    def error(trial: Log) -> float:
-        """The share of the error that the inputs do not explain, of the least explained state."""
-        still = replace(trial, inputs=0.0 * trial.inputs)
-        starts = starts_of(trial, predictor.windows, plant.system)
-        missed = []
-        for inputs in (trial, still):
-            windows = Predictor(inputs, predictor.windows, timestep)
-            (runs,) = windows.states([plant], [starts], [0.0])
-            missed.append(
-                [
-                    np.concatenate(
-                        [
-                            trial.outputs[state.name][window.samples]
-                            - windows.at_samples(w, runs[w][:, j])
-                            for w, window in enumerate(predictor.windows)
-                        ]
-                    )
-                    for j, state in enumerate(plant.system.states)
-                    if state.name in trial.outputs
-                ]
-            )
-        shares = [
-            float(np.linalg.norm(driven) / max(float(np.linalg.norm(free)), 1e-12))
-            for driven, free in zip(*missed, strict=True)
-        ]
-        return float(np.nan_to_num(max(shares), nan=np.inf))
+    def unexplained(trial: Log) -> float:
+        """The share of the error that the inputs leave, of the state of which they leave most."""
+        starts = starts_of(trial, windows, plant.system)
+        norms = []
+        for each in (trial, replace(trial, inputs=0.0 * trial.inputs)):
+            predictor = Predictor(each, windows, timestep)
+            (states,) = predictor.states([plant], [starts], [0.0])
+            errors = predictor.errors(states, plant.system).values()
+            norms.append(np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors]))
+        driven, still = norms
+        return float(np.nan_to_num(np.max(driven / np.maximum(still, 1e-12)), nan=np.inf))
 
-    poor = error(log)
+    poor = unexplained(log)
     if poor <= _POOR:
         return
     inputs = [signal.name for signal in plant.system.inputs]
@@ -205,7 +230,7 @@ def require_matching(log: Log, plant: Plant, horizon: float, timestep: float) ->
             else:
                 scale = np.where(np.array(inputs) == name, factor, 1.0)
                 other = replace(log, inputs=log.inputs * scale)
-            if error(other) < poor / _BETTER:
+            if unexplained(other) < poor / _BETTER:
                 raise ArgumentError(
                     f"{log.name}: {name} seems to {words}: the case's plant explains it far "
                     "better then; say so in the unit of its header, or in the case file's [log]"

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from grosmc_mj.identify.fit import Fit, Quality, residuals
+from grosmc_mj.arrays import Array
+from grosmc_mj.identify.fit import Fit, Quality
 from grosmc_mj.identify.log import Log
-from grosmc_mj.plants import Plant
+from grosmc_mj.plants import System
 from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLUE, VERMILION
 from grosmc_mj.results.result import MEASURED, OPEN, Answer, Sheet, Value, result
@@ -22,26 +23,16 @@ _NEAR = 1e-3
 
 def values_table(fit: Fit) -> Table:
     """The parameters with their intervals."""
-    rows, half = [], iter(fit.half.tolist())
-    for quantity, value, free in zip(
-        fit.parameters.quantities, fit.values.tolist(), fit.fitted, strict=True
-    ):
-        within = next(half) if free else None
-        interval = f"{value - within:.4g} to {value + within:.4g}" if within is not None else "-"
+    rows = []
+    for quantity, value, half in fit.estimates:
         support = quantity.distribution.support
         at_end = np.abs(np.array(support) - value).min() < _NEAR * np.ptp(support)
         note = "at the end of its range: widen it, or check the log" if at_end else ""
-        note = note if free else "held: not visible in this log"
-        rows.append(
-            (
-                quantity.name,
-                f"{value:.4g}",
-                interval,
-                quantity.unit,
-                f"{quantity.nominal:.4g}",
-                note,
-            )
-        )
+        interval = "-" if half is None else f"{value - half:.4g} to {value + half:.4g}"
+        if half is None:
+            note = "held: not visible in this log"
+        nominal = f"{quantity.nominal:.4g}"
+        rows.append((quantity.name, f"{value:.4g}", interval, quantity.unit, nominal, note))
     return table(
         "Parameters",
         [*names("parameter"), *numbers("value", "95 % interval"), *words("unit"),
@@ -75,13 +66,10 @@ def identification(
     least = min(rows, key=lambda each: each.fit)
     said = f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
     said += f"{least.state} of the held-out part predicted to {100 * least.fit:.3g} %"
-    half = iter(fit.half.tolist())
     values = [
         {"name": quantity.name, "value": value, "unit": quantity.unit,
-         "in_the_case": quantity.nominal, "half_width": next(half) if free else None}
-        for quantity, value, free in zip(
-            fit.parameters.quantities, fit.values.tolist(), fit.fitted, strict=True
-        )
+         "in_the_case": quantity.nominal, "half_width": half}
+        for quantity, value, half in fit.estimates
     ]  # fmt: skip
     return result(
         "identify",
@@ -107,10 +95,11 @@ def identification(
     )  # fmt: skip
 
 
-def draw(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float, path: Path) -> None:
-    """Draw measured and fitted states of the held-out part, and their difference."""
-    parts = residuals(fit, log, plant, horizon, timestep)
-    units = {state.name: state.unit for state in plant.system.states}
+def draw(
+    parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System, path: Path
+) -> None:
+    """Draw measured and fitted states of a log, and their difference, by ``fit.residuals``."""
+    units = {state.name: state.unit for state in system.states}
     size = 9.0, 2.2 * 2 * len(parts) + 0.6
     with figure_written(path, size, [".png"]) as figure:
         axes = figure.subplots(2 * len(parts), 1, sharex=True)

@@ -24,7 +24,7 @@ from grosmc_mj.page.equations import mathml
 from grosmc_mj.page.reading import ClaimsResult, Curves, Document, Film, Results
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.palette import label_of
-from grosmc_mj.results.result import KEPT, VERDICTS, Answer, Result, Standing
+from grosmc_mj.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
@@ -50,18 +50,6 @@ class Page(NamedTuple):
     notices: Sequence[str]
 
 
-class _Figures:
-    """The figures of a page by their numbers."""
-
-    def __init__(self) -> None:
-        self.all: list[Figure] = []
-
-    def add(self, figure: Figure) -> int:
-        """Its number."""
-        self.all.append(figure)
-        return len(self.all) - 1
-
-
 def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shrink) -> Page:
     """Write results as one page.
 
@@ -74,7 +62,7 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shri
     Raises:
         SetupError: If it cannot be written.
     """
-    notices, documents, figures = list(reading.notices), reading.documents, _Figures()
+    notices, documents, figures = list(reading.notices), reading.documents, list[Figure]()
     results = [each for each in documents if isinstance(each.content, Result)]
     answers = sorted(
         (answer for each in results for answer in _result(each).answers),
@@ -103,11 +91,11 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shri
         "label_of": label_of,
     }
     # The rest first: the films have the room that it leaves.
-    text = _render({**content, "notices": notices, "films": {}}, figures.all)
+    text = _render({**content, "notices": notices, "films": {}}, figures)
     room = LARGEST - len(text.encode("utf-8", "replace")) - _AROUND
     films = dict(_films(documents, room, shrink, notices))
     if films or len(notices) > len(reading.notices):
-        text = _render({**content, "notices": notices, "films": films}, figures.all)
+        text = _render({**content, "notices": notices, "films": films}, figures)
     with written_aside(path) as part:
         part.write_text(text, encoding="utf-8", errors="replace")
     return Page(path, len(text.encode("utf-8", "replace")), answers, notices)
@@ -157,7 +145,7 @@ def _summary(
     return sentences
 
 
-def _cases(documents: Sequence[Document], figures: _Figures) -> list[dict[str, Any]]:
+def _cases(documents: Sequence[Document], figures: list[Figure]) -> list[dict[str, Any]]:
     """The curves of each case with the number of its film, and the tables of its run."""
     newest = {
         (each.content.system, each.content.case): each.content
@@ -176,19 +164,25 @@ def _cases(documents: Sequence[Document], figures: _Figures) -> list[dict[str, A
             "title": curves.title,
             "film": key if key in clocks else None,
             "clock": clocks.get(key),
-            "figure": figures.add(curves_figure(curves)),
+            "figure": _numbered(curves_figure(curves), figures),
         }
         for key, curves in sorted(newest.items())
     ]
 
 
-def _study(document: Document, figures: _Figures) -> dict[str, Any]:
+def _numbered(figure: Figure, figures: list[Figure]) -> int:
+    """The number of a figure, which joins the others."""
+    figures.append(figure)
+    return len(figures) - 1
+
+
+def _study(document: Document, figures: list[Figure]) -> dict[str, Any]:
     """The tables and charts of a result."""
     content = _result(document)
     name = content.answers[0].question if content.answers else document.path.stem
     sheets = [
         {"table": sheet.table,
-         "charts": [(chart.name, figures.add(chart_figure(chart))) for chart in sheet.charts]}
+         "charts": [(x.name, _numbered(chart_figure(x), figures)) for x in sheet.charts]}
         for sheet in content.sheets
         if sheet.table.rows or sheet.charts
     ]  # fmt: skip
@@ -292,7 +286,6 @@ def _render(content: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         css=markupsafe.Markup(css),
         js=js,
         plotly=plotly,
-        kept=KEPT,
         figures=_packed(figures),
     )
 

@@ -6,6 +6,7 @@ nothing but what stands here, so that neither knows any study.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -22,6 +23,11 @@ Number = float | None
 # Verdicts of answers, the worst first.
 NOT_KEPT, OPEN, MEASURED, KEPT = "not kept", "not decided", "measured", "kept"
 VERDICTS = (NOT_KEPT, OPEN, MEASURED, KEPT)
+
+
+def finite(value: float | None) -> Number:
+    """The value, or None for one that JSON has no number for."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 class Part(BaseModel):
@@ -154,17 +160,19 @@ class CellChart(Part):
     ) -> CellChart:
         """The chart of cells that are known by row and column: value, text and why."""
         rows, columns = (list(dict.fromkeys(key[i] for key in cells)) for i in (0, 1))
-        values, texts, whys = (
-            [[cells[row, x][part] if (row, x) in cells else None for x in columns] for row in rows]
-            for part in range(3)
-        )
-        return cls.model_construct(
-            name=name, rows=rows, columns=columns, values=values, texts=texts, whys=whys, most=most
+
+        def grid(part: int) -> list[list[Any]]:
+            known = [[cells.get((row, x)) for x in columns] for row in rows]
+            return [[None if cell is None else cell[part] for cell in line] for line in known]
+
+        return cls(
+            name=name, rows=rows, columns=columns, values=grid(0), texts=grid(1), whys=grid(2),
+            most=most,
         )  # fmt: skip
 
 
 class Letter(Part):
-    """What a letter of a grid stands for."""
+    """A letter of a grid, and its meaning."""
 
     letter: Text
     name: Text

@@ -256,16 +256,6 @@ class Steppers:
         return self._stepper
 
 
-def stepper_of(plant: Plant, timestep: float) -> Stepper:
-    """The stepper of one simulation of a plant, to be restarted first.
-
-    Args:
-        plant: Analytic or in MuJoCo.
-        timestep: Of an analytic plant [s]; a model in MuJoCo has its own.
-    """
-    return Steppers(timestep).of(plant)
-
-
 def kernel_run(
     problem: Problem, number: int, record: Record, stepper: Stepper, **of_engine: Any
 ) -> KernelRun:

@@ -26,6 +26,7 @@ from grosmc_mj.results.result import (
     Sheet,
     Standing,
     Value,
+    finite,
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
@@ -256,9 +257,8 @@ def _values(study: Climbs) -> Iterator[Value]:
             how = "up to" if row.together else "alone"
             name = f"{study.target} {row.condition} {row.law}, {how} {row.rung}"
             yield Value(name=name, value="kept" if row.kept else "not kept")
-            used = row.share_of_the_tightest_limit
-            value = used if math.isfinite(used) else None
-            yield Value(name=f"{name}: share of the limit", value=value, better=-1, relative=0.1)
+            used = finite(row.share_of_the_tightest_limit)
+            yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
 
 
 def ladder_document(studied: Ladder, study: Climbs, *, complete: bool) -> dict[str, Any]:

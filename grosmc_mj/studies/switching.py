@@ -32,6 +32,7 @@ from grosmc_mj.results.result import (
     Series,
     Sheet,
     Value,
+    finite,
     result,
 )
 from grosmc_mj.results.tables import Table, number, numbers, table, words
@@ -457,7 +458,7 @@ def _series(rows: Sequence[Any], x: Callable[[Any], float], name: str) -> list[S
     for law in LAWS:
         own = [row for row in rows if (row.run.law if isinstance(row, CaseRow) else row.law) == law]
         values = [math.nan if getattr(row, "ended", "") else getattr(row, name) for row in own]
-        y = [value if math.isfinite(value) else None for value in values]
+        y = [*map(finite, values)]
         curves.append(Series(name=law, x=[x(row) for row in own], y=y))
     return curves
 
@@ -535,5 +536,4 @@ def _values(
         name = f"{run.system}/{run.case} {run.law}, {run.surface}, at {run.control_period:g} s"
         named.append((f"{name}: deviation", row.deviation))
     for name, value in named:
-        finite = value if math.isfinite(value) else None
-        yield Value(name=name, value=finite, better=-1, relative=0.1)
+        yield Value(name=name, value=finite(value), better=-1, relative=0.1)

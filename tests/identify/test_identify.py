@@ -20,7 +20,7 @@ from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import best_rung, compared, rungs_of
-from grosmc_mj.identify.fit import _Residual, _weak, fit, quality
+from grosmc_mj.identify.fit import _Residual, _weak, fit, quality, residuals
 from grosmc_mj.identify.log import Log, held, read_log
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor, require_matching
@@ -179,9 +179,8 @@ def test_a_prediction_is_that_of_another_integrator(experiment: Experiment) -> N
     parameters = parameters_of(experiment, coverage.NAMES)
     predictor = Predictor.of(log, 1.0, 1e-3)
     plant = parameters.plant(true, experiment.plant("physics"))
-    ((states, *_),) = predictor.states([plant], [np.zeros((len(predictor.windows), 2))], [true[2]])
-    predicted = predictor.at_samples(0, states[:, 0])
-    error = log.outputs["rotor angle"][predictor.windows[0].samples] - predicted
+    (states,) = predictor.states([plant], [np.zeros((len(predictor.windows), 2))], [true[2]])
+    error = predictor.errors(states, plant.system)["rotor angle"][0]
     assert np.std(error) < 1.1 * coverage.NOISE
     assert abs(np.mean(error)) < 2e-4
 
@@ -195,7 +194,8 @@ def test_a_fit_finds_the_machine_and_predicts_what_was_held_out(
     assert found.fitted.all()
     assert (np.abs(found.values - true) < 2 * found.half).all()
     assert found.scales["rotor angle"] == pytest.approx(coverage.NOISE, rel=0.05)
-    (row,) = quality(found, log.between(0.7, 1), plant, **HOW)
+    held_out = log.between(0.7, 1)
+    (row,) = quality(residuals(found, held_out, plant, **HOW), held_out, plant.system)
     assert row.rms == pytest.approx(coverage.NOISE, rel=0.1)
     assert row.white
     path = tmp_path / "identified.toml"
@@ -242,7 +242,8 @@ def test_parameters_that_a_log_does_not_show_are_named(tmp_path: Path, log: Log,
     parameters, plant = parameters_of(case, ()), case.plant("physics")
     free = np.ones(len(parameters.names), bool)
     scales = {"rotor angle": coverage.NOISE}
-    residual = _Residual(parameters, free, Predictor.of(log, **HOW), plant, scales)
+    predictor = Predictor.of(log, **HOW)
+    residual = _Residual(parameters, free, predictor, plant, scales, parameters.nominal)
     weak = _weak(parameters, free, residual.jacobian(residual.point(parameters.first)))
     assert ({weak.held, *weak.others} if weak else set()) == hidden
 
@@ -296,9 +297,29 @@ def test_the_commands_write_and_say_what_they_found(
     assert isinstance(edit, BodyEdit)
     assert edit.mass_scale > 1.2
     assert run("compare", path, "servo/nominal", "--out", tmp_path) == cli.DONE
-    assert "has the least error after 1 s" in capsys.readouterr().out
-    assert run("identify", path, "servo/nominal", "--hold-out", 1.5) == cli.WRONG
-    assert "--hold-out 1.5 must be above 0 and below 0.9" in capsys.readouterr().err
+    assert "Least error after 1 s: rotor angle: corrected and physics." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--hold-out", 1.5), "--hold-out 1.5 must be above 0 and below 0.9"),
+        (("--hold-out", 1e-4), "too few samples are left to predict"),
+        (("--horizon", 0.001), "--horizon 0.001 s is 0.5 samples of bench.csv: it must be 10"),
+        (("--horizon", "nan"), "--horizon nan must be above 0 s"),
+        (("--fit", "body.rotor.mass"), "unknown parameter 'body.rotor.mass'"),
+    ],
+)
+def test_a_wrong_option_is_one_line(
+    tmp_path: Path, log: Log, capsys: pytest.CaptureFixture[str], options: tuple[Any, ...],
+    words: str,
+) -> None:  # fmt: skip
+    path = csv(tmp_path / "bench.csv", columns(log))
+    fitted = () if "--fit" in options else ("--fit", "body.rotor.mass_scale")
+    assert run("identify", path, "servo/nominal", *fitted, *options) == cli.WRONG
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.slow

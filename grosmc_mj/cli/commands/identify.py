@@ -68,7 +68,7 @@ class IdentifyCommand(_OfLog):
     def execute(self) -> int:
         """Read, fit, write, say."""
         from grosmc_mj.identify.case_file import write_case
-        from grosmc_mj.identify.fit import fit, quality
+        from grosmc_mj.identify.fit import fit, quality, residuals
         from grosmc_mj.identify.parameters import parameters_of
         from grosmc_mj.identify.replay import require_matching
         from grosmc_mj.identify.report import draw, identification, quality_table, values_table
@@ -84,13 +84,13 @@ class IdentifyCommand(_OfLog):
         seen, held = log.between(0, 1 - self.hold_out), log.between(1 - self.hold_out, 1)
         with screen.progress(1) as advance:
             found = fit(parameters, seen, plant, **how, progress=lambda text: advance(text, 0))
-            rows = quality(found, held, plant, **how)
+            parts = residuals(found, held, plant, **how)
             advance("fitted")
-        path = self._path("identify", experiment)
+        rows, path = quality(parts, held, plant.system), self._path("identify", experiment)
         files = [path, path.with_suffix(".png"), path.with_suffix(".toml")]
         document = identification(found, rows, log.name, self.horizon, self.hold_out)
         write_json(path, document)
-        draw(found, held, plant, self.horizon, experiment.settings.timestep, files[1])
+        draw(parts, held, plant.system, files[1])
         write_case(found, log.name, files[2])
         console = screen.console()
         white = all(row.white for row in rows)
