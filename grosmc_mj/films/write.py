@@ -16,6 +16,7 @@ from tempfile import TemporaryFile
 from typing import IO, Annotated, Any, NamedTuple
 
 import numpy as np
+from loky import cpu_count
 from PIL import Image
 
 from grosmc_mj.child_processes import interrupts_held, worker_pool
@@ -95,7 +96,7 @@ def write_film(
     board, poster = storyboard(film), path.with_suffix(".png")
     small = path.with_suffix(".gif") if gif else None
     encodings = {path: _H264.split()} | ({small: _GIF} if small else {})
-    drawing = draw_frames(board, backend, workers or len(os.sched_getaffinity(0)))
+    drawing = draw_frames(board, backend, workers or cpu_count())
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
         aside = {name: files.enter_context(written_aside(name)) for name in (*encodings, poster)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,8 @@ class DoctorCommand(Command):
 
     def execute(self) -> int:
         """What is missing, then what there is."""
+        from loky import cpu_count
+
         from grosmc_mj.films import offscreen
         from grosmc_mj.results.document import versions
 
@@ -43,11 +46,13 @@ class DoctorCommand(Command):
             words = works if trial.works else f"no: {trial.reason}{remedy}"
             console.print(f"  {trial.backend:<12} {words}", soft_wrap=True)
         if ffmpeg is not None:
-            words = f"  {'ffmpeg':<12} [green]works[/]: {ffmpeg.version},\n{ffmpeg.path}"
+            # Inside the environment the path from its root says as much and fits on a line.
+            path = ffmpeg.path.removeprefix(f"{sys.prefix}{os.sep}")
+            words = f"  {'ffmpeg':<12} [green]works[/]: {ffmpeg.version},\n  {path}"
             console.print(f"[bold]ffmpeg[/]\n{words}", soft_wrap=True)
         display = "yes" if offscreen.has_display() else "none (only glfw needs one)"
         machine = {
-            "cores": len(os.sched_getaffinity(0)),
+            "cores": cpu_count(),
             "display": display,
             "MUJOCO_GL": os.environ.get("MUJOCO_GL") or "not set",
         }
