@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Finite, NotNegative, Positive, checked
+from grosmc_mj.fields import Finite, Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
@@ -36,11 +38,11 @@ class ArmParameters:
             C = 0.03 cos(q) q'.
     """
 
-    m: Positive
-    l: Positive
-    g: Positive
-    J: Positive
-    M_c: NotNegative
+    m: Annotated[float, Range(0, unit="kg", above=True)]
+    l: Annotated[float, Range(0, unit="m", above=True)]
+    g: Annotated[float, Range(0, unit="m/s^2", above=True)]
+    J: Annotated[float, Range(0, unit="kg m^2", above=True)]
+    M_c: Annotated[float, Range(0, unit="kg m^2")]
     printed: Finite = 0.0
 
     @classmethod

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Finite, Positive, checked
+from grosmc_mj.fields import Finite, Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
     MjModel,
@@ -33,10 +34,10 @@ class CartPendulumParameters:
         printed: 1 for the coefficient a as printed, 0 for the energy-true one.
     """
 
-    M: Positive
-    m: Positive
-    L: Positive
-    g: Positive
+    M: Annotated[float, Range(0, unit="kg", above=True)]
+    m: Annotated[float, Range(0, unit="kg", above=True)]
+    L: Annotated[float, Range(0, unit="m", above=True)]
+    g: Annotated[float, Range(0, unit="m/s^2", above=True)]
     printed: Finite = 0.0
 
     @classmethod

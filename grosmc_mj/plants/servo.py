@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import NotNegative, Positive, checked
+from grosmc_mj.fields import Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
@@ -29,9 +31,9 @@ class ServoParameters:
         Kt: Torque constant K_t [N m/A].
     """
 
-    J: Positive
-    B: NotNegative
-    Kt: Positive
+    J: Annotated[float, Range(0, unit="kg m^2", above=True)]
+    B: Annotated[float, Range(0, unit="N m s/rad")]
+    Kt: Annotated[float, Range(0, unit="N m/A", above=True)]
 
     @classmethod
     def from_model(cls, model: MjModel, _variant: Variant) -> ServoParameters:

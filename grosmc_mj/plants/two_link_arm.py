@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import sympy as sp
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import NotNegative, Positive, checked
+from grosmc_mj.fields import Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
@@ -39,17 +41,17 @@ class TwoLinkParameters:
         g: Gravity [m/s^2].
     """
 
-    m1: Positive
-    l1: Positive
-    c1: NotNegative
-    I1: NotNegative
-    m2: Positive
-    l2: Positive
-    c2: NotNegative
-    I2: NotNegative
-    mp: NotNegative
-    Ip: NotNegative
-    g: Positive
+    m1: Annotated[float, Range(0, unit="kg", above=True)]
+    l1: Annotated[float, Range(0, unit="m", above=True)]
+    c1: Annotated[float, Range(0, unit="m")]
+    I1: Annotated[float, Range(0, unit="kg m^2")]
+    m2: Annotated[float, Range(0, unit="kg", above=True)]
+    l2: Annotated[float, Range(0, unit="m", above=True)]
+    c2: Annotated[float, Range(0, unit="m")]
+    I2: Annotated[float, Range(0, unit="kg m^2")]
+    mp: Annotated[float, Range(0, unit="kg")]
+    Ip: Annotated[float, Range(0, unit="kg m^2")]
+    g: Annotated[float, Range(0, unit="m/s^2", above=True)]
 
     @classmethod
     def from_model(cls, model: MjModel, _variant: Variant) -> TwoLinkParameters:

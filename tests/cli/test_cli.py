@@ -175,6 +175,9 @@ def test_list_shows_systems_cases_plants_and_controllers(
                 "inputs": "current [A]",
                 "bodies": "rotor",
                 "joints": "shaft [rad]",
+                "laws": "lqr, fl-lqr, grosmc, lqi, pid, adrc, adaptive",
+                "rotor": "mass 2.885 kg; principal inertia 0.029066, 0.0577, 0.029066 kg m^2",
+                "equations": "J 0.0577 kg m^2; B 0.0088 N m s/rad; Kt 0.667 N m/A",
             },
         ),
         ("cart_pendulum/bench", {"bodies": "cart, pole", "joints": "slider [m], hinge [rad]"}),
@@ -186,7 +189,8 @@ def test_list_names_what_tables_of_a_case_file_ask_for(
 ) -> None:
     assert run("list", target) == cli.DONE
     lines = [
-        line.partition("  (")[0].split(None, 1) for line in capsys.readouterr().out.splitlines()
+        line.partition("  (")[0].strip().split(None, 1)
+        for line in capsys.readouterr().out.splitlines()
     ]
     found = {words[0]: words[1] for words in lines if len(words) == 2}
     assert {what: found[what] for what in said} == said

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.plants import Signal
+    from grosmc_mj.plants import Plant, Signal
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class ListCommand(Command):
     """List the systems with their cases and controllers, and the case files of the package.
 
     Of one target the names, too, by which case files call its states, inputs, bodies and joints,
-    with their units.
+    with their units, and the nominal numbers of its plant.
 
     Attributes:
         target: A system, a case of the package or a case file.
@@ -84,6 +84,7 @@ def _say_more(console: Console, target: str) -> None:
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.file.shipped import content, shipped_files
     from grosmc_mj.plants import SYSTEMS
+    from grosmc_mj.results.tables import names, table, text
 
     for name in [target] if target else SYSTEMS:
         experiments = find_experiments(name)
@@ -92,9 +93,12 @@ def _say_more(console: Console, target: str) -> None:
         for case in (one.case for one in experiments):
             source = f"  ({case.source})" if case.source else ""
             _say(console, case.name, f"{case.title}{source}")
-        _say(console, "controllers", ", ".join(first.controllers))
+        _say(console, "laws", ", ".join(dict.fromkeys([*first.file.laws, *first.controllers])))
         _say(console, "plants", ", ".join(first.plant_names))
         _say_names(console, first)
+        found = _nominal_numbers(first.nominal.plant)
+        columns = [*names("nominal"), *text("numbers that are not zero")]
+        console.print(table("", columns, found.items()))
     if not target:
         _say(console, "", "Case files of the package", bold=True)
         for name, path in shipped_files().items():
@@ -121,6 +125,40 @@ def _say_names(console: Console, experiment: Experiment) -> None:
     ]
     _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
     _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+
+
+def _nominal_numbers(plant: Plant) -> dict[str, str]:
+    """The numbers of the equations and of the model in MuJoCo with their units, by their owner."""
+    from mujoco import mjtJoint
+
+    from grosmc_mj.fields import range_of
+
+    system, physics = plant.system, plant.kind == "physics"
+    rows: list[tuple[str, str, Sequence[float], str]] = []
+    if not physics or system.read_parameters is not None:
+        numbers = plant.analytic().parameters
+        for name, value in vars(numbers).items():
+            bounds = range_of(type(numbers), name)
+            if bounds is None or bounds.unit:
+                rows.append(("equations", name, [value], bounds.unit if bounds else ""))
+    if physics:
+        model = plant.model
+        rows.append(("world", "gravity", model.opt.gravity, "m/s^2"))
+        for body in map(model.body, range(1, model.nbody)):
+            rows.append((body.name, "mass", body.mass, "kg"))
+            rows.append((body.name, "principal inertia", body.inertia, "kg m^2"))
+            rows.append((body.name, "centre of mass", body.ipos, "m"))
+        for joint in map(model.joint, range(model.njnt)):
+            slides = joint.type[0] == mjtJoint.mjJNT_SLIDE
+            rows.append((joint.name, "damping", joint.damping, "N s/m" if slides else "N m s/rad"))
+            rows.append((joint.name, "friction", joint.frictionloss, "N" if slides else "N m"))
+            rows.append((joint.name, "armature", joint.armature, "kg" if slides else "kg m^2"))
+    words: dict[str, list[str]] = {}
+    for owner, name, values, unit in rows:
+        if any(values):
+            number = ", ".join(f"{value:.5g}" for value in values)
+            words.setdefault(owner, []).append(f"{name} {number} {unit}".rstrip())
+    return {owner: "; ".join(texts) for owner, texts in words.items()}
 
 
 def _say(console: Console, title: str, words: str, *, bold: bool = False) -> None:
