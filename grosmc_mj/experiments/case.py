@@ -184,7 +184,8 @@ def _edit(table: EditTable, system: System) -> Edit:
     assert table.body is not None
     if table.added_mass is not None:
         return AddedMass(table.body, table.added_mass, (table.at[0], table.at[1], table.at[2]))
-    return BodyEdit(table.body, table.mass_scale, table.length_scale)
+    inertia: Any = table.inertia and tuple(table.inertia)
+    return BodyEdit(table.body, table.mass_scale, table.length_scale, table.mass, inertia)
 
 
 # Of each profile: its keys, the one that it needs, and the profile.

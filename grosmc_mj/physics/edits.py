@@ -140,7 +140,7 @@ def apply_edits(
 
 @checked(ModelError)
 class BodyEdit(Edit):
-    """Scale a body's mass by a and all its lengths by b.
+    """Scale a body's mass by a and all its lengths by b, or give it another mass and inertia.
 
     The body stays similar to itself: its inertia about its centre of mass scales by a b^2, the
     offset of that centre, its sites, its child bodies' places and its drawn geometry by b.
@@ -149,26 +149,45 @@ class BodyEdit(Edit):
         body: Name of the body.
         mass_scale: a.
         length_scale: b.
+        mass: In the place of a times the nominal mass [kg].
+        inertia: Principal moments about its centre of mass [kg m^2], (3,); by default they scale.
     """
 
     body: Name
     mass_scale: Positive = 1.0
     length_scale: Positive = 1.0
+    mass: Annotated[float, Range(0, unit="kg", above=True)] | None = None
+    inertia: Vector | None = None
 
     owner, order = "body", 0
 
+    def __post_init__(self) -> None:
+        scaled = {"mass_scale": self.mass_scale != 1, "length_scale": self.length_scale != 1}
+        for name, scales in {"mass": ["mass_scale"], "inertia": [*scaled]}.items():
+            if clash := getattr(self, name) and [scale for scale in scales if scaled[scale]]:
+                raise ModelError(
+                    f"edit of {self.body!r}: {name} and {' and '.join(clash)}: give the number or "
+                    "its scale"
+                )
+        if self.inertia is not None and min(self.inertia) <= 0:
+            raise ModelError(f"edit of {self.body!r}: inertia {self.inertia} must be positive")
+
     def __str__(self) -> str:
-        return f"{self.body}: mass x{self.mass_scale:.3g}, length x{self.length_scale:.3g}"
+        mass = f"x{self.mass_scale:.3g}" if self.mass is None else f"{self.mass:.3g} kg"
+        moments = ", ".join(f"{moment:.3g}" for moment in self.inertia or ())
+        length = f"inertia {moments} kg m^2" if moments else f"length x{self.length_scale:.3g}"
+        return f"{self.body}: mass {mass}, {length}"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """Write the scaled inertia of the nominal body, and scale its looks and places."""
+        """Write the inertia of the edited body, and scale its looks and places."""
         body, index = spec.body(self.body), nominal.body(self.body).id
-        a, b, mass = self.mass_scale, self.length_scale, float(nominal.body_mass[index])
+        b, mass = self.length_scale, float(nominal.body_mass[index])
+        a = self.mass / (mass or 1.0) if self.mass else self.mass_scale
         if mass:
-            write_inertia(body, a * mass, nominal, index)
-            body.inertia = a * (b * b) * nominal.body_inertia[index]
+            write_inertia(body, self.mass or a * mass, nominal, index)
+            body.inertia = self.inertia or a * (b * b) * nominal.body_inertia[index]
             body.ipos = b * nominal.body_ipos[index]
-        elif a != 1:
+        elif a != 1 or self.inertia:
             raise ModelError(f"body {self.body!r} has no mass to scale: edit the body that has")
         if b != 1:
             _scale_geometry(spec, body, b)
@@ -178,6 +197,8 @@ class BodyEdit(Edit):
         model, a, b = template.model, self.mass_scale, self.length_scale
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, self.body)
         if index < 1 or (b != 1 and self.body not in template.undrawn_bodies):
+            return None
+        if self.mass or self.inertia:
             return None
         before = np.array([model.body_mass[index], *model.body_inertia[index]])
         with np.errstate(all="ignore"):

@@ -160,6 +160,7 @@ WRONG = [
     ("k = 18", '[task]\nreference = ["t, t"]', "'t, t' is no formula in t"),
     ("k = 18", '[task]\nreference = ["1/t"]', "no value at t = 0"),
     ("mass_scale = 2", 'mass_scale = 2\nadded_mass = "1 kg"', "write two [[edit]]"),
+    ("mass_scale = 2", 'mass_scale = 2\nmass = "1 kg"', "give the number or its scale"),
     ("mass_scale = 2", 'mass_scale = 2\nat = ["1 m", "0 m", "0 m"]', "give it one"),
     ('"1 s"', '"1e12 s"', "from 1e-09 to 1e+09 s"),
     ('"1 s"', '"1 s**2**9**9**9"', "is no unit"),

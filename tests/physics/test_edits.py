@@ -160,6 +160,17 @@ def test_edits_touch_neither_the_spec_nor_the_nominal_plant(name: str) -> None:
     np.testing.assert_array_equal(saved(MujocoPlant.load(name).model), bits)
 
 
+def test_a_mass_and_an_inertia_replace_the_nominal_ones() -> None:
+    """The inertia scales with a mass alone; without a mass the nominal one stays."""
+    nominal, heavier = edited("servo").body("rotor"), edited("servo", BodyEdit("rotor", mass=5.77))
+    rotor = heavier.body("rotor")
+    assert rotor.mass[0] == 5.77
+    np.testing.assert_allclose(rotor.inertia, 2.0 * nominal.inertia, rtol=ROUNDING)
+    moments = (0.05, 0.09, 0.05)
+    rotor = edited("servo", BodyEdit("rotor", inertia=moments)).body("rotor")
+    assert (rotor.mass[0], *rotor.inertia) == (2.885, *moments)
+
+
 def test_order_of_edits_does_not_matter() -> None:
     cart, pole = BodyEdit("cart", 2.0), BodyEdit("pole", 4.0, 4.0)
     np.testing.assert_array_equal(

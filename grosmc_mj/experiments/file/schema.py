@@ -24,6 +24,7 @@ from grosmc_mj.experiments.file.parts import (
     TABLES,
 )
 from grosmc_mj.experiments.file.units import (
+    KilogramMetresSquared,
     Kilograms,
     Metres,
     NewtonMetres,
@@ -122,7 +123,7 @@ class RunTable(Table):
 
 # What an edit may change, by what it is an edit of.
 _CHANGES = {
-    "body": ("mass_scale", "length_scale", "added_mass", "at"),
+    "body": ("mass_scale", "length_scale", "mass", "inertia", "added_mass", "at"),
     "joint": ("damping", "friction", "armature", "tilt"),
     "input": ("gear",),
     "parameter": ("scale",),
@@ -157,6 +158,8 @@ class EditTable(Table):
         body: A body of the model.
         mass_scale: Factor on its mass and inertia.
         length_scale: Factor on all its lengths.
+        mass: Its mass [kg], instead of a factor; its inertia scales with it.
+        inertia: Its principal moments about its centre of mass [kg m^2], (3,).
         added_mass: A point mass on it [kg].
         at: Where on the body, in its own frame [m], (3,).
         joint: A joint of the model.
@@ -174,6 +177,8 @@ class EditTable(Table):
     body: str | None = None
     mass_scale: float = 1.0
     length_scale: float = 1.0
+    mass: Kilograms | None = None
+    inertia: Annotated[list[KilogramMetresSquared], Three] | None = None
     added_mass: Kilograms | None = None
     at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
     joint: str | None = None
@@ -191,8 +196,8 @@ class EditTable(Table):
         given = self.model_fields_set - {_owner_of(self, _CHANGES), "known"}
         if not given - {"at"}:
             raise ValueError("the edit changes nothing")
-        if "added_mass" in given and given & {"mass_scale", "length_scale"}:
-            raise ValueError("added_mass and a scale are two edits: write two [[edit]]")
+        if "added_mass" in given and given - {"added_mass", "at"}:
+            raise ValueError("added_mass and the body's own mass are two edits: write two [[edit]]")
         if "at" in given and "added_mass" not in given:
             raise ValueError("at is where an added_mass is: give it one")
         if self.known and self.parameter is not None:

@@ -112,6 +112,7 @@ def _finite(number: float, value: Any) -> float:
 
 Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
 Kilograms = Annotated[float, BeforeValidator(partial(number_in, unit="kg"))]
+KilogramMetresSquared = Annotated[float, BeforeValidator(partial(number_in, unit="kg m^2"))]
 Metres = Annotated[float, BeforeValidator(partial(number_in, unit="m"))]
 Newtons = Annotated[float, BeforeValidator(partial(number_in, unit="N"))]
 NewtonMetres = Annotated[float, BeforeValidator(partial(number_in, unit="N m"))]
