@@ -90,7 +90,19 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
+def test_counts_of_an_encoder_are_its_steps_in_a_turn(tmp_path: Path) -> None:
+    sensor = '[[sensor]]\nof = "rotor angle"\ncounts = 1024\n'
+    loop = Experiment.load(written(tmp_path, sensor, PLAIN)).case.loop
+    assert loop is not None
+    assert loop.sensors == (Sensor("rotor angle", resolution=2 * np.pi / 1024),)
+
+
 MISTAKES = [
+    (
+        '[[sensor]]\nof = "rotor angle"\ncounts = 10\nresolution = "1 deg"\n',
+        "sensor 1: counts and resolution are the same number",
+    ),
+    ('[[sensor]]\nof = "rotor speed"\ncounts = 10\n', "counts: rotor speed is no angle"),
     (f"{PLAIN}predict = true\n", "controller lqr: predict: there is no loop that it could know"),
     ('[computing]\ndelay = "2 mm"\n', "computing: delay: .*mm"),
     ('[[actuator]]\nof = "current"\nrate_limit = "1 A"\n', "actuator 1: rate_limit: .*A/s"),

@@ -6,11 +6,12 @@ those of its numbers that nobody has published: whatever shows results says so.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import create_model
+from pydantic import Field, create_model
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
@@ -63,6 +64,9 @@ def _table(kind: str, made: Any) -> type[Table]:
             written = {"law": str, "of": str | list[str] if made is Estimator else str}
             keys[name] = (written.get(name, hints[name]), default)
     keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
+    if made is Sensor:
+        # Of an encoder: steps of its resolution in a turn.
+        keys["counts"] = (Annotated[int, Field(gt=0)] | None, None)
     if made is Computing:
         # Of noise, jitter and missed samples.
         keys["seed"] = (int, 0)
@@ -122,6 +126,8 @@ def loop_of_file(file: Any, system: System) -> Loop | None:
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 first = table.of if isinstance(table.of, str) else (table.of or [""])[0]
                 numbers = _numbers(kind, first, table, system)
+                if getattr(table, "counts", None) is not None:
+                    numbers["resolution"] = _step(table, system)
                 made.append(LOOP_PARTS[kind](**_written(kind, table), **numbers))
     with mistakes.gathered("computing: "):
         found = Loop(computer, *map(tuple, parts.values()), seed=seed)
@@ -178,8 +184,17 @@ def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, floa
     return numbers_of(table, _UNITS[kind], lambda name: unit_of(kind, of, name, system))
 
 
+def _step(table: Any, system: System) -> float:
+    """The resolution of an encoder that a sensor's table gives by its counts in a turn [rad]."""
+    if table.resolution is not None:
+        raise ArgumentError("counts and resolution are the same number: give one of them")
+    if (unit := unit_of("sensor", table.of, "resolution", system)) != "rad":
+        raise ArgumentError(f"counts: {table.of} is no angle: give its resolution in {unit}")
+    return 2 * math.pi / table.counts
+
+
 def _written(kind: str, table: Table) -> dict[str, Any]:
     """What else it gives, as it is written."""
-    written = table.model_fields_set - _UNITS[kind].keys() - {"assumed"}
+    written = table.model_fields_set - _UNITS[kind].keys() - {"assumed", "counts"}
     given = {name: getattr(table, name) for name in written}
     return {key: tuple(v) if isinstance(v, list) else v for key, v in given.items()}
