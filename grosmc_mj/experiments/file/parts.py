@@ -66,7 +66,7 @@ def _table(kind: str, made: Any) -> type[Table]:
     keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
     if made is Sensor:
         # Of an encoder: steps of its resolution in a turn.
-        keys["counts"] = (Annotated[int, Field(gt=0)] | None, None)
+        keys["counts"] = (Annotated[int | None, Field(gt=0)], None)
     if made is Computing:
         # Of noise, jitter and missed samples.
         keys["seed"] = (int, 0)
