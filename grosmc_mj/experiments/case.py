@@ -13,7 +13,7 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.parts import in_model, loop_of_file, machine_of_file
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.file.units import number_in, numbers_of
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
@@ -117,7 +117,7 @@ def case_of(
         x0 = state_of(file.run.start, system, "run: start", rest)
     for i, table in enumerate(file.disturbance):
         with mistakes.gathered(f"disturbance {i + 1}: "):
-            disturbances.append(_disturbance(table, folder))
+            disturbances.append(_disturbance(table, system, folder))
     loop, edits, parts = None, (), ()
     with mistakes.gathered():
         loop = loop_of_file(file, system)
@@ -196,11 +196,21 @@ _PROFILES: Mapping[str, tuple[tuple[str, ...], str, Callable[..., Profile]]] = {
 }
 
 
-def _disturbance(table: DisturbanceTable, folder: Path) -> Disturbance:
+def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
     """One disturbance, with its course in time."""
     wrench: Any = (*table.force, *table.torque)
+    if table.body is None:
+        if system.joints:
+            raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body")
+        kind, signals = ("state", system.states) if table.state else ("input", system.inputs)
+        require_known(kind, table.state or table.input, [signal.name for signal in signals])
+        units = {"amplitude": system.pushes[table.of]}
+        wrench = (*numbers_of(table, units, units.__getitem__).values(), 0.0, 0.0, 0.0, 0.0, 0.0)
+    elif not system.bodies:
+        raise ArgumentError(f"{system.name} has no bodies: name an input or a state")
     if not any(wrench):
-        raise ArgumentError("it has neither force nor torque")
+        lacks = "neither force nor torque" if table.body else "no amplitude"
+        raise ArgumentError(f"it has {lacks}")
     if is_named(table.profile):
         profile = load_named(table.profile, folder)
     else:
@@ -212,4 +222,4 @@ def _disturbance(table: DisturbanceTable, folder: Path) -> Disturbance:
         if needed and getattr(table, needed) is None:
             raise ArgumentError(f"a {table.profile} needs {needed}")
         profile = kind(*(getattr(table, key) for key in keys))
-    return Disturbance(table.body, wrench, profile, table.label)
+    return Disturbance(table.of, wrench, profile, table.label)

@@ -43,6 +43,7 @@ class NominalPlant:
         scales: Factors on parameters of equations without a model, which the true ones have.
         believed: The equations that laws are designed from, if they are not its own.
         at: Its operating point, if the file has one or laws need one.
+        pushed: Inputs and rates of equations that disturbances act on.
     """
 
     plant: AnalyticPlant | MujocoPlant
@@ -50,6 +51,7 @@ class NominalPlant:
     scales: Mapping[str, float] = field(default_factory=dict)
     believed: AnalyticPlant | None = None
     at: OperatingPoint | None = None
+    pushed: tuple[str, ...] = ()
 
     @property
     def system(self) -> System:
@@ -100,7 +102,7 @@ class NominalPlant:
             integrator: MuJoCo's.
         """
         if not isinstance(self.plant, MujocoPlant):
-            return self.plant.changed(scales=self.scales)
+            return self.plant.changed(scales=self.scales).pushed(self.pushed)
         whole = self.plant if self.robot is None else self.robot.built
         physics = _edited(whole, edits, timestep, integrator)
         return physics if name == "physics" else physics.analytic(name)
@@ -147,7 +149,9 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
     for name in parameters:
         require_known("parameter", name, vars(nominal.plant.parameters), "edit: ")
     return replace(
-        nominal, scales={table.parameter or "": table.scale or 0.0 for table in file.edit}
+        nominal,
+        scales={table.parameter or "": table.scale or 0.0 for table in file.edit},
+        pushed=tuple(dict.fromkeys(table.of for table in file.disturbance if not table.body)),
     )
 
 

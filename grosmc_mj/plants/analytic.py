@@ -6,9 +6,11 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Annotated, Any, get_args
 
 import numpy as np
+import sympy as sp
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, require_known
@@ -16,7 +18,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError, shown
 from grosmc_mj.fields import Known, checked
 from grosmc_mj.plants.plant import Integrator, Kind, Plant
-from grosmc_mj.plants.system import MjModel, System, Variant
+from grosmc_mj.plants.system import MjModel, System, Variant, wrench_symbols
 
 
 @checked(ModelError)
@@ -123,6 +125,13 @@ class AnalyticPlant(Plant):
                 raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
         return replace(self, parameters=replace(self.parameters, **changes))
 
+    def pushed(self, names: tuple[str, ...]) -> AnalyticPlant:
+        """The same equations, where disturbances act on some of ``system.pushes``.
+
+        The first component of the wrench on a body of that name is added to the input or rate.
+        """
+        return replace(self, system=_pushed(self.system, names)) if names else self
+
     def scaled(self, body: str, mass: float, length: float) -> AnalyticPlant:
         """The plant with the mass and all lengths of its uncertain body scaled.
 
@@ -142,3 +151,15 @@ class AnalyticPlant(Plant):
         p, n = self.parameters, len(x)
         A = np.reshape(self.system.equations.jacobian(x, u, p), (n, n))
         return A, np.reshape(self.system.equations.input_matrix(x, p), (n, -1))
+
+
+@lru_cache(maxsize=64)
+def _pushed(system: System, names: tuple[str, ...]) -> System:
+    """The system with a wrench on each of these names of its ``pushes``."""
+    equations, w = system.equations, wrench_symbols(*names)
+    columns = [*sp.Matrix(equations.g).T.tolist(), *sp.eye(len(system.states)).tolist()]
+    pushes, d = dict(zip(system.pushes, columns, strict=True)), sp.Matrix(equations.d)
+    for i, name in enumerate(names):
+        d += w[6 * i] * sp.Matrix(pushes[name])
+    equations = replace(equations, w=(*equations.w, *w), d=tuple(d))
+    return replace(system, equations=equations, bodies=(*system.bodies, *names))

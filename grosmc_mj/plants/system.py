@@ -123,6 +123,12 @@ class System:
         return self.inputs[0]
 
     @property
+    def pushes(self) -> dict[str, str]:
+        """Units of the inputs and of the states' rates, which a disturbance may be added to."""
+        rates = {f"rate of {x.name}": f"{x.unit}/s".replace("/s/s", "/s^2") for x in self.states}
+        return {signal.name: signal.unit for signal in self.inputs} | rates
+
+    @property
     def singular(self) -> Callable[[Any], bool]:
         """Jitable x -> whether the plant's own equations break down."""
         return self.equations.singular

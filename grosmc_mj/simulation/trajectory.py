@@ -140,7 +140,8 @@ class Trajectory:
             # What is held over intervals has no value at the last instant.
             held = np.full((len(self.time), len(names)), np.nan)
             held[: len(rows)] = rows.reshape(len(rows), -1)
-            columns += zip(names, (unit for _, unit in labels), held.T, strict=True)
+            units = [unit for _, unit in labels]
+            columns += [row for row in zip(names, units, held.T, strict=True) if row[0]]
         about = {
             "system": system.name,
             "states": [astuple(state) for state in system.states],
@@ -244,13 +245,15 @@ def _numbered(name: str, unit: str, rows: Array | None) -> list[tuple[str, str]]
 
 
 def _wrench_labels(system: System) -> list[tuple[str, str]]:
-    """Name and unit of each column of the wrenches."""
-    return [
-        (f"{kind} {axis} on {body}", unit)
-        for body in system.bodies
-        for kind, unit in (("force", "N"), ("torque", "N m"))
-        for axis in "xyz"
-    ]
+    """Name and unit of each column of the wrenches; no name of one that is not used."""
+    labels = []
+    for body in system.bodies:
+        if body in system.pushes:
+            labels += [(f"disturbance of {body}", system.pushes[body]), *[("", "")] * 5]
+            continue
+        for kind, unit in (("force", "N"), ("torque", "N m")):
+            labels += [(f"{kind} {axis} on {body}", unit) for axis in "xyz"]
+    return labels
 
 
 def _table(columns: Sequence[tuple[str, str, Array]], about: str) -> Any:
@@ -308,7 +311,8 @@ def _restored(table: Any) -> Trajectory:
     signals: dict[str, Any] = dict.fromkeys(("sliding", "wrench", "physics", "seen"))
     memory: dict[str, Array] = {}
     for signal, (names, shape) in about["signals"].items():
-        rows = np.column_stack([table[name].to_numpy() for name in names])
+        unused = np.zeros(len(time))
+        rows = np.column_stack([table[name].to_numpy() if name else unused for name in names])
         rows = np.ascontiguousarray(rows if signal in _INSTANTS else rows[:-1])
         target = memory if signal.startswith("memory ") else signals
         target[signal.removeprefix("memory ")] = rows.reshape(len(rows), *shape)

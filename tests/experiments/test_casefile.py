@@ -134,6 +134,8 @@ WRONG = [
     ('"0.1 N m", "0 N m"]', '"0.1 N m"]', "disturbance 1: torque: at least 3 items"),
     ('"0.1 N m"', '"0.1 N"', 'torque 2: "0.1 N" cannot be converted to N m'),
     ('"0.1 N m"', '"0 N m"', "disturbance 1: it has neither force nor torque"),
+    ('body = "link"\ntorque = [', 'input = "torque"\n#', "arm has a model in MuJoCo: name a body"),
+    ('body = "link"\ntorque', 'state = "joint angle"\ntorque', "a state has no torque"),
     ('"sine"', '"cosine"', "disturbance 1: unknown profile 'cosine': did you mean 'sine'?"),
     ('"sine"', '"pulse"', "disturbance 1: a pulse has no frequency"),
     ('frequency = "1 Hz"', "", "disturbance 1: a sine needs frequency"),

@@ -6,16 +6,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, cast
 
 import mujoco
 import numba
 import numpy as np
 import pytest
+import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from shipped import find_case
 
+import grosmc_mj as gm
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
@@ -430,3 +433,27 @@ def test_pole_torque_of_a_leaning_pole_is_nearly_d(degrees: float, bound: float)
     s, c, am = math.sin(math.radians(degrees)), math.cos(math.radians(degrees)), 0.2 / 1.2
     assert pole - 1 == pytest.approx(-am * s**2 / (4 / 3 - am * c**2), rel=1e-9)
     assert abs(pole - 1) < bound
+
+
+@every_engine
+def test_equations_are_pushed_at_an_input_and_at_a_rate(
+    engine: Engine, open_loop: OpenLoop, tmp_path: Path
+) -> None:
+    """2 kg under 4 N on a belt of 3 m/s: p = t^2 + 3 t, which RK4 has exactly."""
+    p, v, m = sp.symbols("p v m")
+    cart = gm.affine_plant(
+        "cart", states={"p": "m", "v": "m/s"}, inputs={"F": "N"}, f=[v, 0], g=[0, 1 / m], h=[p],
+        parameters={"m": 2.0},
+    ).pushed(("F", "rate of p"))  # fmt: skip
+    pushes = [
+        Disturbance("F", (4.0, 0, 0, 0, 0, 0)),
+        Disturbance("rate of p", (3.0, 0, 0, 0, 0, 0)),
+    ]
+    run = simulate(
+        cart, open_loop(0.0), [0.0, 0.0], duration=0.5, disturbances=pushes, engine=engine
+    )
+    t = run.time
+    np.testing.assert_allclose(run.state.T, [t**2 + 3 * t, 2 * t], rtol=1e-12, atol=1e-15)
+    again = gm.load_trajectory(run.save(tmp_path / "run.csv" if False else tmp_path / "run.npz"))
+    assert again.to_arrow()["disturbance of F"].to_pylist()[:2] == [4.0, 4.0]
+    np.testing.assert_array_equal(again.wrench, run.wrench)

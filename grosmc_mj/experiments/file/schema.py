@@ -208,10 +208,15 @@ class EditTable(Table):
 class DisturbanceTable(Table):
     """``[[disturbance]]``: a wrench on a body, in world axes at its centre of mass.
 
+    Equations of one's own have no bodies: there it is added to an input or to a state's rate.
+
     Attributes:
         body: A body of the plant.
         force: [N], (3,).
         torque: [N m], (3,).
+        input: An input of equations of one's own.
+        state: A state of theirs, to whose rate it is added.
+        amplitude: In the unit of the input, or of the state per second.
         profile: Its course in time: ``constant``, ``pulse`` (from ``start`` to ``stop``), ``sine``
             (sin(frequency t + phase) from ``onset`` on), or ``module:name`` of a function of t.
         start: Of a pulse [s].
@@ -222,7 +227,10 @@ class DisturbanceTable(Table):
         label: What figures call it.
     """
 
-    body: str
+    body: str | None = None
+    input: str | None = None
+    state: str | None = None
+    amplitude: Any = None
     force: Annotated[list[Newtons], Three] = [0.0, 0.0, 0.0]
     torque: Annotated[list[NewtonMetres], Three] = [0.0, 0.0, 0.0]
     profile: str = "constant"
@@ -232,6 +240,17 @@ class DisturbanceTable(Table):
     phase: Radians = 0.0
     onset: Seconds = 0.0
     label: str = ""
+
+    @model_validator(mode="after")
+    def _on_one_thing(self) -> DisturbanceTable:
+        own = ("amplitude",)
+        _owner_of(self, {"body": ("force", "torque"), "input": own, "state": own})
+        return self
+
+    @property
+    def of(self) -> str:
+        """The body, the input, or the state's rate."""
+        return self.body or self.input or f"rate of {self.state}"
 
 
 class RequirementTable(Table):
