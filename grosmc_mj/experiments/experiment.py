@@ -222,7 +222,8 @@ class Experiment:
                 timestep=self.settings.timestep, predict=bool(table.predict),
             )  # fmt: skip
         except GrosmcError as error:
-            raise ArgumentError(f"controller {name}: {error}") from error
+            owner = "" if str(error).startswith("task: ") else f"controller {name}: "
+            raise ArgumentError(f"{owner}{error}") from error
 
     def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:
         """The same, designed for a nominal plant that is not the file's.

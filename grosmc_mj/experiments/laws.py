@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 
 from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
 from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
@@ -32,11 +33,11 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
 from grosmc_mj.control.task import NoNumbers, StateTask, Task
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, PremiseError, shown, unknown_name
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
 from grosmc_mj.experiments.file.numbers import law_number, weight
-from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable
+from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, OutputsTable
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, System
@@ -243,21 +244,21 @@ def _needed(found: Any) -> list[inspect.Parameter]:
     ]
 
 
-def _weights(table: ControllerTable, file: CaseFile) -> tuple[Any, Any]:
-    """Q and R of a law, as the file has them."""
-    Q, R = table.numbers.get("Q", file.task.Q), table.numbers.get("R", file.task.R)
-    if Q is None or R is None:
-        raise ArgumentError("task: Q and R are missing: a plant of your own needs weights")
-    return Q, R
+def _weight(name: str, table: ControllerTable, file: CaseFile, size: int) -> Array:
+    """Q or R of a law, its own or the task's, (size, size)."""
+    if name in table.numbers:
+        return weight(name, table.numbers[name], size)
+    if (value := getattr(file.task, name)) is None:
+        raise ArgumentError(f"task: {name} is missing: a plant of your own needs weights Q and R")
+    return weight(f"task: {name}", value, size)
 
 
 def _state_task(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, _plant: PlantName, _: Path
 ) -> StateTask:
     """What a law on the linearization about the operating point is designed for."""
-    Q, R = _weights(table, file)
     wanted, system = file.task, nominal.system
-    led = wanted.reference is not None or wanted.outputs.of != "plant" or wanted.sign != 1
+    led = wanted.reference is not None or not wanted.outputs.own or wanted.sign != 1
     if led:
         raise ArgumentError(
             f"task: reference, outputs and sign: under {table.law} all states are held at the "
@@ -265,33 +266,38 @@ def _state_task(
         )
     believed = nominal.believed or nominal.plant
     n, m = len(system.states), len(system.inputs)
-    return StateTask(believed, weight("Q", Q, n), weight("R", R, m), nominal.at)
+    Q, R = _weight("Q", table, file, n), _weight("R", table, file, m)
+    return StateTask(believed, Q, R, nominal.at)
 
 
 def _task(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Task:
     """What a law is designed for."""
-    wanted, (Q, R) = file.task, _weights(table, file)
+    wanted = file.task
     if (robot := nominal.robot) is not None:
-        if wanted.outputs.of != "plant" or wanted.sign != 1:
+        if not wanted.outputs.own or wanted.sign != 1:
             raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
         n = robot.joints
         held = None if nominal.at is None else [repr(each) for each in nominal.at.x[:n].tolist()]
         moving, parameters = _reference(wanted.reference or held, (2,) * n, robot, folder)
-        return robot.task(moving, parameters, weight("Q", Q, 2 * n), weight("R", R, n))
+        Q, R = _weight("Q", table, file, 2 * n), _weight("R", table, file, n)
+        return robot.task(moving, parameters, Q, R)
     equations = nominal.equations(plant)
     system, named = equations.system, wanted.outputs
-    outputs = _outputs(named.of, nominal, folder)
-    degrees = feedback_linearization(system.equations, outputs).relative_degree
+    outputs = _outputs(named, nominal, folder)
+    try:
+        degrees = feedback_linearization(system.equations, outputs).relative_degree
+    except PremiseError as error:
+        raise PremiseError(f"{'task: outputs: ' if outputs else ''}{error}") from None
     held = None if nominal.at is None else _outputs_at(nominal.at, equations, outputs)
     moving, parameters = _reference(wanted.reference or held, degrees, equations, folder)
     guess = None
     if outputs or nominal.rest is not None:
         guess = state_of(named.guess, system, "task: outputs: guess", nominal.rest)
     error = _coordinates(system, moving, wanted.sign, outputs, guess, named.unit if outputs else "")
-    weights = weight("Q", Q, error.size), weight("R", R, error.inputs)
-    return Task(equations, error, parameters, *weights)
+    Q, R = _weight("Q", table, file, error.size), _weight("R", table, file, error.inputs)
+    return Task(equations, error, parameters, Q, R)
 
 
 def _outputs_at(
@@ -317,10 +323,23 @@ def _coordinates(
     return ErrorCoordinates(system, moving, sign, outputs=outputs, guess=guess, unit=unit)
 
 
-def _outputs(of: str, nominal: NominalPlant, folder: Path) -> tuple[sp.Expr, ...] | None:
+def _outputs(
+    table: OutputsTable, nominal: NominalPlant, folder: Path
+) -> tuple[sp.Expr, ...] | None:
     """What is regulated, in symbols; None for the plant's own outputs."""
-    if of == "plant":
+    if table.own:
         return None
+    system, of = nominal.system, table.of
+    if table.formulas is not None:
+        if of != "plant":
+            raise ArgumentError("task: outputs: of and formulas are the same: give one of them")
+        symbols = [sp.Symbol(state.name) for state in system.states]
+        places: Any = dict(zip(symbols, system.equations.x, strict=True))
+        try:
+            read = (formula(text, *symbols) for text in table.formulas)
+            return tuple(y.subs(places, simultaneous=True) for y in read)
+        except ArgumentError as error:
+            raise ArgumentError(f"task: outputs: {error}") from None
     known = OUTPUTS.get(nominal.system.name, {})
     if not is_named(of) and of not in known:
         raise ArgumentError(f"task: outputs: {unknown_name('outputs', of, ['plant', *known])}")

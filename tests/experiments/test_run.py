@@ -341,7 +341,7 @@ def test_law_that_numba_cannot_compile_points_to_its_line(
         ("own:law", "own:gust", "got an unexpected keyword argument 'a'"),
         ('parameter = "m"', 'parameter = "k"', "unknown parameter 'k': valid: m"),
         ('parameter = "m"\nscale = 1.5', 'body = "rod"\nmass_scale = 2', "edit a parameter"),
-        ("Q = [1, 1]\n", "", "Q and R are missing"),
+        ("Q = [1, 1]\n", "", "Q is missing"),
         ("a = 4", 'a = "four"', "a = 'four' must be a number"),
         ('"own:law"\na = 4\nb = 4', '"grosmc"', "grosmc needs k and epsilon"),
         ('"own:law"\na = 4\nb = 4', '"lqr"\nk = 4', "unknown key 'k'"),

@@ -217,3 +217,36 @@ def test_a_machine_asks_the_same_task_of_every_law(system: str, name: str) -> No
         assert found["rms_below"].after == found["settles_within"].value
     if len(law.designed.error.output_rows) == 1:
         assert found["overshoot_below"].value == 0.05
+
+
+def test_a_state_is_an_output_of_relative_degree_one(tmp_path: Path) -> None:
+    """y' = v = -3 (y - 2): the speed is 2 (1 - exp(-3 t)), but for the hold at 1 kHz."""
+    task = 'outputs = { formulas = ["rotor speed"] }\nreference = ["2"]\nsign = 1\nQ = 9\nR = 1\n'
+    text = CASE.format(
+        system="servo", start="{}", duration="4", more="", task=task,
+        required='stays_within = "10 mrad/s"\nafter = "3 s"',
+    )  # fmt: skip
+    first = text.replace('law = "pd"\nfrequency = 3\ndamping = 0.5', 'law = "first"')
+    file = tmp_path / "mine.toml"
+    file.write_text(f'{first}[laws.first]\nlaw = "fl-lqr"\n', encoding="utf-8")
+    run = Experiment.load(file).run("physics", "first")
+    expected = 2 * (1 - np.exp(-3 * run.trajectory.time))
+    assert np.abs(run.trajectory.state[:, 1] - expected).max() < 2e-3
+    assert run.requirements[0].kept
+
+
+@pytest.mark.parametrize(
+    ("task", "words"),
+    [
+        (
+            'outputs = { formulas = ["speed"] }',
+            "'speed' has speed, may have rotor angle",
+        ),
+        ('outputs = { formulas = ["1"] }', "output 1, 1, has no relative degree"),
+        ('outputs = { of = "tip", formulas = ["rotor angle"] }', "give one of them"),
+        ("Q = [1, 2, 3]", "Q = .* must be a number, 2 numbers"),
+    ],
+)
+def test_a_mistake_in_a_task_is_not_blamed_on_a_law(tmp_path: Path, task: str, words: str) -> None:
+    with pytest.raises(ArgumentError, match=rf"mine.toml: task: (outputs: )?({words})"):
+        experiment(tmp_path, 'input_below = "1 A"', task=task)

@@ -1,4 +1,4 @@
-"""Formulas in t as text, read by a grammar of their own: no part of one is ever executed.
+"""Formulas in t or in states, read by a grammar of their own: no part of one is ever executed.
 
 sympy's parser evaluates what it reads, so text never reaches it: Python's grammar makes a tree,
 and what is in the list below is built of it. Sizes are bounded on the way, since sympy computes
@@ -12,7 +12,7 @@ import math
 import operator
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -83,14 +83,14 @@ def _converted(found: re.Match[str]) -> str:
     return repr(number_in(f"{found[1]} {found[2]}", _UNITS[found[2]]))
 
 
-def formula(text: str, symbol: sp.Symbol) -> sp.Expr:
+def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
     """The expression that a text describes.
 
     Args:
-        text: Numbers, ``pi``, the symbol, ``+ - * / **``, brackets and the functions of one
+        text: Numbers, ``pi``, the symbols, ``+ - * / **``, brackets and the functions of one
             argument in ``FUNCTIONS``. A number may have one of the units ``deg``, ``mrad``,
             ``rad``, ``mm``, ``cm``, ``m``, ``ms``, ``s`` and ``Hz``: ``10 deg * sin(2 Hz * t)``.
-        symbol: What may be in it.
+        symbols: What may be in it; there may be blanks in their names.
 
     Raises:
         ArgumentError: If it has something else, is too large, or has no finite real value.
@@ -99,16 +99,21 @@ def formula(text: str, symbol: sp.Symbol) -> sp.Expr:
         raise ArgumentError(
             f"{shown(text)} has {len(text)} characters, a formula may have {_LONGEST}"
         )
-    plain = _QUANTITY.sub(_converted, text.strip())
+    plain, names = text.strip(), {symbol.name: symbol for symbol in symbols}
+    # The longest first: a name may be a part of another one.
+    for name in sorted(names, key=len, reverse=True):
+        if " " in name:
+            plain = re.sub(rf"\b{re.escape(name)}\b", name.replace(" ", "_"), plain)
+    plain = _QUANTITY.sub(_converted, plain)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             tree = ast.parse(plain, mode="eval").body
     # Besides what is no Python: too many brackets, and what only warns, such as 1if.
     except (SyntaxError, ValueError, MemoryError, RecursionError, Warning):
-        raise ArgumentError(f"{shown(text)} is no formula in {symbol}") from None
+        raise ArgumentError(f"{shown(text)} is no formula in {', '.join(names)}") from None
     try:
-        return _Reading(symbol).part(tree, 0).exact
+        return _Reading(names).part(tree, 0).exact
     except _NoFormulaError as error:
         raise ArgumentError(f"{shown(text)} {error}") from None
     except (ArithmeticError, ValueError):
@@ -123,11 +128,12 @@ class _Reading:
     """The building of one formula.
 
     Args:
-        symbol: What may be in it.
+        symbols: What may be in it, by their names.
     """
 
-    def __init__(self, symbol: sp.Symbol) -> None:
-        self._symbol, self._parts = symbol, 0
+    def __init__(self, symbols: Mapping[str, sp.Symbol]) -> None:
+        self._symbols = {name.replace(" ", "_"): symbol for name, symbol in symbols.items()}
+        self._names, self._parts = ", ".join(symbols), 0
 
     def part(self, node: ast.AST, depth: int) -> _Part:
         """A part of the tree, with all that it is made of."""
@@ -147,8 +153,8 @@ class _Reading:
                 if abs(float(value)) > _LARGEST:
                     raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
                 return _Part(sp.sympify(value, strict=True))
-            case ast.Name(id=name) if name == self._symbol.name:
-                return _Part(self._symbol)
+            case ast.Name(id=name) if name in self._symbols:
+                return _Part(self._symbols[name])
             case ast.Name(id=name) if name in _CONSTANTS:
                 return _Part(_CONSTANTS[name])
             case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
@@ -172,11 +178,11 @@ class _Reading:
             case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS:
                 return _NoFormulaError(f"gives {name} other than one argument")
             case ast.Call(func=ast.Name(id=name)) | ast.Name(id=name) | ast.Attribute(attr=name):
-                valid = ", ".join((self._symbol.name, *_CONSTANTS, *FUNCTIONS))
+                valid = ", ".join((self._names, *_CONSTANTS, *FUNCTIONS))
                 return _NoFormulaError(f"has {shown(name, str)}, may have {valid} and numbers")
             case ast.BinOp(op=ast.BitXor()):
                 return _NoFormulaError("has ^: a power is written **")
-        return _NoFormulaError(f"is no formula in {self._symbol}")
+        return _NoFormulaError(f"is no formula in {self._names}")
 
 
 def _power(base: _Part, exponent: _Part) -> _Part:

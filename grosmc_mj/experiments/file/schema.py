@@ -340,14 +340,21 @@ class OutputsTable(Table):
     Attributes:
         of: ``plant`` for the plant's own outputs, a name such as ``tip`` where the package has
             further ones, or ``module:name`` of a function that returns expressions in the states.
+        formulas: Instead of it, formulas in the states by their names: ``["rotor speed"]``.
         guess: A state near which the outputs determine the states, by name; it matters where
             several states have the same outputs.
         unit: Unit of outputs that are no states.
     """
 
     of: str = "plant"
+    formulas: list[str] | None = None
     guess: dict[str, Any] = {}
     unit: str = ""
+
+    @property
+    def own(self) -> bool:
+        """Whether they are the plant's own."""
+        return self.of == "plant" and self.formulas is None
 
 
 class TaskTable(Table):
