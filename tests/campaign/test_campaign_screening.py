@@ -37,7 +37,7 @@ from grosmc_mj.campaign.screening import (
 )
 from grosmc_mj.campaign.worst import worst
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.studies.agreement import FACTOR, LEAST_BAND
+from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 
 POLE = """
 [[uncertain]]
