@@ -13,13 +13,12 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.bisection import largest_passing
 from grosmc_mj.campaign.family import Family, Quantity, family_of
-from grosmc_mj.campaign.plant_sample import PlantSample, plant_sample_of
 from grosmc_mj.campaign.sampling import inside, unit_points
 from grosmc_mj.campaign.specification import Specification, specification_of
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
-from grosmc_mj.experiments.file.parts import LOOP_UNITS, MACHINE_UNITS
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import (
@@ -35,11 +34,12 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.sweep.parameters import Varied, varied
 
 # How far a family is scaled at most, by searches and promises, and to which share that is known.
 LARGEST_SCALE, _FINE = 8.0, 1e-3
 # Uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
-_OF_MACHINES = ("body", "joint", "start", *MACHINE_UNITS)
+_OF_MACHINES = ("body", "joint", "start", *MACHINE_PARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Campaign:
         for limit in self.requirements:
             if limit.of_initial_error:
                 require_initial_error(limit.kind, self.laws[limit.of[0]], nominal.case.x0)
-        for owners, build in ((_OF_MACHINES, self._build_machine), (LOOP_UNITS, self._build_loops)):
+        for owners, build in ((_OF_MACHINES, self._build_machine), (LOOP_PARTS, self._build_loops)):
             for values in _extremes(self.family, owners):
                 try:
                     build(values)
@@ -233,11 +233,10 @@ class Campaign:
         periods = (settings.timestep, settings.control_period)
         return np.array([quantity.as_run(value, *periods) for value in values.tolist()])
 
-    def plant_sample(self, values: Sequence[float] | Array, run: int = 0) -> PlantSample:
-        """The plant, disturbances, start and loop that these values make, in a run."""
-        row, settings = np.asarray(values, float).tolist(), self.experiment.settings
-        periods = (settings.timestep, settings.control_period)
-        return plant_sample_of(self.experiment.case, self.family.quantities, row, *periods, run)
+    def plant_sample(self, values: Sequence[float] | Array) -> Varied:
+        """The case, with its plant, that these values make."""
+        row = np.asarray(values, float).tolist()
+        return varied(self.experiment, zip(self.family.quantities, row, strict=True))
 
 
 def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:

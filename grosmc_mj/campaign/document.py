@@ -7,7 +7,6 @@ from typing import Any
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.family import MARGIN
 from grosmc_mj.campaign.findings import ALL, NO_PROOF, Findings
 from grosmc_mj.campaign.manifest import configuration_of
 from grosmc_mj.campaign.radius import Radius
@@ -29,6 +28,7 @@ from grosmc_mj.results.result import (
     finite,
     result,
 )
+from grosmc_mj.sweep.runs import MARGIN
 
 RESULTS = "results.json"
 
@@ -196,9 +196,8 @@ def _radius_chart(search: Radius) -> LineChart:
 def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict[str, Any]:
     """One run that was repeated."""
     outcome, differences = found.outcome, found.differences
-    question = (
-        f"Run {outcome['id'][0]} of {campaign.specification.name} under {outcome.controller} again"
-    )
+    law = outcome["controller"][0]
+    question = f"Run {outcome['id'][0]} of {campaign.specification.name} under {law} again"
     words = "not compared" if differences is None else "as stored, bit by bit"
     verdict = MEASURED if differences is None else NOT_KEPT if differences else KEPT
     if differences:
@@ -208,16 +207,13 @@ def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict
         "replay",
         answers=[Answer(question=question, verdict=verdict, words=words)],
         engine=engine,
-        controller=outcome.controller,
+        controller=law,
         judged_by=outcome["judged_by"][0],
         uncertain={name: outcome[name][0] for name in campaign.family.names},
         status=outcome["status"][0],
         ended=outcome["ended"][0],
         metrics={name: outcome[name][0] for name in METRICS},
-        margins={
-            limit.words: outcome[MARGIN + limit.key][0]
-            for limit in campaign.limits_of(outcome.controller)
-        },
+        margins={limit.words: outcome[MARGIN + limit.key][0] for limit in campaign.limits_of(law)},
         as_stored=None if differences is None else not differences,
         differences=differences or [],
     )

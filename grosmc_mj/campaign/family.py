@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -16,76 +15,39 @@ from scipy import stats
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.distributions import Distribution, distribution
-from grosmc_mj.campaign.plant_sample import EDITS, edits_of
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.file.parts import (
-    LOOP_PARTS,
-    LOOP_UNITS,
-    MACHINE_PARTS,
-    MACHINE_UNITS,
-    in_model,
-    unit_of,
-)
-from grosmc_mj.experiments.file.schema import (
-    QUANTITIES,
-    CaseFile,
-    CorrelationTable,
-    UncertainTable,
-)
+from grosmc_mj.experiments.file.parts import MACHINE_PARTS, in_model
+from grosmc_mj.experiments.file.schema import CaseFile, CorrelationTable, UncertainTable
 from grosmc_mj.experiments.file.units import numbers_of
 from grosmc_mj.experiments.metrics import METRICS
-from grosmc_mj.fields import Range, range_of
-from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.machine.part import MOST
-from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant
 from grosmc_mj.results.tables import shown_unit
-from grosmc_mj.simulation.disturbances import Pulse
+from grosmc_mj.sweep.parameters import Parameter
+from grosmc_mj.sweep.runs import MARGIN
 
-# How the columns of margins begin.
-MARGIN = "margin "
 # Columns of rows that may have been screened by equations, with their units.
 SCREENING = {"judged_by": "", "screened": "1", "overturned": "1", "drawn": "1", "band": "1"}
 # Columns of the results, beside the uncertain numbers.
 _RESERVED = {"id", "controller", *METRICS, "relative", "order", "status", "ended", *SCREENING}
-# Bounds of numbers that are no fields of a part or an edit.
-_BOUNDS = {"scale": Range(0, above=True), "added_mass": Range(0)}
-# Where a model keeps what a joint edit changes.
-_OF_JOINT = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}
 
 
-@dataclass(frozen=True)
-class Quantity:
+@dataclass(frozen=True, kw_only=True)
+class Quantity(Parameter):
     """One uncertain number.
 
     Attributes:
         name: What it is called.
-        owner: ``body``, ``joint``, ``disturbance``, ``start``, ``parameter``, or a part of the loop
-            or of the machine.
-        of: Name of that.
-        quantity: Which of its numbers.
-        at: Of an added mass: where on the body [m].
         unit: Of its values; empty for a factor.
         distribution: Of its values.
         nominal: Value without uncertainty.
-        index: Of a start: which of the states.
     """
 
     name: str
-    owner: str
-    of: str
-    quantity: str
-    at: tuple[float, float, float]
     unit: str
     distribution: Distribution
-    nominal: float
-    index: int = -1
-
-    @property
-    def of_plant(self) -> bool:
-        """Whether it changes the plant, and not what acts on it or where it starts."""
-        return self.owner in {"body", "joint", "parameter", *MACHINE_UNITS}
+    nominal: float = 0.0
 
     @property
     def shown_unit(self) -> tuple[str, float]:
@@ -97,20 +59,6 @@ class Quantity:
         """A value with its name, in the unit that people read."""
         unit, factor = self.shown_unit
         return f"{self.name} {value * factor:.4g} {unit}".rstrip()
-
-    def as_run(self, value: float, timestep: float, control_period: float) -> float:
-        """What a drawn value is run as: times of a loop are whole timesteps [s]."""
-        if self.owner in LOOP_UNITS and self.quantity in TIMES:
-            return time_as_run(self.quantity, value, timestep, control_period)
-        return value
-
-    @property
-    def bounds(self) -> Range:
-        """The values that a plant can have."""
-        kind = {**EDITS, **LOOP_PARTS}.get(self.owner)
-        # An added mass is an edit of its own, and may be none.
-        own = None if self.quantity == "added_mass" else kind and range_of(kind, self.quantity)
-        return own or _BOUNDS.get(self.quantity, Range())
 
     def physical(self, value: float) -> bool:
         """Whether a plant can have this value; of a range without an end, one that is far out."""
@@ -220,8 +168,10 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
         with mistakes.gathered(f"uncertain {index + 1} ({table.called}): "):
             quantities.append(_quantity(table, case, plant))
     mistakes.refuse()
-    parts = {*LOOP_UNITS, *MACHINE_UNITS}
-    numbers = [f"{q.owner} " * (q.owner in parts) + f"{q.of} {q.quantity}" for q in quantities]
+    numbers = [
+        f"{q.owner} " * (q.of_loop or q.owner in MACHINE_PARTS) + f"{q.of} {q.quantity}"
+        for q in quantities
+    ]
     names = [number.name for number in quantities]
     for how, of_them in (("uncertain", numbers), ("called", names)):
         if twice := [name for name, count in Counter(of_them).items() if count > 1]:
@@ -234,24 +184,17 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
 
 def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     """One uncertain number, with its unit and its nominal value."""
-    owner, quantity, of, index = table.owner, table.quantity, table.of, -1
-    unit = QUANTITIES[owner][quantity]
-    if owner == "start":
-        names = [state.name for state in plant.system.states]
-        require_known("state", of, names)
-        index = names.index(of)
-        unit = plant.system.states[index].unit
+    owner, of, quantity, (x, y, z) = table.owner, table.of, table.quantity, table.at
+    unit = Parameter(owner, of, quantity).unit_on(plant.system)
     if owner in MACHINE_PARTS:
         of = in_model(of, MACHINE_PARTS[owner].owner, plant.system)
-    if owner in LOOP_UNITS or owner in MACHINE_UNITS:
-        unit = unit_of(owner, table.of, quantity, plant.system)
-    x, y, z = table.at
+    spread = distribution(getattr(table, quantity), unit)
     number = Quantity(
-        table.called, owner, of, quantity, (x, y, z), unit,
-        distribution(getattr(table, quantity), unit), 0.0, index,
-    )  # fmt: skip
+        owner, of, quantity, (x, y, z), name=table.called, unit=unit, distribution=spread
+    )
     own = numbers_of(table, ["nominal"], lambda _: unit)
-    number = replace(number, nominal=own.get("nominal", _nominal(number, case, plant)))
+    nominal = own["nominal"] if "nominal" in own else number.value(case, plant)
+    number = replace(number, nominal=nominal)
     if not math.isfinite(number.nominal):
         raise ArgumentError(f"{quantity} is not limited: write nominal into this [[uncertain]]")
     for value in (*number.distribution.support, number.nominal):
@@ -262,69 +205,6 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
                 f"{number.bounds.wanted}: cut the distribution off with {end}"
             )
     return number
-
-
-def _nominal(number: Quantity, case: Case, plant: Any) -> float:
-    """The number that a case has without its uncertainty.
-
-    Raises:
-        ArgumentError: If the case has no such number.
-    """
-    owner, of, quantity = number.owner, number.of, number.quantity
-    if owner == "start":
-        return case.x0[number.index]
-    if owner == "parameter":
-        if plant.kind == "physics":
-            raise ArgumentError("the plant has a model in MuJoCo: name a body or a joint instead")
-        require_known("parameter", of, vars(plant.parameters))
-        return 1.0
-    if owner == "disturbance":
-        return _of_disturbance(of, quantity, case)
-    if owner in LOOP_UNITS:
-        if case.loop is None:
-            raise ArgumentError(
-                f"the case file has no {owner}, of which this is a number: write one"
-            )
-        value = getattr(case.loop.part(owner, of), quantity)
-    else:
-        value = _of_model(number, case, plant)
-    return math.inf if value is None else float(value)
-
-
-def _of_model(number: Quantity, case: Case, plant: Any) -> float | None:
-    """A number of a body, a joint or a part of the machine."""
-    owner, of, quantity = number.owner, number.of, number.quantity
-    if plant.kind != "physics":
-        raise ArgumentError(f"the plant has no model in MuJoCo, so no {owner}: name a parameter")
-    if owner == "joint":
-        require_known("joint", of, joint_names(plant.model))
-        joint = plant.model.joint(of)
-        return getattr(plant.model, _OF_JOINT[quantity])[joint.dofadr[0]]
-    own = edits_of(case.edits, owner, of)
-    if owner == "body":
-        require_known("body", of, body_names(plant.model))
-        nominal = 0.0 if quantity == "added_mass" else 1.0
-        return getattr(case.edits[own[0]], quantity, nominal) if own else nominal
-    if len(own) != 1:
-        count = len(own) or "no"
-        raise ArgumentError(f"the file has {count} [[{owner}]] of {of!r}: it must have one")
-    return getattr(case.edits[own[0]], quantity)
-
-
-def _of_disturbance(of: str, quantity: str, case: Case) -> float:
-    """A number of a disturbance; without uncertainty there is none."""
-    labels = [disturbance.label for disturbance in case.disturbances]
-    require_known("disturbance", of, [label for label in labels if label])
-    if labels.count(of) > 1:
-        raise ArgumentError(f"two disturbances have the label {of!r}: give each its own")
-    profile: Any = case.disturbances[labels.index(of)].profile
-    if quantity == "amplitude":
-        return 0.0
-    if isinstance(profile, Pulse) and quantity == "onset":
-        return profile.start
-    if not hasattr(profile, quantity):
-        raise ArgumentError(f"a {type(profile).__name__} profile has no {quantity}")
-    return float(getattr(profile, quantity))
 
 
 def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Array:

@@ -12,7 +12,6 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.family import MARGIN
 from grosmc_mj.campaign.folder import (
     COMPLETES,
     DRAWN,
@@ -36,6 +35,7 @@ from grosmc_mj.campaign.statistics import (
 from grosmc_mj.campaign.work import run_missing
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
+from grosmc_mj.sweep.runs import MARGIN
 
 NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
 # The ranges are somebody's declaration, their distributions a choice.

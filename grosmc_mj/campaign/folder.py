@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.family import MARGIN, SCREENING
+from grosmc_mj.campaign.family import SCREENING
 from grosmc_mj.campaign.manifest import (
     MANIFEST,
     SCHEMA_VERSION,
@@ -28,11 +28,12 @@ from grosmc_mj.campaign.manifest import (
     outdated,
     read_manifest,
 )
-from grosmc_mj.campaign.runs import EQUATIONS, Outcomes
+from grosmc_mj.campaign.runs import EQUATIONS
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.results.document import write_json
+from grosmc_mj.sweep.runs import MARGIN, Outcomes
 
 # A file system that has no locks.
 _NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
@@ -215,8 +216,7 @@ def part_table(campaign: Campaign, bound_to: str, index: int, runs: Sequence[Out
     """
     schema, tables = _schema(campaign), []
     for outcome in runs:
-        columns = {**outcome.columns, "controller": [outcome.controller] * len(outcome["id"])}
-        arrays = [pa.array(columns[field.name], field.type) for field in schema]
+        arrays = [pa.array(outcome[field.name], field.type) for field in schema]
         tables.append(pa.Table.from_arrays(arrays, schema=schema))
     table = pa.concat_tables(tables)
     noted = _noted(campaign, bound_to, index)

@@ -11,8 +11,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.bisection import largest_passing
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.promise import Promise, promise
-from grosmc_mj.campaign.runs import Outcomes
 from grosmc_mj.campaign.screening import screened_search
+from grosmc_mj.sweep.runs import Outcomes
 
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01

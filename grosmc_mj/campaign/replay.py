@@ -12,14 +12,14 @@ import numpy as np
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.family import MARGIN
 from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.runs import EQUATIONS, Batch, Outcomes, laws_with_meters, outcomes
+from grosmc_mj.campaign.runs import EQUATIONS, Batch
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
 from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.sweep.runs import MARGIN, Outcomes, columns_of, meters_for, ready
 
 WORST, RADIUS = "worst.json", "radius.json"
 # Plants that are no runs: where they stand, and the option that searches for them.
@@ -116,17 +116,20 @@ def _run(
     """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
     campaign, (sample,) = batch.campaign, batch.samples
     law, settings, ended = campaign.laws[controller], campaign.experiment.settings, ""
-    (looped,), meters = laws_with_meters(campaign, law, [sample], [plant])
+    limits, ready_run = (
+        campaign.requirements,
+        ready(campaign.experiment, batch.row(controller, 0, plant)),
+    )
     try:
         run = simulate(
             plant,
-            looped,
+            ready_run.law,
             sample.case.x0,
             duration=campaign.duration,
             control_period=campaign.control_period,
             timestep=settings.timestep,
             disturbances=sample.case.disturbances,
-            meters=meters[0],
+            meters=meters_for(campaign.experiment, [ready_run], limits)[0],
             engine=engine,
         )
     except DivergenceError as error:
@@ -136,8 +139,8 @@ def _run(
     case = replace(sample.case, name=which, title=f"{sample.case.title}: run {which}")
     experiment = replace(campaign.experiment, case=case)
     ends = (np.atleast_1d(run.meters), run.state[-1:], [run.status], [run.valid_until])
-    ids = np.array(batch.ids)
-    rows = outcomes(campaign, controller, ids, batch.values, [sample], *ends, plant.kind)
+    columns = columns_of(campaign.experiment, [ready_run], limits, *ends)
+    rows = batch.completed(Outcomes(limits, columns), controller, [0], plant)
     if not ended:
         for name in metrics.keys() & METRICS.keys():
             metrics = {**metrics, name: _metric(metrics[name], float(rows[name][0]))}
@@ -158,7 +161,7 @@ def _stored(campaign: Campaign, folder: Folder, number: int, controller: str) ->
     if campaign.specification.screen != "none":
         names.append("judged_by")
     index = number // campaign.specification.shard
-    part = Outcomes(campaign, controller, folder.columns(campaign, names, [index])[controller])
+    part = Outcomes(campaign.requirements, folder.columns(campaign, names, [index])[controller])
     place = np.array([number - campaign.specification.ids(index).start])
     return part.rows(place) if folder.done(index) else None
 

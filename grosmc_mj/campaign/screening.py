@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.runs import Batch, Outcomes
+from grosmc_mj.campaign.runs import Batch
 from grosmc_mj.campaign.sampling import unit_points
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND, model_mismatch
+from grosmc_mj.sweep.runs import Outcomes
 
 # Runs of the sample, and on how many of its plants accelerations are compared.
 SAMPLE, _PLANTS = 32, 8

@@ -83,11 +83,12 @@ class Parameter:
     @property
     def bounds(self) -> Range:
         """The values that it can have, as its field declares them."""
-        if self.quantity in _BOUNDS:
+        kind = {**_EDITS, **LOOP_PARTS}.get(self.owner)
+        if kind is None or self.quantity in _BOUNDS:
             return _BOUNDS[self.quantity]
-        return range_of({**_EDITS, **LOOP_PARTS}[self.owner], self.quantity) or Range()
+        return range_of(kind, self.quantity) or Range()
 
-    def unit(self, system: System) -> str:
+    def unit_on(self, system: System) -> str:
         """Unit of its values on a system; empty for a factor.
 
         Raises:

@@ -150,7 +150,7 @@ def run_rows(
     impossible: dict[int, str] = {}
     for i, row in enumerate(rows):
         try:
-            run = _ready(experiment, row, plant, made)
+            run = ready(experiment, row, plant, made)
         except GrosmcError as error:
             if not keep_impossible:
                 raise
@@ -167,14 +167,29 @@ def run_rows(
     return Outcomes(limits, columns, impossible)
 
 
-def _ready(experiment: Experiment, row: Row, name: PlantName, made: dict[Any, Plant]) -> Run:
-    """The plant, the law in its loop and the case of a row; plants with equal numbers are one."""
+def ready(
+    experiment: Experiment,
+    row: Row,
+    name: PlantName = "physics",
+    made: dict[Any, Plant] | None = None,
+) -> Run:
+    """The plant, the law in its loop and the case of a row.
+
+    Args:
+        experiment: Of the row.
+        row: The row.
+        name: The plant that is made, as of ``run_rows``.
+        made: Plants that were made already, by their numbers; those with equal ones are one.
+
+    Raises:
+        GrosmcError: If there can be no such run.
+    """
     values = [
         (Parameter.at_path(key) if isinstance(key, str) else key, value)
         for key, value in row.values.items()
     ]
     changed, settings = varied(experiment, values, row.case), experiment.settings
-    plant, case = row.plant, changed.case
+    plant, case, made = row.plant, changed.case, {} if made is None else made
     if plant is None:
         key = case.edits, changed.scales
         if key not in made:
@@ -268,11 +283,11 @@ def columns_of(
     own = [limit for limit in limits if law.name in limit.of]
     margins = margins_of(own, metrics, completed)
     shares = [np.ones(len(runs)), *(margins[limit.key] / limit.value for limit in own)]
-    start = initial_error(law, experiment.case.x0)
+    start, nothing = initial_error(law, experiment.case.x0), np.full(len(runs), np.nan)
     order = _order(own, shares, metrics, recording, start)
     return {
         **{name: np.where(completed, values, np.nan) for name, values in metrics.items()},
-        **{MARGIN + key: margin for key, margin in margins.items()},
+        **{MARGIN + limit.key: margins.get(limit.key, nothing) for limit in limits},
         "relative": np.where(completed, np.min(shares, axis=0), -np.inf),
         "order": np.where(completed, order, -_CUT / (1 + ended)),
         "status": words,

@@ -159,7 +159,7 @@ WRONG = [
         "the matrix is not positive definite",
     ),
     # Of another kind of plant.
-    (uncertain('parameter = "J"', "scale = [1, 2]"), "name a body or a joint instead"),
+    (uncertain('parameter = "J"', "scale = [1, 2]"), "name a body or joint instead"),
 ]
 
 

@@ -102,14 +102,13 @@ def test_neighbours_and_threads_play_no_part() -> None:
 
 def test_drawn_times_are_whole_timesteps_and_the_law_knows_the_files() -> None:
     asked: Campaign = campaign(text())
-    sample = asked.plant_sample([2.4e-3, 1e-4, 80.0, 2e-3], run=7)
+    sample = asked.plant_sample([2.4e-3, 1e-4, 80.0, 2e-3])
     loop = sample.case.loop
     assert loop is not None
     assert loop.computing.delay == pytest.approx(2e-3)
     assert loop.sensors[0].noise == 1e-4
     assert loop.estimators[0].bandwidth == 80.0
     assert loop.actuators[0].lag == 2e-3
-    assert sample.run == 7
 
 
 def test_units_and_names_are_those_of_states_and_inputs() -> None:

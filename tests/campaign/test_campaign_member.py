@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from campaign_cases import BOTH, LQR, campaign, case, servo
 
-from grosmc_mj.campaign.plant_sample import PlantSample
 from grosmc_mj.campaign.runs import Batch
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
+from grosmc_mj.sweep.parameters import Varied
 
 EDITED = """
 [[edit]]
@@ -28,7 +28,7 @@ def table(owner: str, quantity: str, spread: str = "[1, 2]", more: str = "") -> 
     return f"[[uncertain]]\n{owner}\n{quantity} = {spread}\n{more}\n"
 
 
-def plant_sample(tables: str, *values: float, more: str = "") -> PlantSample:
+def plant_sample(tables: str, *values: float, more: str = "") -> Varied:
     """The servo with these values."""
     return campaign(servo(tables, laws=LQR, limits="") + more).plant_sample(values)
 

@@ -26,7 +26,7 @@ def test_the_optimum_moves_on_by_the_time_between_two_comparisons(period: str, l
     text = text.replace('control_period = "1 ms"', f'control_period = "{period}"')
     asked = campaign(text + loop + PAIR + LIMIT + UNCERTAIN)
     values = asked.values(range(1))
-    sample = asked.plant_sample(values[0], run=0)
+    sample = asked.plant_sample(values[0])
     plant: Any = sample.plant(asked.plant)
     for law, outcome in ((law, evaluate(asked, law, values)) for law in LAWS):
         run = simulate(

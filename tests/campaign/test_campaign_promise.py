@@ -12,8 +12,9 @@ from grosmc_mj.campaign import radius as radius_module
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.promise import Promise, promise
 from grosmc_mj.campaign.radius import Look, Radius, radius
-from grosmc_mj.campaign.runs import Outcomes, evaluate
+from grosmc_mj.campaign.runs import evaluate
 from grosmc_mj.campaign.screening import screened_search
+from grosmc_mj.sweep.runs import Outcomes
 
 GROSMC = '[[controller]]\nlaw = "grosmc"\n'
 

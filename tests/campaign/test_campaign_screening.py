@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_cases import FALL, LQR, bits, campaign, case, pair, servo
 
-from grosmc_mj.campaign import runs as runs_module
 from grosmc_mj.campaign import screening as screening_module
 from grosmc_mj.campaign.campaign import Campaign
 from grosmc_mj.campaign.findings import Judges, findings, judged_words, judges_of, run_campaign
@@ -37,6 +36,7 @@ from grosmc_mj.campaign.screening import (
 )
 from grosmc_mj.campaign.worst import worst
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 
 POLE = """
@@ -118,9 +118,9 @@ def test_verdicts_are_those_of_mujoco(text: str) -> None:
         ids = whole.specification.ids(index)
         batch = Batch(whole, whole.values(ids), ids)
         for one in screened_all(whole, screening, whole.laws, ids):
-            other = batch.run(one.controller)
+            other = batch.run(one["controller"][0])
             assert list(one["status"]) == list(other["status"])
-            for limit in whole.limits_of(one.controller):
+            for limit in whole.limits_of(one["controller"][0]):
                 name = f"margin {limit.key}"
                 np.testing.assert_array_equal(one[name] >= 0, other[name] >= 0)
             assert 0 < (one["relative"] >= 0).sum() < len(ids)

@@ -114,7 +114,7 @@ def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]
     outcome, drawn = found.outcome, []
     margins = sorted(
         (float(outcome[f"margin {limit.key}"][0]), limit.words, limit.unit)
-        for limit in campaign.limits_of(outcome.controller)
+        for limit in campaign.limits_of(outcome["controller"][0])
     )
     lines = [f"{words}: margin {margin:+.4g} {unit}".rstrip() for margin, words, unit in margins]
     values = np.array([outcome[name][0] for name in campaign.family.names])
