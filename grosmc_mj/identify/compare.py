@@ -10,8 +10,9 @@ import numpy as np
 from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.identify.log import Log, noise_of
+from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.replay import Predictor, starts_of
+from grosmc_mj.loop import Loop
 from grosmc_mj.plants import Plant
 from grosmc_mj.results.result import (
     MEASURED,
@@ -35,7 +36,7 @@ class RungError(NamedTuple):
     """How far a rung is from a log.
 
     Attributes:
-        rung: ``printed``, ``corrected``, ``physics`` or ``machine``.
+        rung: ``printed``, ``corrected``, ``physics``, ``loop`` or ``machine``.
         state: A measured state.
         unit: Its unit.
         horizons: Time since the start of a prediction [s].
@@ -49,25 +50,51 @@ class RungError(NamedTuple):
     rms: Sequence[float]
 
 
-def rungs_of(experiment: Experiment) -> Mapping[str, Plant]:
-    """The plants of a case, and the machine of its system."""
-    plants: dict[str, Plant] = {name: experiment.plant(name) for name in experiment.plant_names}
+class Rung(NamedTuple):
+    """A machine that a log may be of.
+
+    Attributes:
+        plant: Its plant.
+        loop: What lies between log and plant, of which delays and biases count.
+    """
+
+    plant: Plant
+    loop: Loop = Loop()
+
+    @property
+    def delay(self) -> float:
+        """How late inputs arrive [s]; of several actuators, the fastest one's."""
+        late = [actuator.delay for actuator in self.loop.actuators]
+        return self.loop.computing.delay + min(late, default=0.0)
+
+    def sensor(self, state: str, quantity: str) -> float:
+        """The ``delay`` or ``bias`` of the sensor of a state."""
+        own = [getattr(part, quantity) for part in self.loop.sensors if part.of == state]
+        return float(sum(own))
+
+
+def rungs_of(experiment: Experiment) -> Mapping[str, Rung]:
+    """The plants of a case, the truest one behind its loop, and the machine of its system."""
+    rungs = {name: Rung(experiment.plant(name)) for name in experiment.plant_names}
+    truest = experiment.plant(experiment.nominal.truest)
+    if experiment.case.loop is not None:
+        rungs["loop"] = Rung(truest, experiment.case.loop)
     if experiment.nominal.shipped and not experiment.on_machine:
         try:
             machine = find_experiment(experiment.case.system, "machine")
         except GrosmcError:
-            return plants
-        plants["machine"] = machine.plant(machine.nominal.truest)
-    return plants
+            return rungs
+        rungs["machine"] = Rung(machine.plant(machine.nominal.truest))
+    return rungs
 
 
 def compared(
-    plants: Mapping[str, Plant], log: Log, horizon: float, timestep: float
+    rungs: Mapping[str, Rung], log: Log, horizon: float, timestep: float
 ) -> tuple[list[RungError], list[str]]:
     """The errors of every plant along the windows of a log, and which rungs cannot follow it.
 
     Args:
-        plants: By rung.
+        rungs: By name.
         log: The log.
         horizon: Of a prediction [s].
         timestep: Of plants given as equations [s].
@@ -76,20 +103,21 @@ def compared(
         ArgumentError: If none of them can follow it.
     """
     rows, notes = [], []
-    for rung, plant in plants.items():
+    for name, rung in rungs.items():
+        plant = rung.plant
         own = plant.step_length or timestep
         predictor = Predictor.of(log, horizon, own)
         starts = starts_of(log, predictor.windows, plant.system)
         try:
-            (runs,) = predictor.states([plant], [starts], [0.0])
+            (runs,) = predictor.states([plant], [starts], [rung.delay])
         except GrosmcError as error:
-            notes.append(f"{rung} cannot follow the log: {error}")
+            notes.append(f"{name} cannot follow the log: {error}")
             continue
         ages = [log.time[window.samples] - window.start for window in predictor.windows]
         longest = min(horizon, max(float(age[-1]) for age in ages))
         horizons = [share * longest for share in _SHARES]
         units = {state.name: state.unit for state in plant.system.states}
-        for name, errors in predictor.errors(runs, plant.system).items():
+        for state, errors in predictor.errors(runs, plant.system, rung.sensor).items():
             rms = [
                 float(np.sqrt(np.mean([
                     error[np.abs(age - h).argmin()] ** 2
@@ -98,7 +126,7 @@ def compared(
                 ])))
                 for h in horizons
             ]  # fmt: skip
-            rows.append(RungError(rung, name, units[name], horizons, rms))
+            rows.append(RungError(name, state, units[state], horizons, rms))
     if not rows:
         raise ArgumentError("; ".join(notes))
     return rows, notes
@@ -123,7 +151,7 @@ def comparison_result(
     sheets = []
     for state in best:
         own = [row for row in rows if row.state == state]
-        noise, unit = noise_of(log.outputs[state]), own[0].unit
+        noise, unit = log.noise(state), own[0].unit
         cells = [(row.rung, *(number(rms) for rms in row.rms)) for row in own]
         shown = table(
             f"Prediction error of {state} [{unit}] by time since the start of the prediction",

@@ -20,7 +20,7 @@ from scipy import stats
 from grosmc_mj.arrays import Array
 from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.identify.log import Log, noise_of, resolution_of
+from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor, starts_of
 from grosmc_mj.plants import Plant, System
@@ -252,8 +252,8 @@ def fit(
     """
     predictor = Predictor.of(log, horizon, timestep)
     # In the order of the states, as the residual has them.
-    outputs = {s.name: log.outputs[s.name] for s in plant.system.states if s.name in log.outputs}
-    scales = {name: _first_scale(values) for name, values in outputs.items()}
+    measured = [state.name for state in plant.system.states if state.name in log.outputs]
+    scales = {name: _first_scale(log, name) for name in measured}
     free, unseen = np.ones(len(parameters.names), bool), list[Unseen]()
     values = parameters.first
     while True:
@@ -319,10 +319,10 @@ def _searched(residual: _Residual, x: Array) -> Array:
     return np.asarray(found.x, float).ravel()
 
 
-def _first_scale(values: Array) -> float:
+def _first_scale(log: Log, state: str) -> float:
     """Standard deviation of a sensor's noise, at least that of its rounding."""
-    rounding = resolution_of(values) / np.sqrt(12.0)
-    return max(noise_of(values), float(rounding), 1e-9 * float(np.ptp(values)), 1e-12)
+    rounding, span = log.resolution(state) / np.sqrt(12.0), float(np.ptp(log.outputs[state]))
+    return max(log.noise(state), float(rounding), 1e-9 * span, 1e-12)
 
 
 def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
@@ -396,7 +396,7 @@ def quality(
         measured = np.concatenate([values[samples] for samples, _ in pieces])
         error = np.concatenate([residual for _, residual in pieces])
         rms, spread = float(np.sqrt(np.mean(error**2))), float(np.std(measured))
-        step = resolution_of(values) or noise_of(values)
+        step = log.resolution(name) or log.noise(name)
         rows.append(
             Quality(
                 state=name,

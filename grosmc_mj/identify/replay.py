@@ -17,6 +17,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.identify.log import Log, held
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
 
 # Slips of a column: what it has to be multiplied by, and what it then seems to be.
 _SLIPS = (
@@ -27,8 +28,8 @@ _SLIPS = (
 )
 # Inputs that leave this share of the error explain little; without a slip they leave so much less.
 _POOR, _BETTER = 0.9, 1.2
-# Samples of a window.
-_FEWEST = 10
+# Samples of a window; samples before and after its start from which that is estimated.
+_FEWEST, _AROUND = 10, 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +146,12 @@ class Predictor:
             row[round(float(until) / self.timestep) + 1 :] = np.nan
         return [list(states[k * count : (k + 1) * count]) for k in range(len(plants))]
 
+    def first_run(self, plant: Plant, delay: float) -> Trajectory:
+        """The recorded run of a plant along the first window, its inputs late by a delay [s]."""
+        law = _law(plant.system, self._inputs(delay)[0], self.timestep)
+        start = starts_of(self.log, self.windows[:1], plant.system)[0]
+        return simulate(plant, law, start, duration=(self.steps - 1) * self.timestep)
+
     def errors(
         self,
         states: Sequence[Array],
@@ -176,19 +183,24 @@ class Predictor:
 
 
 def _law(system: System, samples: Array, timestep: float) -> Controller:
-    numbers = Replay(period=timestep, samples=np.ascontiguousarray(samples))
+    # The law is compiled for a number of rows: a power of two is few of them.
+    rows = 1 << (len(samples) - 1).bit_length()
+    padded = np.pad(samples, ((0, rows - len(samples)), (0, 0)), mode="edge")
+    numbers = Replay(period=timestep, samples=np.ascontiguousarray(padded))
     return Controller("log", _replayed, numbers, memory_of(len(system.inputs)))
 
 
 def starts_of(log: Log, windows: Sequence[Window], system: System) -> Array:
-    """States at the start of each window, (windows, n), from a parabola through its first samples.
+    """States at the start of each window, (windows, n), from a parabola through samples around it.
 
     A rate that is not measured is the slope of its position; any other state is 0.
     """
     n, names = len(system.states), [state.name for state in system.states]
     starts, half = np.zeros((len(windows), n)), system.degrees_of_freedom
     for row, window in zip(starts, windows, strict=True):
-        few = slice(window.samples.start, min(window.samples.start + 15, window.samples.stop))
+        first = window.samples.start
+        piece = next(p for p in log.pieces if p.start <= first < p.stop)
+        few = slice(max(first - _AROUND, piece.start), min(first + _AROUND, piece.stop))
         t = log.time[few] - window.start
         for j, name in enumerate(names):
             position = names[j - half] if half and j >= half else ""

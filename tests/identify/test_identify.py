@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mcap_ros2.writer import Writer
 
 from benchmarks import coverage
 from grosmc_mj import cli
@@ -19,11 +21,12 @@ from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import best_rung, compared, rungs_of
+from grosmc_mj.identify.compare import Rung, best_rung, compared, rungs_of
 from grosmc_mj.identify.fit import _Residual, _weak, fit, quality, residuals
-from grosmc_mj.identify.log import Log, held, read_log
+from grosmc_mj.identify.log import Log, held, joined, read_log
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor, require_matching
+from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
 
@@ -100,6 +103,44 @@ def test_a_gap_ends_a_piece_and_a_part_is_held_out(tmp_path: Path, log: Log) -> 
     assert found.time[last.pieces[0].start] == pytest.approx(0.7 * found.time[-1], abs=0.002)
 
 
+def test_messages_of_several_topics_are_brought_to_the_instants_of_the_state(
+    tmp_path: Path, log: Log
+) -> None:
+    path, begin = tmp_path / "bag.mcap", 1_760_000_000_000_000_000
+    with path.open("wb") as file:
+        writer = Writer(file)
+        joints = writer.register_msgdef("sensor_msgs/msg/JointState", "float64[] position\n")
+        number = writer.register_msgdef("std_msgs/msg/Float64", "float64 data\n")
+        for k, (time, u, angle) in enumerate(columns(log)):
+            stamp = begin + round(1e9 * time)
+            if k % 60 == 0:  # when it changes
+                writer.write_message("/current", number, {"data": u}, log_time=stamp)
+            writer.write_message("/joints", joints, {"position": [angle]}, log_time=stamp)
+        writer.finish()
+    names = {"current": "/current.data", "rotor angle": "/joints.position[0]"}
+    table = {"columns": {name: {"column": column} for name, column in names.items()}}
+    found = read_log(path, SERVO, LogTable.model_validate(table))
+    assert np.allclose(found.time, log.time, atol=1e-9)
+    assert np.array_equal(found.inputs, log.inputs)
+    assert np.array_equal(found.outputs["rotor angle"], log.outputs["rotor angle"])
+
+
+def test_several_logs_are_fitted_together_and_no_window_joins_them() -> None:
+    first, second = short(0, 1.0)[1], short(1, 2.0)[1]
+    both = joined([first, second])
+    assert both.pieces == [slice(0, 500), slice(501, 1501)]
+    assert (np.diff(both.time) > 0).all()
+    assert both.noise("rotor angle") == pytest.approx(coverage.NOISE, rel=0.1)
+    for piece, log in zip(both.pieces, (first, second), strict=True):
+        assert np.array_equal(both.inputs[piece], log.inputs)
+        assert np.array_equal(both.outputs["rotor angle"][piece], log.outputs["rotor angle"])
+    start = both.time[501]
+    late = held(both.time, both.inputs, 5e-3, start + np.array([0.0, 1e-3]))
+    assert late[0] == pytest.approx(second.inputs[0])
+    with pytest.raises(ArgumentError, match="several logs must measure the same states"):
+        joined([first, replace(second, outputs={"rotor speed": second.outputs["rotor angle"]})])
+
+
 def _without_time(rows: Array) -> Array:
     rows[300, 0] = rows[299, 0]
     return rows
@@ -124,7 +165,7 @@ def _saturated(rows: Array) -> Array:
 @pytest.mark.parametrize(
     ("change", "header", "words"),
     [
-        (lambda rows: rows[:10], HEADER, "has 10 rows of numbers: a log has 50 at least"),
+        (lambda rows: rows[:10], HEADER, "10 rows of numbers: a log has 50 at least"),
         (_without_time, HEADER, "the time does not rise at row 301"),
         (_constant, HEADER, "the input is 0.3 A all the time"),
         (_missing, HEADER, "is no number in row 102: fill or cut it"),
@@ -207,36 +248,43 @@ def test_a_fit_finds_the_machine_and_predicts_what_was_held_out(
     assert upper[0] - found.values[0] == pytest.approx(found.covariance[0, 0] ** 0.5, rel=1e-3)
 
 
-SENSOR = '[[sensor]]\nof = "rotor angle"\nbias = "0.1 rad"\n'
-HIDDEN = {
-    "mass and armature": (
-        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
-        ' { joint = "shaft", armature = [0, 0.1] }]',
-        {"rotor mass scale", "shaft armature"},
-    ),
-    "mass, armature and damping": (
-        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
-        ' { joint = "shaft", damping = [0.001, 0.1] }, { joint = "shaft", armature = [0, 0.1] }]',
-        {"rotor mass scale", "shaft armature"},
-    ),
-    "a bias": (
-        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
-        ' { sensor = "rotor angle", bias = ["-1 rad", "1 rad"] }]\n' + SENSOR,
-        {"rotor angle bias"},
-    ),
-    "all is visible": (
-        'uncertain = [{ body = "rotor", mass_scale = [0.3, 4] },'
-        ' { joint = "shaft", damping = [0.001, 0.1] }]',
-        set(),
-    ),
-}
+MASS = '{ body = "rotor", mass_scale = [0.3, 4] }'
+LENGTH = '{ body = "rotor", length_scale = [0.5, 2] }'
+POINT = '{ body = "rotor", added_mass = ["0 kg", "2 kg"] }'
+ARMATURE = '{ joint = "shaft", armature = [0, 0.1] }'
+DAMPING = '{ joint = "shaft", damping = [0.001, 0.1] }'
+FRICTION = '{ joint = "shaft", friction = [0, 0.05] }'
+COMPUTING = '{ computing = true, delay = ["0 ms", "10 ms"] }'
+LATE_INPUT = '{ actuator = "current", delay = ["0 ms", "10 ms"] }'
+LATE_SENSOR = '{ sensor = "rotor angle", delay = ["0 ms", "10 ms"] }'
+BIAS = '{ sensor = "rotor angle", bias = ["-1 rad", "1 rad"] }'
+PARTS = """
+sensor = [{ of = "rotor angle", delay = "2 ms" }]
+actuator = [{ of = "current", delay = "2 ms" }]
+"""
+# Uncertain numbers, and those that a log of current and angle does not show one by one.
+HIDDEN: list[tuple[list[str], set[str]]] = [
+    ([MASS, ARMATURE], {"rotor mass scale", "shaft armature"}),
+    ([MASS, DAMPING, ARMATURE], {"rotor mass scale", "shaft armature"}),
+    ([MASS, ARMATURE, COMPUTING], {"rotor mass scale", "shaft armature"}),
+    ([MASS, LENGTH], {"rotor mass scale", "rotor length scale"}),
+    ([MASS, POINT], {"rotor added mass"}),
+    ([MASS, BIAS, DAMPING], {"rotor angle bias"}),
+    ([COMPUTING, LATE_INPUT], {"computing delay", "current delay"}),
+    ([MASS, COMPUTING, LATE_INPUT], {"computing delay", "current delay"}),
+    ([COMPUTING, LATE_SENSOR], {"computing delay", "rotor angle delay"}),
+    ([MASS, LATE_INPUT, LATE_SENSOR], {"current delay", "rotor angle delay"}),
+    ([MASS, DAMPING], set()),
+    ([DAMPING, FRICTION], set()),
+]
 
 
-@pytest.mark.parametrize("name", HIDDEN)
-def test_parameters_that_a_log_does_not_show_are_named(tmp_path: Path, log: Log, name: str) -> None:
-    uncertain, hidden = HIDDEN[name]
+@pytest.mark.parametrize(("uncertain", "hidden"), HIDDEN)
+def test_parameters_that_a_log_does_not_show_are_named(
+    tmp_path: Path, log: Log, uncertain: list[str], hidden: set[str]
+) -> None:
     head = coverage.CASE[: coverage.CASE.index("uncertain")]
-    text, path = head + uncertain, tmp_path / "case.toml"
+    text, path = f"{head}uncertain = [{', '.join(uncertain)}]{PARTS}", tmp_path / "case.toml"
     path.write_text(text, encoding="utf-8")
     case = experiment_of(parse_case_file(text, path), path)
     parameters, plant = parameters_of(case, ()), case.plant("physics")
@@ -267,11 +315,11 @@ def test_a_parameter_that_is_none_is_one_line(
 def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> None:
     true, log = short(1)
     parameters = parameters_of(experiment, coverage.NAMES)
-    plants = {
-        **rungs_of(experiment),
-        "as it is": parameters.plant(true, experiment.plant("physics")),
-    }
-    rows, _ = compared(plants, log, 1.0, 1e-3)
+    plant = parameters.plant(true, experiment.plant("physics"))
+    late = Loop(computing=Computing(delay=round(float(true[2]), 3)))
+    rungs = {**rungs_of(experiment), "ideal": Rung(plant), "as it is": Rung(plant, late)}
+    assert {"corrected", "physics", "loop", "machine"} < set(rungs)
+    rows, _ = compared(rungs, log, 1.0, 1e-3)
     assert best_rung(rows) == {"rotor angle": "as it is"}
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import FlagCreatePairsOff, Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
@@ -22,26 +22,29 @@ class _OfLog(Command):
     """What both commands take.
 
     Attributes:
-        log: CSV or Parquet: time, inputs and measured states.
+        log: CSV, Parquet or MCAP: time, inputs and measured states.
         case: SYSTEM, SYSTEM/CASE or FILE.toml that the log is of.
+        also: More logs of the same machine.
         horizon: Length of a prediction, which then begins anew [s].
         out: Folder for results.
     """
 
     log: Annotated[Positional[Path], arg(metavar="LOG")]
     case: Annotated[Positional[str], arg(metavar="CASE")]
+    also: Annotated[tuple[Path, ...], arg(metavar="LOG ...")] = ()
     horizon: Annotated[float, arg(metavar="S")] = 1.0
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def _read(self) -> tuple[Experiment, Log]:
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.identify.log import read_log
+        from grosmc_mj.identify.log import joined, read_log
 
         if not 0 < self.horizon < float("inf"):
             raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
         experiment = find_experiments(self.case)[0]
-        table = experiment.file.log
-        return experiment, read_log(self.log, experiment.nominal.system, table)
+        system, table = experiment.nominal.system, experiment.file.log
+        logs = [read_log(path, system, table) for path in (self.log, *self.also)]
+        return experiment, joined(logs)
 
     def _path(self, what: str, experiment: Experiment) -> Path:
         return self.out / f"{what}_{experiment.case.system}_{self.log.stem}.json"
@@ -107,19 +110,30 @@ class IdentifyCommand(_OfLog):
 class CompareCommand(_OfLog):
     """Put the inputs of a log on every rung, and tell which one explains the machine.
 
-    Printed and corrected equations, physics and the machine as built predict the measured states
-    from many starts along the log; the error is told by the time since the start.
+    Printed and corrected equations, physics, physics behind the delays of the case's loop and the
+    machine as built predict the measured states from many starts along the log; the error is told
+    by the time since the start.
+
+    Attributes:
+        film: Film the first prediction, with the measured machine as a ghost.
     """
+
+    film: Annotated[bool, FlagCreatePairsOff] = False
 
     def execute(self) -> int:
         """Read, predict, write, say."""
+        from grosmc_mj.films.write import write_film
         from grosmc_mj.identify.compare import compared, comparison_result, rungs_of
+        from grosmc_mj.identify.film import film_of_log
         from grosmc_mj.results.document import write_json
         from grosmc_mj.results.result import Sheet
 
         experiment, log = self._read()
         how = self.horizon, experiment.settings.timestep
-        rows, notes = compared(rungs_of(experiment), log, *how)
+        rungs = rungs_of(experiment)
+        truest = rungs.get("loop", rungs[experiment.nominal.truest])
+        film = film_of_log(truest, log, self.horizon) if self.film else None
+        rows, notes = compared(rungs, log, *how)
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         write_json(path, document)
@@ -129,4 +143,10 @@ class CompareCommand(_OfLog):
         for sheet in document["sheets"]:
             console.print(Sheet.model_validate(sheet).table)
         screen.say_files(console, path)
+        if film is not None:
+            with screen.progress(len(film.times), "frames") as advance:
+                written = write_film(
+                    film, path.with_suffix(".mp4"), advance=lambda: advance("film")
+                )
+            screen.say_files(console, written.film, written.poster)
         return screen.DONE

@@ -1,0 +1,47 @@
+"""Film of a log: the simulated machine under the logged inputs, the measured one as its ghost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.films.film import Film, Take
+from grosmc_mj.identify.compare import Rung
+from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.results.palette import BLUE
+
+
+def film_of_log(rung: Rung, log: Log, horizon: float) -> Film:
+    """The first prediction along a log.
+
+    Args:
+        rung: The simulated machine.
+        log: The log.
+        horizon: Length of the prediction [s].
+
+    Raises:
+        ArgumentError: If the plant does not run in MuJoCo, or a coordinate is not measured.
+    """
+    plant = rung.plant
+    if not isinstance(plant, MujocoPlant):
+        raise ArgumentError("--film: the case does not run in MuJoCo: there is no film of it")
+    system = plant.system
+    shown = [system.states[i].name for i in system.controlled]
+    if missing := [name for name in shown if name not in log.outputs]:
+        raise ArgumentError(f"--film: the log does not measure {missing[0]}: there is no ghost")
+    predictor = Predictor.of(log, horizon, plant.step_length)
+    run = predictor.first_run(plant, rung.delay)
+    samples = predictor.windows[0].samples
+    times = log.time[samples] - predictor.windows[0].start
+    ghost = [np.interp(run.time, times, log.outputs[name][samples]) for name in shown]
+    others = [i for i in range(len(system.states)) if i not in system.controlled]
+    return Film(
+        title=f"{system.title}: {log.name}",
+        model=plant.model,
+        takes=(Take("simulated", BLUE, run, np.column_stack(ghost)),),
+        ghost_label="measured",
+        ghost_symbol="y",
+        beside=others[0],
+    )
