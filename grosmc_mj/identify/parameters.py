@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family import Quantity, family_of
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
 from grosmc_mj.plants import Plant
+from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.parameters import varied
 
 # Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.

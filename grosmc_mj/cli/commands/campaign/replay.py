@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from grosmc_mj import campaign as campaigns
+from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands.run import runs_table
 from grosmc_mj.cli.films import FOLDER, film_runs
@@ -15,9 +15,9 @@ from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.replay import ReplayedRun
     from grosmc_mj.cli.commands.campaign.command import CampaignCommand
+    from grosmc_mj.sweep.campaign import Campaign
+    from grosmc_mj.sweep.replay import ReplayedRun
 
 
 def replay_run(command: CampaignCommand, which: str) -> int:
