@@ -16,16 +16,17 @@ import numpy as np
 
 from benchmarks.batches import closed_loop, open_batch
 from benchmarks.timing import Throughput, measured
-from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.folder import Folder
-from grosmc_mj.campaign.runs import Batch, laws_with_meters
-from grosmc_mj.campaign.specification import specification_of
-from grosmc_mj.campaign.work import shards_of
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
+from grosmc_mj.sweep.batch import Batch
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.runs import meters_for, ready
+from grosmc_mj.sweep.specification import specification_of
+from grosmc_mj.sweep.work import shards_of
 
 _PLANTS, _STEPS = 4096, 800
 _LAW = "grosmc"
@@ -76,11 +77,11 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     """
     asked = {"runs": _PLANTS, "controllers": (_LAW,), "integrator": integrator}
     campaign = Campaign.of(specification_of("cart_pendulum", **asked))
-    law = campaign.laws[_LAW]
     batch = Batch(campaign, campaign.values(range(_PLANTS)), [0] * _PLANTS)
-    plant_samples, plants = batch.samples, batch.physics
-    starts = np.array([plant_sample.case.x0 for plant_sample in plant_samples])
-    laws, meters = laws_with_meters(campaign, law, plant_samples, plants)
+    experiment, plants = campaign.experiment, batch.physics
+    runs = [ready(experiment, batch.row(_LAW, i, plants[i])) for i in range(_PLANTS)]
+    starts, laws = np.array([run.case.x0 for run in runs]), [run.law for run in runs]
+    meters = meters_for(experiment, runs, campaign.requirements)
     return measured(
         [
             open_batch(plants, starts, _STEPS),
@@ -88,7 +89,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
                 "campaign: GROSMC, meters, torque", plants, laws, starts, _STEPS,
                 meters=meters,
                 control_period=campaign.control_period,
-                disturbances=[list(each.case.disturbances) for each in plant_samples],
+                disturbances=[list(each.case.disturbances) for each in runs],
             ),
         ],
         rounds,

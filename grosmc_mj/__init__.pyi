@@ -1,5 +1,4 @@
 from . import (
-    campaign,
     control,
     environments,
     errors,
@@ -9,8 +8,8 @@ from . import (
     physics,
     plants,
     simulation,
+    sweep,
 )
-from .campaign.campaign import Campaign
 from .control.controller import Controller, custom_controller
 from .control.coordinates.feedback_linearization import feedback_linearization
 from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
@@ -28,6 +27,7 @@ from .robots.robot import Robot
 from .simulation.disturbances import Disturbance, Pulse
 from .simulation.simulate import simulate
 from .simulation.trajectory import Trajectory, load_trajectory
+from .sweep.campaign import Campaign
 
 __version__: str
 
@@ -49,7 +49,6 @@ __all__ = [
     "Trajectory",
     "Uncertainty",
     "affine_plant",
-    "campaign",
     "chapter_controller",
     "control",
     "custom_controller",
@@ -69,5 +68,6 @@ __all__ = [
     "regulating_grosmc",
     "simulate",
     "simulation",
+    "sweep",
     "tracking_grosmc",
 ]

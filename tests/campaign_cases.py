@@ -10,10 +10,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.folder import Folder, checksum
-from grosmc_mj.campaign.specification import Specification
-from grosmc_mj.campaign.work import shards_of
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.folder import Folder, checksum
+from grosmc_mj.sweep.specification import Specification
+from grosmc_mj.sweep.work import shards_of
 
 PLANT = """
 [plant]

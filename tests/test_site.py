@@ -82,10 +82,10 @@ def test_the_map_leads_to_lines(site: dict[Path, Links]) -> None:
 
 @pytest.mark.slow
 def test_every_public_name_is_on_the_pages_of_the_site(site: dict[Path, Links]) -> None:
-    from grosmc_mj import campaign, control, environments, films, loop, machine, physics, simulation
+    from grosmc_mj import control, environments, films, loop, machine, physics, simulation, sweep
 
     anchors = set().union(*(links.anchors for links in site.values()))
-    for module in (campaign, control, environments, films, loop, machine, physics, simulation):
+    for module in (sweep, control, environments, films, loop, machine, physics, simulation):
         missing = [n for n in module.__all__ if f"{module.__name__}.{n}" not in anchors]
         assert not missing, module
 

@@ -24,7 +24,7 @@ from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Value, result
 from grosmc_mj.results.tables import Table, number, numbers, table, words
-from grosmc_mj.studies.agreement import Agreement, agreement_table, disagreements
+from grosmc_mj.sweep.agreement import Agreement, agreement_table, disagreements
 
 _COLUMNS = {
     "max |x1 − x1*|": "deviation",

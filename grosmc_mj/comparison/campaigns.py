@@ -13,9 +13,6 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family import MARGIN
-from grosmc_mj.campaign.findings import Basis
-from grosmc_mj.campaign.manifest import MANIFEST, read_manifest
 from grosmc_mj.comparison.changes import GONE, Change, Effect, effect_of
 from grosmc_mj.comparison.significance import (
     LEVEL,
@@ -27,6 +24,9 @@ from grosmc_mj.comparison.significance import (
     same_plants_rates,
 )
 from grosmc_mj.errors import ArgumentError, one_line
+from grosmc_mj.sweep.findings import Basis
+from grosmc_mj.sweep.manifest import MANIFEST, read_manifest
+from grosmc_mj.sweep.runs import MARGIN
 
 _LEAST_MARGIN = "relative"
 MeanTest = Callable[[Array, Array], SampleTest]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.statistics import mcnemar
+from grosmc_mj.sweep.statistics import mcnemar
 
 # An alarm is raised falsely in one comparison of twenty at most, however many tests it has.
 LEVEL = 0.05

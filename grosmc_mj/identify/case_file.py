@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.files import written_aside
 from grosmc_mj.identify.fit import Fit
+from grosmc_mj.sweep.family import Quantity
 
 # A fitted number is drawn within so many standard deviations.
 _WITHIN = 5.0

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family import Quantity
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor, starts_of
 from grosmc_mj.plants import Plant, System
+from grosmc_mj.sweep.family import Quantity
 
 # Differences for derivatives, as shares of a parameter's and a state's size.
 _STEP = 1e-4

@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.family import Quantity, family_of
-from grosmc_mj.campaign.plant_sample import plant_sample_of
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
 from grosmc_mj.plants import Plant
+from grosmc_mj.sweep.family import Quantity, family_of
+from grosmc_mj.sweep.parameters import varied
 
 # Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.
 _OF_LOOP = {("computing", "delay"), ("actuator", "delay"), ("sensor", "delay"), ("sensor", "bias")}
@@ -69,11 +69,9 @@ class Parameters:
 
     def plant(self, values: Array, base: Plant) -> Plant:
         """The plant with these values."""
-        own = [(q, v) for q, v in zip(self.quantities, values, strict=True) if q.of_plant]
-        sample = plant_sample_of(
-            self.experiment.case, [q for q, _ in own], [float(v) for _, v in own],
-            self.experiment.settings.timestep, self.experiment.settings.control_period,
-        )  # fmt: skip
+        pairs = zip(self.quantities, map(float, values), strict=True)
+        own = [(quantity, value) for quantity, value in pairs if quantity.of_plant]
+        sample = varied(self.experiment, own)
         return base.changed(sample.case.edits, dict(sample.scales))
 
     def input_delay(self, values: Array) -> float:

@@ -31,7 +31,7 @@ from grosmc_mj.plants import Plant, System
 from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.studies.agreement import model_mismatch
+from grosmc_mj.sweep.agreement import model_mismatch
 
 Mask = NDArray[np.bool_]
 Letters = NDArray[np.str_]

@@ -22,7 +22,6 @@ from grosmc_mj.loop import Loop
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
 from grosmc_mj.results.tables import number, prefixed
-from grosmc_mj.studies.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.studies.search import MOST, Search, Trial, TrialResult, Trials
 from grosmc_mj.studies.studied import (
     Condition,
@@ -36,6 +35,7 @@ from grosmc_mj.studies.studied import (
     limits_in,
     of_system,
 )
+from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 
 # The case of a system whose loop is that of equipment that one can buy.
 BENCH = "bench"

@@ -28,7 +28,7 @@ from grosmc_mj.experiments.catalogue import select_experiments
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.result import Result
-from grosmc_mj.studies import agreement
+from grosmc_mj.sweep import agreement
 
 pytestmark = pytest.mark.slow
 

@@ -18,7 +18,6 @@ from scipy import stats
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.findings import Basis
 from grosmc_mj.comparison.campaigns import CampaignRows, campaign_changes
 from grosmc_mj.comparison.changes import Change, Effect
 from grosmc_mj.comparison.comparison import compare
@@ -33,6 +32,7 @@ from grosmc_mj.comparison.significance import (
 )
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.results.result import Value
+from grosmc_mj.sweep.findings import Basis
 
 VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
 RUNS = 400

@@ -14,8 +14,6 @@ from mcap_ros2.writer import Writer
 from benchmarks import coverage
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.campaign.campaign import Campaign
-from grosmc_mj.campaign.specification import specification_of
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
@@ -29,6 +27,8 @@ from grosmc_mj.identify.replay import Predictor, require_matching
 from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.specification import specification_of
 
 SERVO = find_system("servo")
 HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}

@@ -41,7 +41,7 @@ from grosmc_mj.plants.two_link_arm import TwoLinkParameters
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.studies.agreement import AGREEMENT_BOUND, acceleration_difference
+from grosmc_mj.sweep.agreement import AGREEMENT_BOUND, acceleration_difference
 
 SYSTEM, REGULATION = "two_link_arm", "two_link_arm regulation"
 START = find_case(SYSTEM, "nominal").x0

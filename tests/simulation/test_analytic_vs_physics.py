@@ -20,7 +20,7 @@ from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import SYSTEMS, AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import Engine, simulate
-from grosmc_mj.studies.agreement import (
+from grosmc_mj.sweep.agreement import (
     AGREEMENT_BOUND,
     Agreement,
     acceleration_difference,

@@ -195,7 +195,7 @@ def _check_uncertain(experiment: Experiment) -> None:
     """Refuse wrong [[uncertain]] tables, as a campaign would; a single run does not need them."""
     if not experiment.file.uncertain:
         return
-    from grosmc_mj.campaign.family import family_of
+    from grosmc_mj.sweep.family import family_of
 
     try:
         family_of(experiment.file, experiment.case, experiment.nominal.plant)

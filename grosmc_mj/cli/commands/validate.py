@@ -193,7 +193,7 @@ def _compute(
     """Run the cases, compare equations with MuJoCo, judge the claims."""
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.physics.mujoco_plant import MujocoPlant
-    from grosmc_mj.studies.agreement import agreements
+    from grosmc_mj.sweep.agreement import agreements
 
     for experiment in experiments:
         for result in experiment.runs():
@@ -210,7 +210,7 @@ def _say(done: Validation, *, full: bool) -> None:
     """The answer, and the tables."""
     from grosmc_mj.chapter.validation import deviations_table, systems_table
     from grosmc_mj.experiments import tables
-    from grosmc_mj.studies.agreement import agreement_table
+    from grosmc_mj.sweep.agreement import agreement_table
 
     console = screen.console()
     good = done.complete and done.differing is not None and not done.differences

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from grosmc_mj import campaign as campaigns
+from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.findings import Findings
-    from grosmc_mj.campaign.radius import Radius
-    from grosmc_mj.campaign.worst import Worst
+    from grosmc_mj.sweep.campaign import Campaign
+    from grosmc_mj.sweep.findings import Findings
+    from grosmc_mj.sweep.radius import Radius
+    from grosmc_mj.sweep.worst import Worst
 
 
 def say_verdict(

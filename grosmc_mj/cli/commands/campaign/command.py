@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional, arg
 
-from grosmc_mj import campaign as campaigns
+from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.campaign import answer
@@ -20,11 +20,11 @@ from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError, unknown_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.findings import Findings
-    from grosmc_mj.campaign.folder import Folder
-    from grosmc_mj.campaign.radius import Radius
-    from grosmc_mj.campaign.worst import Worst
+    from grosmc_mj.sweep.campaign import Campaign
+    from grosmc_mj.sweep.findings import Findings
+    from grosmc_mj.sweep.folder import Folder
+    from grosmc_mj.sweep.radius import Radius
+    from grosmc_mj.sweep.worst import Worst
 
 FOLDER = Path("renders") / "campaigns"
 _MOST_EVALUATIONS = 10**7

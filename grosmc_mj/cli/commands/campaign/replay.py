@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from grosmc_mj import campaign as campaigns
+from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands.run import runs_table
 from grosmc_mj.cli.films import FOLDER, film_runs
@@ -15,9 +15,9 @@ from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.replay import ReplayedRun
     from grosmc_mj.cli.commands.campaign.command import CampaignCommand
+    from grosmc_mj.sweep.campaign import Campaign
+    from grosmc_mj.sweep.replay import ReplayedRun
 
 
 def replay_run(command: CampaignCommand, which: str) -> int:
@@ -114,7 +114,7 @@ def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]
     outcome, drawn = found.outcome, []
     margins = sorted(
         (float(outcome[f"margin {limit.key}"][0]), limit.words, limit.unit)
-        for limit in campaign.limits_of(outcome.controller)
+        for limit in campaign.limits_of(outcome["controller"][0])
     )
     lines = [f"{words}: margin {margin:+.4g} {unit}".rstrip() for margin, words, unit in margins]
     values = np.array([outcome[name][0] for name in campaign.family.names])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from grosmc_mj import campaign as campaigns
+from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
 
 if TYPE_CHECKING:
-    from grosmc_mj.campaign.campaign import Campaign
-    from grosmc_mj.campaign.folder import Folder
     from grosmc_mj.executors import Executor
+    from grosmc_mj.sweep.campaign import Campaign
+    from grosmc_mj.sweep.folder import Folder
 
 
 def run_parts(campaign: Campaign, folder: Folder, executor: Executor) -> list[str]:

@@ -1,0 +1,267 @@
+"""A campaign, ready to run: its family, its controllers and what they must keep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
+from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
+from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements import (
+    Limit,
+    judgeable,
+    require_initial_error,
+    required,
+    transient,
+    windows,
+)
+from grosmc_mj.loop import relooped
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.sweep.bisection import largest_passing
+from grosmc_mj.sweep.family import Family, Quantity, family_of
+from grosmc_mj.sweep.parameters import Varied, varied
+from grosmc_mj.sweep.sampling import inside, unit_points
+from grosmc_mj.sweep.specification import Specification, specification_of
+
+# How far a family is scaled at most, by searches and promises, and to which share that is known.
+LARGEST_SCALE, _FINE = 8.0, 1e-3
+# Uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
+_OF_MACHINES = ("body", "joint", "start", *MACHINE_PARTS)
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A specification with its laws designed and its family read.
+
+    Attributes:
+        specification: As plain values.
+        experiment: The case file, with its laws designed.
+        family: The uncertain numbers.
+        laws: The controllers, by name.
+        requirements: What they must keep, as far as runs tell.
+        not_judged: Which requirements they do not tell about, and why.
+    """
+
+    specification: Specification
+    experiment: Experiment
+    family: Family
+    laws: Mapping[str, Controller]
+    requirements: tuple[Limit, ...]
+    not_judged: tuple[str, ...] = ()
+
+    @classmethod
+    def load(cls, target: str, **options: Any) -> Campaign:
+        """The campaign of a system of the package, one of its cases, or a case file.
+
+        Args:
+            target: ``arm``, ``arm/case1`` or the path of a case file.
+            options: What else a ``Specification`` has, such as ``runs=1024`` or ``seed=1``.
+
+        Raises:
+            ArgumentError: If there is no such thing, or the file or a number is wrong.
+        """
+        return cls.of(specification_of(target, **options))
+
+    @classmethod
+    def of(cls, specification: Specification) -> Campaign:
+        """Design and check a campaign.
+
+        Raises:
+            ArgumentError: If the file or the specification is wrong, in one line.
+        """
+        try:
+            experiment = undesigned(specification.file, specification.path)
+            campaign = cls._designed(specification, experiment)
+            campaign._refuse_impossible()
+        except GrosmcError as error:
+            raise ArgumentError(f"{specification.path}: {error}") from error
+        return campaign
+
+    @classmethod
+    def _designed(cls, specification: Specification, experiment: Experiment) -> Campaign:
+        mistakes, case = Mistakes(), experiment.case
+        chosen = specification.controllers or tuple(experiment.controllers)
+        for name in chosen:
+            if name not in experiment.controllers:
+                mistakes.note(unknown_name("controller", name, experiment.controllers))
+        plant: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
+        with mistakes.gathered():
+            experiment.checked()
+        with mistakes.gathered():
+            family = family_of(experiment.file, case, experiment.plant(plant))
+            corners = family.corner_count
+            if specification.sampler == "corners" and specification.runs > corners:
+                raise ArgumentError(
+                    f"corners: {specification.runs} runs, but there are {corners} corners: each "
+                    "number needs two ends, and none may be correlated"
+                )
+        mistakes.refuse()
+        laws = {
+            name: experiment.laws[plant, name] for name in experiment.controllers if name in chosen
+        }
+        onsets = [_onset(disturbance, family) for disturbance in case.disturbances]
+        limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
+        return cls(specification, experiment, family, laws, required(limits, laws), tuple(notes))
+
+    def _refuse_impossible(self) -> None:
+        """Refuse what cannot be run or measured on the nominal plant, or at the ranges' ends."""
+        nominal, settings = self.plant_sample(self.family.nominal), self.experiment.settings
+        nominal.plant(self.plant)
+        for limit in self.requirements:
+            if limit.of_initial_error:
+                require_initial_error(limit.kind, self.laws[limit.of[0]], nominal.case.x0)
+        for owners, build in ((_OF_MACHINES, self._build_machine), (LOOP_PARTS, self._build_loops)):
+            for values in _extremes(self.family, owners):
+                try:
+                    build(values)
+                except GrosmcError as error:
+                    pairs = zip(self.family.quantities, values.tolist(), strict=True)
+                    words = [of.words(value) for of, value in pairs if of.owner in owners]
+                    raise ArgumentError(
+                        f"uncertain: {' and '.join(words)} can occur, where there is no such "
+                        f"machine or loop: {str(error).split(NEXT)[-1]}; narrow the ranges or, "
+                        "where delays must be equal, let that of computing = true vary instead"
+                    ) from error
+        for law in self.laws.values():
+            meters_of(law, settings.timestep, NO_WINDOWS, 0.0)
+            problem, _ = prepare(
+                self.plant,
+                law,
+                self.experiment.case.x0,
+                duration=self.duration,
+                control_period=self.control_period,
+                timestep=settings.timestep,
+                disturbances=self.experiment.case.disturbances,
+                record=False,
+            )
+            last = (problem.steps - 1) * problem.timestep
+            for after in windows(self.requirements).after:
+                if after * (1 - 1e-12) > last:
+                    raise ArgumentError(
+                        f"an error after {after:g} s: the last timestep of a run begins at "
+                        f"{last:g} s"
+                    )
+
+    def _build_machine(self, values: Array) -> None:
+        """Compile a machine, which shows whether it can be simulated."""
+        if isinstance(self.plant, MujocoPlant) and self.plant.parts:
+            plant: Any = self.plant_sample(values).plant(self.plant)
+            _ = plant.undrawn_model
+
+    def _build_loops(self, values: Array) -> None:
+        """Put every law into a loop with these values."""
+        loop = self.plant_sample(values).case.loop
+        for law in self.laws.values():
+            if loop is not None:
+                relooped(law, loop)
+
+    @property
+    def judged(self) -> list[str]:
+        """The laws that something is required of."""
+        return [law for law in self.laws if any(law in limit.of for limit in self.requirements)]
+
+    def limits_of(self, controller: str) -> list[Limit]:
+        """The requirements of a law."""
+        return [limit for limit in self.requirements if controller in limit.of]
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The plant with the file's edits."""
+        plants = self.experiment.plants
+        return plants.get("physics") or plants["corrected"]
+
+    @cached_property
+    def largest_scale(self) -> float:
+        """How far searches and promises scale the uncertainty: to what can be, and no farther."""
+        most = min(LARGEST_SCALE, self.family.largest_scale * (1 - 1e-9))
+
+        def can_be(scale: float) -> bool:
+            try:
+                for values in _extremes(self.family, _OF_MACHINES):
+                    self._build_machine(self.family.scaled(values, scale))
+            except GrosmcError:
+                return False
+            return True
+
+        return largest_passing(can_be, min(1.0, most), most, most, _FINE)[0]
+
+    @property
+    def control_period(self) -> float:
+        """Time between two samples of the laws [s]."""
+        return self.experiment.settings.control_period
+
+    @property
+    def duration(self) -> float:
+        """Of each run [s]."""
+        return self.experiment.case.duration
+
+    @property
+    def idle(self) -> list[str]:
+        """Of each disturbance that begins after the end of every run: its label or body."""
+        return [
+            disturbance.label or disturbance.body
+            for disturbance in self.experiment.case.disturbances
+            if _onset(disturbance, self.family)[0] >= self.duration
+        ]
+
+    def points(self, sampler: str, first: int, count: int, more: int = 0) -> Array:
+        """Points of the unit cube (count, d), of the campaign's seed and so many more."""
+        d, seed = len(self.family.quantities), self.specification.seed
+        return unit_points(sampler, d, seed + more, first, count)
+
+    def values(self, ids: range) -> Array:
+        """The uncertain numbers of runs, (n, d)."""
+        points = self.points(self.specification.sampler, ids.start, len(ids))
+        return self.family.values(points)
+
+    def as_run(self, quantity: Quantity, values: Array) -> Array:
+        """What drawn values of an uncertain number (n,) are run as, (n,)."""
+        settings = self.experiment.settings
+        periods = (settings.timestep, settings.control_period)
+        return np.array([quantity.as_run(value, *periods) for value in values.tolist()])
+
+    def plant_sample(self, values: Sequence[float] | Array) -> Varied:
+        """The case, with its plant, that these values make."""
+        row = np.asarray(values, float).tolist()
+        return varied(self.experiment, zip(self.family.quantities, row, strict=True))
+
+
+def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:
+    """When a disturbance begins at the earliest and at the latest [s]."""
+    for number in family.quantities:
+        if (number.of, number.quantity) == (disturbance.label, "onset"):
+            return number.distribution.support
+    return disturbance.window[0], disturbance.window[0]
+
+
+def _extremes(family: Family, owners: Collection[str]) -> Iterator[Array]:
+    """Values (d,) with all numbers of these at their ends: alike, and each unlike the others."""
+    ends = {i: _ends(of) for i, of in enumerate(family.quantities) if of.owner in owners}
+    if not ends:
+        return
+    for unlike in (None, *ends) if len(ends) > 1 else (None,):
+        for side in (0, 1):
+            values = family.nominal
+            for i, pair in ends.items():
+                values[i] = pair[1 - side if i == unlike else side]
+            yield values
+
+
+def _ends(quantity: Quantity) -> tuple[float, float]:
+    """The smallest and the largest value that can be drawn."""
+    low, high = quantity.distribution.support
+    least, most = quantity.distribution.quantiles(inside(np.array([0.0, 1.0]))).tolist()
+    return (low if math.isfinite(low) else least), (high if math.isfinite(high) else most)

@@ -1,0 +1,225 @@
+"""Figures of a campaign: passed and failed runs, and the scale of the uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.results.figure import board, in_lines, write_figure
+from grosmc_mj.results.palette import BLACK, FAILED_SHADE, OPTIMUM, SKY, VERMILION, law_styles
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.findings import NO_PROOF, Findings
+from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.promise import premise_grid, speaks_of
+from grosmc_mj.sweep.radius import Radius
+
+_MAP_SIZE, _RADIUS_SIZE = (4.4, 4.1), (5.2, 4.9)
+# Runs that a map shows, and points of the premise's margin along each axis.
+_MOST_POINTS, _GRID = 4096, 7
+_EDGE, _HATCH = "#117733", "//"
+# A colour and a marker for what became of a run; the later lie above.
+_MARKS: Mapping[str, tuple[str, str]] = {
+    "passed": (SKY, "o"),
+    "failed": (VERMILION, "X"),
+    "did not complete": (BLACK, "^"),
+}
+
+
+class PassMap(NamedTuple):
+    """Passed and failed runs over two uncertain numbers, as they are run, in people's units.
+
+    Attributes:
+      titles: Of both axes, with units.
+      runs: Of each law: both numbers and the signed margin, (n,) each.
+      premises: Of the laws that have some: their signed margin over a grid: both numbers, (nx,) and
+        (ny,), and the margin, (ny, nx); below zero a premise does not hold.
+    """
+
+    titles: tuple[str, str]
+    runs: Mapping[str, tuple[Array, Array, Array]]
+    premises: Mapping[str, tuple[Array, Array, Array]]
+
+
+def write_figures(
+    campaign: Campaign,
+    folder: Folder,
+    found: Findings,
+    reached: Sequence[Radius],
+    axes: Sequence[str] = (),
+) -> list[Path]:
+    """Write each figure that there is something for, as PNG and SVG; returns the PNGs.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept.
+        found: What its runs say.
+        reached: How far the uncertainty may grow; empty if nobody looked.
+        axes: Names of the two numbers of the map; empty for those that drive margins most.
+    """
+    title, figures = campaign.experiment.case.title, dict[str, Figure]()
+    if (pair := map_axes(campaign, found, axes)) is not None:
+        shown = pass_map_of(campaign, folder, pair)
+        count = len(next(iter(shown.runs.values()))[0])
+        words = f"{title}: all requirements ({found.looked_at._replace(runs=count).words})"
+        figures["map"] = draw_pass_map(shown, words, found.sampled.footnote)
+    if reached:
+        plants = max(search.plants for search in reached)
+        words = f"{title}: scale of the uncertainty ({plants} plants at each)"
+        figures["radius"] = draw_radius(reached, words)
+    files = [folder.path / f"{name}.png" for name in figures]
+    for file, figure in zip(files, figures.values(), strict=True):
+        write_figure(figure, [file, file.with_suffix(".svg")])
+    return files
+
+
+def map_axes(
+    campaign: Campaign, found: Findings, names: Sequence[str] = ()
+) -> tuple[Quantity, Quantity] | None:
+    """The two numbers of the map: the named ones, or those that drive margins most.
+
+    None where only one number is uncertain, or nothing is required of any law.
+    """
+    by_name = {number.name: number for number in campaign.family.quantities}
+    if not campaign.judged or len(by_name) < 2:
+        return None
+    shares = dict.fromkeys(by_name, 0.0)
+    for driver in (driver for drivers in found.sensitivities.values() for driver in drivers):
+        shares[driver.parameter] = max(shares[driver.parameter], driver.share or 0.0)
+    strongest = sorted(by_name, key=lambda name: -shares[name])[:2]
+    first, second = names or sorted(strongest, key=list(by_name).index)
+    return by_name[first], by_name[second]
+
+
+def pass_map_of(campaign: Campaign, folder: Folder, axes: tuple[Quantity, Quantity]) -> PassMap:
+    """The map of a campaign's first runs."""
+    specification = campaign.specification
+    shards = range(min(specification.shards, -(-_MOST_POINTS // specification.shard)))
+    names, factors = [axis.name for axis in axes], [axis.shown_unit[1] for axis in axes]
+    columns, runs, premises = folder.columns(campaign, [*names, "relative"], shards), {}, {}
+    for law in campaign.judged:
+        x, y = (campaign.as_run(axis, columns[law][axis.name]) for axis in axes)
+        runs[law] = (x * factors[0], y * factors[1], columns[law]["relative"])
+        grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
+        if grid is not None:
+            premises[law] = (grid[0] * factors[0], grid[1] * factors[1], grid[2])
+    first, second = (f"{axis.name} [{axis.shown_unit[0]}]".removesuffix(" []") for axis in axes)
+    return PassMap((first, second), runs, premises)
+
+
+def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
+    """A panel a law, a mark a run; hatched where a premise does not hold."""
+    styles, entries = law_styles(shown.runs), dict[str, Artist]()
+    with board(len(shown.runs), _MAP_SIZE, title, footnote) as drawn:
+        for axes, (law, (x, y, margins)) in zip(drawn.panels, shown.runs.items(), strict=True):
+            diverged, size = margins == -np.inf, float(np.clip(16000 / len(margins), 3, 40))
+            masks = (margins >= 0, (margins < 0) & ~diverged, diverged)
+            for above, (outcome, mask) in enumerate(zip(_MARKS, masks, strict=True)):
+                colour, marker = _MARKS[outcome]
+                if mask.any():
+                    style: dict[str, Any] = {"marker": marker, "label": outcome}
+                    axes.scatter(
+                        x[mask], y[mask], s=size * (1.4 if above else 1), c=colour, linewidths=0,
+                        zorder=2 + 0.1 * above, rasterized=True, **style,
+                    )  # fmt: skip
+                    entries[outcome] = Line2D([], [], ls="", color=colour, mew=0, ms=6, **style)
+            if law in shown.premises:
+                entries |= _draw_premises(axes, *shown.premises[law])
+            kept = f"{np.count_nonzero(margins >= 0)} of {len(margins)} passed"
+            axes.set(xlabel=shown.titles[0], ylabel=shown.titles[1])
+            axes.set_title(in_lines(f"{styles[law].label}: {kept}"))
+            axes.margins(0.02)
+        drawn.area.legend(
+            handles=list(entries.values()), loc="outside lower center",
+            ncols=min(len(shown.runs), 2), frameon=False, handleheight=1.2,
+        )  # fmt: skip
+    return drawn.figure
+
+
+def _draw_premises(axes: Axes, x: Array, y: Array, margin: Array) -> dict[str, Artist]:
+    """The line on which the premises begin to fail, and hatching where they do; its legend."""
+    # A contour needs finite numbers; beyond the largest, only the sign matters.
+    cap = float(np.abs(margin[np.isfinite(margin)]).max(initial=0.0)) or 1.0
+    capped, entries = np.clip(margin, -cap, cap), dict[str, Artist]()
+    if not (capped < 0).any():
+        return {"hold": Line2D([], [], ls="", label="the premises hold all over the map")}
+    areas = axes.contourf(
+        x, y, capped, levels=[-2 * cap, 0.0], colors="none", hatches=[_HATCH], zorder=3
+    )
+    areas.set(edgecolor=_EDGE, linewidth=0)
+    fails = "a premise does not hold (other parameters at their worst)"
+    entries["fail"] = Patch(fc="none", ec=_EDGE, hatch=_HATCH, lw=0, label=fails)
+    if (capped >= 0).any():
+        axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)
+        entries["boundary"] = Line2D([], [], color=_EDGE, lw=2, label="premise's boundary")
+    return entries
+
+
+def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
+    """A panel a law, a mark a scale that was tried."""
+    styles = law_styles(search.controller for search in searches)
+    with board(len(searches), _RADIUS_SIZE, title, NO_PROOF) as drawn:
+        for axes, search in zip(drawn.panels, searches, strict=True):
+            style = styles[search.controller]
+            _draw_looks(axes, search, style.colour)
+            _draw_radii(axes, search, style.colour)
+            axes.set_title(in_lines(style.label), pad=18)
+            axes.set_xlabel("scale of the uncertainty (1 as configured)")
+            axes.set_ylabel("least margin found over its limit")
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
+    return drawn.figure
+
+
+def _draw_looks(axes: Axes, search: Radius, colour: str) -> None:
+    """The least margin at each scale."""
+    scales = np.array([look.scale for look in search.looks])
+    least = np.array([look.least for look in search.looks])
+    diverged = least == -np.inf
+    low, high = (end(least[~diverged], initial=0.0) for end in (np.min, np.max))
+    height = (high - low) or 1.0
+    low, high = low - 0.12 * height, high + 0.12 * height
+    # A run that did not complete has no least margin: its mark lies on the lower edge.
+    shown = np.where(diverged, low, least)
+    axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
+    axes.axhline(0, color=OPTIMUM, lw=1.0, zorder=1)
+    axes.plot(scales, shown, color=colour, lw=1.2, zorder=2)
+    for mask, marker, face, label in (
+        (least >= 0, "o", colour, "no failure found"),
+        ((least < 0) & ~diverged, "o", "white", "failure found"),
+        (diverged, "v", "white", "a run did not complete"),
+    ):
+        if mask.any():
+            axes.plot(
+                scales[mask], shown[mask], ls="", marker=marker, mfc=face, mec=colour, mew=1.6,
+                ms=7, label=label, zorder=5, clip_on=False,
+            )  # fmt: skip
+    axes.set_ylim(low, high)
+    axes.set_xlim(0, 1.06 * max(scales[-1], search.promised.scale or 0.0) or 1.0)
+
+
+def _draw_radii(axes: Axes, search: Radius, colour: str) -> None:
+    """The radii as lines, in words in the legend."""
+    promised, note = search.promised.scale, search.promised.note
+    reached = f"no failure found up to {search.found:.3g}"
+    promises = "premises promise no radius" if promised is None else f"promised: {promised:.3g}"
+    kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
+    if search.left is not None:
+        kept += f", leaves it at {search.left.scale:.3g}"
+    for at, words, line in (
+        (search.found, reached, {"lw": 2.2, "color": colour}),
+        (promised, f"{promises}: {note}", {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))}),
+        (search.stayed, kept, {"lw": 1.6, "color": OPTIMUM, "ls": ":"}),
+    ):
+        if at:
+            axes.axvline(at, zorder=3, label=in_lines(words, 52), **line)
+        elif line["lw"] != 1.6:
+            axes.plot([], [], ls="", label=in_lines(words, 52))

@@ -1,0 +1,233 @@
+"""What the premises of a sliding mode law promise of a family of plants.
+
+The promise is eq. (14)'s: with the switching gain that the law has, |s| cannot grow, anywhere in
+the operating region, on a plant with these numbers and under wrenches up to these. It is of
+continuous time. A law of period h does not see that s has changed its sign until its next sample,
+and while the gain covers what pushes, |s'| is at most 2 rho in the meantime, twice what the
+switching term does. So what a run is held to is
+
+    max |s| <= |s(0)| + w h rho_max,  w = 2, or the width of a wider boundary layer,
+
+with the largest rho of the law in the operating region on the nominal plant. Of a plant whose input
+gain is larger than the nominal one the same would be more.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import largest_rate, least_margin
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import GrosmcError, PremiseError
+from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
+from grosmc_mj.sweep.bisection import largest_passing
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.family import Quantity
+
+# Scales are known to this part of themselves, up to the largest.
+_TOLERANCE = 0.01
+# Gains that were computed for a plant hold for it to rounding of the largest rates.
+_ROUNDING = 1e-9
+# What s moves by between two samples, over h rho.
+_SAMPLE = 2.0
+# What the equations, from which the premises are computed, do not have.
+_NOT_IN_EQUATIONS = ("damping", "friction", "armature")
+
+
+class Promise(NamedTuple):
+    """How far the premises reach.
+
+    Attributes:
+        scale: Of the uncertainty, up to which they hold; None where they cannot be computed.
+        note: Why not, or what limits it.
+        band: By how much |s| may exceed |s(0)| while they hold; None where nothing is promised.
+    """
+
+    scale: float | None
+    note: str
+    band: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class PromisedFamily:
+    """The premise of one law over the family of a campaign.
+
+    Attributes:
+        campaign: The campaign.
+        law: The law, as it runs.
+        bound: Operating region, |z1|, |z2| ...
+    """
+
+    campaign: Campaign
+    law: Controller
+    bound: tuple[float, ...]
+
+    @classmethod
+    def of(cls, campaign: Campaign, controller: str) -> PromisedFamily:
+        """The premises of a controller.
+
+        Raises:
+            PremiseError: If there are none, and why.
+        """
+        law, region, plant = campaign.laws[controller], campaign.experiment.region, campaign.plant
+        if not law.designed.switching:
+            raise PremiseError(
+                f"{controller} does not switch: it promises nothing about uncertainty"
+            )
+        if plant.kind != "physics" or plant.system.read_parameters is None:
+            raise PremiseError("premises are computed for the package's own systems in MuJoCo only")
+        if region is None:
+            raise PremiseError("no operating region is declared for this design")
+        for number in campaign.family.quantities:
+            if number.quantity in _NOT_IN_EQUATIONS:
+                words = f"no {number.quantity}, so {number.name} has no premise"
+                raise PremiseError(f"the equations have {words}")
+        return cls(campaign, law, region)
+
+    def margin(self, values: Array, amplitude: Array) -> float:
+        """Configured less required switching rate, the least of the operating region.
+
+        Args:
+            values: Of the uncertain numbers, (d,); those of disturbances and starts play no part.
+            amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
+        """
+        plant = self.campaign.plant_sample(values).plant(self.campaign.plant)
+        return least_margin(self.law, plant.analytic(), self.bound, amplitude)
+
+    def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:
+        """The largest wrenches of the family, scaled, (6 * bodies,).
+
+        Args:
+            scale: Of the uncertainty.
+            known: Factors on disturbances, by their labels, that are not at their largest.
+        """
+        campaign, bodies = self.campaign, self.campaign.plant.system.bodies
+        largest = np.zeros((len(bodies), 6))
+        factors = {
+            number.of: max(map(abs, number.ends(scale)))
+            for number in campaign.family.quantities
+            if number.quantity == "amplitude"
+        } | dict(known or {})
+        for disturbance in campaign.experiment.case.disturbances:
+            factor = factors.get(disturbance.label, 1.0)
+            size = np.abs(disturbance.wrench) * factor * self._peak(disturbance.profile)
+            largest[bodies.index(disturbance.body)] += size
+        return largest.ravel()
+
+    def _peak(self, profile: Profile) -> float:
+        """The largest magnitude of a profile: 1 of the package's own."""
+        if isinstance(profile, (Constant, Pulse, SineFrom)):
+            return 1.0
+        timestep = self.campaign.experiment.settings.timestep
+        steps = round(self.campaign.duration / timestep)
+        return max(abs(float(profile(step * timestep))) for step in range(steps))
+
+    def surface_band(self) -> float:
+        """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
+        campaign, law = self.campaign, self.law
+        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.plant)
+        rate = largest_rate(law, plant.analytic(), self.bound)
+        switching = getattr(law.parameters, "switching", None)
+        width = max(_SAMPLE, getattr(switching, "width", 0.0))
+        return width * campaign.control_period * rate
+
+    def corners(self, scale: float, *, of_starts: bool = False) -> list[Array]:
+        """Extreme values of the family, scaled, (d,) each: of its plants, or of its starts.
+
+        The other numbers are nominal.
+        """
+        ends = [
+            number.ends(scale)
+            if (number.owner == "start" if of_starts else number.of_plant)
+            else (number.nominal,)
+            for number in self.campaign.family.quantities
+        ]
+        return [np.array(corner) for corner in itertools.product(*ends)]
+
+    def holds(self, scale: float) -> bool:
+        """Whether the premises hold for all extreme plants, and the starts lie in the region."""
+        if not self.starts_inside(scale):
+            return False
+        amplitude = self.amplitude(scale)
+        return all(self.margin(values, amplitude) >= -_ROUNDING for values in self.corners(scale))
+
+    def starts_inside(self, scale: float) -> bool:
+        """Whether every start has its error state in the operating region."""
+        corners = self.corners(scale, of_starts=True)
+        x0 = np.array([self.campaign.plant_sample(values).case.x0 for values in corners])
+        z = self.law.coordinates.along(np.zeros(len(x0)), x0, self.law.parameters)
+        return bool(np.all(np.abs(z) <= np.array(self.bound) * (1 + _ROUNDING)))
+
+    def reach(self) -> tuple[float, str]:
+        """The largest scale of the uncertainty at which the premises hold, and what limits it."""
+        if not self.holds(0.0):
+            return 0.0, "the premises do not hold for the nominal plant"
+        most = self.campaign.largest_scale
+        low, high = largest_passing(self.holds, 0.0, most, most, _TOLERANCE, _TOLERANCE**2)
+        if low == most:
+            return most, f"they hold up to {most:.3g}, as far as was looked"
+        region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
+        left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
+        return low, f"over {region}{left}"
+
+
+def speaks_of(quantity: Quantity) -> bool:
+    """Whether premises depend on a number: on the plant's and on how large a disturbance is."""
+    return quantity.of_plant or quantity.quantity == "amplitude"
+
+
+def promise(campaign: Campaign, controller: str) -> Promise:
+    """How far the premises of a controller reach, or why nobody knows."""
+    band = None
+    try:
+        premises = PromisedFamily.of(campaign, controller)
+        band = premises.surface_band()
+        if not campaign.family.bounded:
+            raise PremiseError("the uncertainty has no end, so no premise covers all of it")
+        return Promise(*premises.reach(), band)
+    except GrosmcError as error:
+        return Promise(None, str(error), band)
+
+
+def premise_grid(
+    campaign: Campaign, controller: str, axes: tuple[Quantity, Quantity], points: int
+) -> tuple[Array, Array, Array] | None:
+    """The premise over two numbers, with all other numbers at their worst.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        axes: Two numbers that premises speak of.
+        points: On each axis.
+
+    Returns:
+        Values on the first axis, on the second, and the margins (second, first); None where there
+        is no premise to compute.
+    """
+    try:
+        premises = PromisedFamily.of(campaign, controller)
+    except PremiseError:
+        return None
+    family = campaign.family
+    if not family.bounded or not premises.starts_inside(1.0):
+        return None
+    across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
+    places = [family.quantities.index(axis) for axis in axes]
+    rest = [k for k in range(len(family.quantities)) if k not in places]
+    corners = {tuple(corner[rest]) for corner in premises.corners(1.0)}
+    grid = np.full((points, points), np.inf)
+    for (row, y), (column, x) in itertools.product(enumerate(up), enumerate(across)):
+        pairs = zip(axes, (x, y), strict=True)
+        known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
+        amplitude = premises.amplitude(1.0, known)
+        for corner in corners:
+            values = family.nominal
+            values[places], values[rest] = (x, y), corner
+            grid[row, column] = min(grid[row, column], premises.margin(values, amplitude))
+    return across, up, grid

@@ -1,0 +1,153 @@
+"""How far an uncertainty may grow until a failure is found, beside what the premises promise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.sweep.bisection import largest_passing
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.promise import Promise, promise
+from grosmc_mj.sweep.runs import Outcomes
+from grosmc_mj.sweep.screening import screened_search
+
+# The radius is known to this part of itself; below the least scale it counts as none.
+_TOLERANCE, _LEAST = 0.01, 0.01
+# At each scale: plants at most, and corners of the family among them.
+PLANTS, _CORNERS = 128, 64
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The plants at one scale.
+
+    Attributes:
+        scale: Of the uncertainty; 1 is as declared.
+        least: Least margin of the worst plant, in parts of its limit.
+        failures: How many plants fail.
+        values: The uncertain numbers of the worst of them, (d,).
+        surface: Largest |s| - |s(0)| of all plants over what the promise allows; inf if one did
+            not complete, None where nothing is promised.
+        leaving: How many plants exceed it.
+        leaver: The uncertain numbers of the one that does most, (d,).
+    """
+
+    scale: float
+    least: float
+    failures: int
+    values: Array
+    surface: float | None = None
+    leaving: int = 0
+    leaver: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Radius:
+    """How far one controller keeps what is required.
+
+    Attributes:
+        controller: Its name.
+        plants: Looked at, at each scale: samples and corners.
+        looks: In the order of their scale.
+        promised: By the premises.
+        largest: Scale beyond which nobody looked, or at which plants stop being physical.
+    """
+
+    controller: str
+    plants: int
+    looks: tuple[Look, ...]
+    promised: Promise
+    largest: float
+
+    @property
+    def outside(self) -> Look | None:
+        """The smallest scale at which a plant failed, with that plant; None if none did."""
+        return next((look for look in self.looks if look.failures), None)
+
+    @property
+    def found(self) -> float:
+        """The largest scale below that, at which no failure was found; 0 if there is none."""
+        return self._below(self.outside)
+
+    @property
+    def left(self) -> Look | None:
+        """The smallest scale at which |s| left the bound of the promise; None if it never did."""
+        return next((look for look in self.looks if look.leaving), None)
+
+    @property
+    def stayed(self) -> float | None:
+        """The largest scale below that; None where nothing is promised."""
+        return None if self.promised.band is None else self._below(self.left)
+
+    def _below(self, wrong: Look | None) -> float:
+        limit = wrong.scale if wrong else np.inf
+        return max((look.scale for look in self.looks if look.scale < limit), default=0.0)
+
+
+def radius(
+    campaign: Campaign, controller: str, advance: Callable[[int], object] = lambda _: None
+) -> Radius:
+    """Bisect the scales of the uncertainty at which a requirement fails and |s| leaves its bound.
+
+    A promise is of |s| alone, so that it is compared with the second; requirements may be looser
+    or stricter. The same plants are looked at at every scale, moved towards and away from the
+    nominal one: the campaign's first ones and, where they are not too many, all corners of its
+    ranges.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        advance: Called with the number of runs done.
+    """
+    family, largest, looks = campaign.family, campaign.largest_scale, dict[float, Look]()
+    values, promised = family.values(_points(campaign)), promise(campaign, controller)
+    band = promised.band
+
+    def room_left(runs: Outcomes) -> list[Array]:
+        return [] if band is None else [1 - _away(runs, band)]
+
+    def look(scale: float) -> Look:
+        if scale not in looks:
+            plants = family.scaled(values, scale)
+            runs = screened_search(campaign, controller, plants, room_left)
+            looks[scale] = _look(scale, plants, runs, band)
+            advance(len(plants))
+        return looks[scale]
+
+    passes: list[Callable[[float], bool]] = [lambda scale: look(scale).failures == 0]
+    if band is not None:
+        passes.append(lambda scale: look(scale).leaving == 0)
+    for condition in passes:
+        if condition(0.0):
+            largest_passing(condition, 0.0, min(1.0, largest), largest, _TOLERANCE, _LEAST)
+    in_order = tuple(looks[scale] for scale in sorted(looks))
+    return Radius(controller, len(values), in_order, promised, largest)
+
+
+def _look(scale: float, plants: Array, runs: Outcomes, band: float | None) -> Look:
+    """The plants (n, d) at one scale."""
+    relative, worst = runs["relative"], int(runs["order"].argmin())
+    failing = (float(relative[worst]), int((relative < 0).sum()), plants[worst])
+    if band is None:
+        return Look(scale, *failing)
+    away = _away(runs, band)
+    most = int(away.argmax())
+    return Look(scale, *failing, float(away[most]), int((away > 1).sum()), plants[most])
+
+
+def _away(runs: Outcomes, band: float) -> Array:
+    """How far |s| left |s(0)|, over what it may, (n,); infinite of a run that ended early."""
+    away = (runs["max_sliding"] - runs["sliding_start"]) / band
+    return np.where(np.isnan(away), np.inf, away)
+
+
+def _points(campaign: Campaign) -> Array:
+    """Points of the unit cube: corners, if the ranges have some, and the first samples."""
+    specification, corners = campaign.specification, campaign.family.corners(_CORNERS)
+    if specification.sampler == "corners" and len(corners):
+        return corners
+    samples = min(specification.runs, PLANTS - len(corners))
+    return np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])

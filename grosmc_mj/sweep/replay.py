@@ -1,0 +1,175 @@
+"""One run of a campaign again: recorded, on either engine, and compared bit by bit."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
+from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.sweep.batch import EQUATIONS, Batch
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.runs import MARGIN, Outcomes, columns_of, meters_for, ready
+
+WORST, RADIUS = "worst.json", "radius.json"
+# Plants that are no runs: where they stand, and the option that searches for them.
+SEARCHED = {
+    "worst": (WORST, "--worst"),
+    "shrunk": (WORST, "--worst"),
+    "outside": (RADIUS, "--radius"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayedRun:
+    """A run that was repeated.
+
+    Attributes:
+        result: The run, recorded, in MuJoCo where there is a model, to be drawn.
+        judged: The run that is compared: on the equations if these judged it in the campaign. Its
+            metrics are those that the campaign stores, of the law's samples; what a campaign does
+            not store, such as costs, is of the recording.
+        outcome: What the meters say of that, one row.
+        differences: Of the stored row, a line each; empty if it is the same bit by bit; None if
+            there is no row.
+    """
+
+    result: RunResult
+    judged: RunResult
+    outcome: Outcomes
+    differences: list[str] | None
+
+
+def replay(
+    campaign: Campaign, folder: Folder, which: str, controller: str | None, engine: Engine
+) -> ReplayedRun:
+    """Repeat a run.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept.
+        which: Number of the run, or ``worst``, ``shrunk`` or ``outside``.
+        controller: Its name; None for the campaign's last one.
+        engine: ``native`` or ``python``.
+
+    Raises:
+        GrosmcError: If there is no such run or controller.
+    """
+    name = list(campaign.laws)[-1] if controller is None else controller
+    require_known("controller", name, campaign.laws)
+    runs, stored = campaign.specification.runs, None
+    if which in SEARCHED:
+        batch = Batch(campaign, searched_values(campaign, folder.path, which, name)[None], [0])
+    elif which.isdecimal() and len(which) <= 18 and int(which) < runs:
+        number = int(which)
+        batch = Batch(campaign, campaign.values(range(number, number + 1)), [number])
+        stored = _stored(campaign, folder, number, name)
+    else:
+        raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(SEARCHED)}")
+    result, outcome = _run(batch, name, batch.physics[0], which, engine)
+    judged = result
+    if stored is not None and stored.columns.get("judged_by", [""])[0] == EQUATIONS:
+        judged, outcome = _run(batch, name, batch.equations[0], which, engine)
+    lines = None if stored is None else _differences(stored, outcome)
+    return ReplayedRun(result, judged, outcome, lines)
+
+
+def searched_values(campaign: Campaign, folder: Path, which: str, controller: str) -> Array:
+    """The uncertain numbers of a plant that was searched for, (d,).
+
+    Args:
+        campaign: The campaign.
+        folder: Its folder.
+        which: ``worst``, ``shrunk`` or ``outside``.
+        controller: For whom it was found.
+
+    Raises:
+        SetupError: If there is no such plant.
+    """
+    name, option = SEARCHED[which]
+    path = folder / name
+    if not path.is_file():
+        raise SetupError(f"{folder} has no {name}: run the campaign with {option}")
+    try:
+        plant = json.loads(path.read_text(encoding="utf-8"))["controllers"][controller][which]
+        values = plant and np.array([float(plant[name]) for name in campaign.family.names])
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        raise SetupError(f"{path} cannot be read: run the campaign with {option} again") from None
+    if values is None:
+        raise SetupError(f"{path}: no plant was found that fails under {controller}")
+    return values
+
+
+def _run(
+    batch: Batch, controller: str, plant: Plant, which: str, engine: Engine
+) -> tuple[RunResult, Outcomes]:
+    """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
+    campaign, (sample,) = batch.campaign, batch.samples
+    law, settings, ended = campaign.laws[controller], campaign.experiment.settings, ""
+    limits, ready_run = (
+        campaign.requirements,
+        ready(campaign.experiment, batch.row(controller, 0, plant)),
+    )
+    try:
+        run = simulate(
+            plant,
+            ready_run.law,
+            sample.case.x0,
+            duration=campaign.duration,
+            control_period=campaign.control_period,
+            timestep=settings.timestep,
+            disturbances=sample.case.disturbances,
+            meters=meters_for(campaign.experiment, [ready_run], limits)[0],
+            engine=engine,
+        )
+    except DivergenceError as error:
+        run, ended = error.trajectory, str(error)
+    comparison = compare_with_optimum(run, law)
+    metrics = measure(run, law, comparison, sample.case.onset)
+    case = replace(sample.case, name=which, title=f"{sample.case.title}: run {which}")
+    experiment = replace(campaign.experiment, case=case)
+    ends = (np.atleast_1d(run.meters), run.state[-1:], [run.status], [run.valid_until])
+    columns = columns_of(campaign.experiment, [ready_run], limits, *ends)
+    rows = batch.completed(Outcomes(limits, columns), controller, [0], plant)
+    if not ended:
+        for name in metrics.keys() & METRICS.keys():
+            metrics = {**metrics, name: _metric(metrics[name], float(rows[name][0]))}
+    return RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant), rows
+
+
+def _metric(recorded: Metric, stored: float) -> Metric:
+    """A recorded metric with the value that a campaign stores; infinite stands for never."""
+    if recorded.note == "no surface":
+        return recorded
+    return settling(stored) if math.isinf(stored) else Metric(stored, recorded.unit)
+
+
+def _stored(campaign: Campaign, folder: Folder, number: int, controller: str) -> Outcomes | None:
+    """The row of a run; None if its part is not there."""
+    names = [*METRICS, *(MARGIN + limit.key for limit in campaign.requirements)]
+    names += ["relative", "order", "ended", "status"]
+    if campaign.specification.screen != "none":
+        names.append("judged_by")
+    index = number // campaign.specification.shard
+    part = Outcomes(campaign.requirements, folder.columns(campaign, names, [index])[controller])
+    place = np.array([number - campaign.specification.ids(index).start])
+    return part.rows(place) if folder.done(index) else None
+
+
+def _differences(stored: Outcomes, again: Outcomes) -> list[str]:
+    """What of a stored row a replay has not to the last bit."""
+    return [
+        f"{name}: {value[0]} was stored, {again[name][0]} is found"
+        for name, value in stored.columns.items()
+        if np.asarray(value[0]).tobytes() != np.asarray(again[name][0]).tobytes()
+    ]

@@ -1,0 +1,169 @@
+"""The worst plant of a family: searched for, and shrunk towards the nominal one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.sweep.batch import evaluate
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.sampling import inside
+from grosmc_mj.sweep.screening import screened_search
+
+# Plants of one generation, and how many of the first one are the worst samples and corners: what
+# leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
+_POPULATION, _SAMPLES, _CORNERS = 64, 16, 16
+# The fewest runs of a search: two generations.
+LEAST = 2 * _POPULATION
+# Points of one look along a line, and how often it is refined.
+_LINE, _REFINED = 16, 2
+# Who may have the worst plant; of equally bad ones the first has it.
+SOURCES = ("samples", "search", "random")
+
+
+@dataclass(frozen=True, eq=False)
+class Worst:
+    """The worst plant for one controller, and who came how far. All margins are MuJoCo's.
+
+    Attributes:
+        controller: Its name.
+        values: The uncertain numbers of the worst plant, (d,).
+        relative: Its least margin in parts of the limit; negative if something is not kept. Of
+            plants that never settle the worst has the largest error left, see ``Outcomes.order``.
+        winner: Which of ``SOURCES`` has it.
+        samples: Least margin of the worst sample of the campaign, with which the search began.
+        search: The same of the worst plant of the search.
+        random: The same of the worst of as many random plants.
+        evaluations: Runs of the search, and of the random plants.
+        shrunk: The nearest plant to the nominal one that fails, as far as was looked, (d,); None
+            if nothing fails.
+        shrunk_relative: Its least margin.
+        changed: Names of the numbers that are not nominal in it.
+    """
+
+    controller: str
+    values: Array
+    relative: float
+    winner: str
+    samples: float
+    search: float
+    random: float
+    evaluations: int
+    shrunk: Array | None = None
+    shrunk_relative: float | None = None
+    changed: tuple[str, ...] = ()
+
+    @property
+    def fails(self) -> bool:
+        """Whether it is a counterexample."""
+        return self.relative < 0
+
+
+def worst(
+    campaign: Campaign,
+    controller: str,
+    ids: Sequence[int],
+    evaluations: int,
+    advance: Callable[[int], object] = lambda _: None,
+) -> Worst:
+    """Search by differential evolution, a generation as one batch, and try as many random plants.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        ids: Its worst runs, the worst first.
+        evaluations: Runs that the search may take, ``LEAST`` or more; the random plants are as
+            many.
+        advance: Called with the number of runs done.
+    """
+    family, seed, d = campaign.family, campaign.specification.seed, len(campaign.family.quantities)
+    sampler, corners = campaign.specification.sampler, family.corners(_CORNERS)
+    samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
+    rest = campaign.points("lhs", 0, _POPULATION - len(samples) - len(corners), more=1)
+    first: Any = np.concatenate([samples, corners, rest])
+    search = _Contender(campaign, controller, advance)
+    differential_evolution(
+        lambda x: search(x.T.reshape(-1, d)),
+        [(0.0, 1.0)] * d,
+        init=first,
+        maxiter=evaluations // _POPULATION - 1,
+        tol=0.0,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+        rng=np.random.default_rng(seed),
+    )
+    random = _Contender(campaign, controller, advance)
+    for start in range(0, search.runs, _POPULATION):
+        random(campaign.points("random", start, _POPULATION, more=1))
+    sampled = family.values(samples)
+    sampled = sampled[int(evaluate(campaign, controller, sampled)["order"].argmin())]
+    candidates = np.stack([sampled, search.values, random.values])
+    outcome = evaluate(campaign, controller, candidates)
+    margins, winner = outcome["relative"].tolist(), int(outcome["order"].argmin())
+    shrunk_plant = shrunk_margin = None
+    changed: tuple[str, ...] = ()
+    if margins[winner] < 0:
+        shrunk_plant = shrunk(campaign, controller, candidates[winner])
+        shrunk_margin = float(evaluate(campaign, controller, shrunk_plant[None])["relative"][0])
+        pairs = zip(family.quantities, shrunk_plant, strict=True)
+        changed = tuple(number.name for number, value in pairs if value != number.nominal)
+    return Worst(
+        controller, candidates[winner], margins[winner], SOURCES[winner], margins[0], margins[1],
+        margins[2], search.runs,
+        shrunk_plant, shrunk_margin, changed,
+    )  # fmt: skip
+
+
+class _Contender:
+    """Unit points (n, d) to how bad their plants are, (n,); keeps the worst of all, (d,)."""
+
+    def __init__(
+        self, campaign: Campaign, controller: str, advance: Callable[[int], object]
+    ) -> None:
+        self._campaign, self._controller, self._advance = campaign, controller, advance
+        self._least, self.values, self.runs = math.inf, np.zeros(0), 0
+
+    def __call__(self, points: Array) -> Array:
+        values = self._campaign.family.values(inside(points))
+        order = screened_search(self._campaign, self._controller, values)["order"]
+        if order.min() < self._least:
+            self._least, self.values = float(order.min()), values[int(order.argmin())]
+        self.runs += len(points)
+        self._advance(len(points))
+        return order
+
+
+def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
+    """A failing plant brought towards the nominal one as far as it fails still, (d,).
+
+    Numbers are made nominal one by one, each time the one without which it fails worst; then all
+    that are left are moved towards their nominal values together.
+    """
+    nominal, plant = campaign.family.nominal, values.copy()
+
+    def order(candidates: Array) -> Array:
+        return screened_search(campaign, controller, candidates)["order"]
+
+    while len(left := np.flatnonzero(plant != nominal)):
+        candidates = np.tile(plant, (len(left), 1))
+        candidates[range(len(left)), left] = nominal[left]
+        tried = order(candidates)
+        if not tried.min() < 0:
+            break
+        plant = candidates[int(tried.argmin())]
+    low, high = 0.0, 1.0
+    for _ in range(_REFINED):
+        shares = np.linspace(low, high, _LINE + 1)
+        failing = order(nominal + shares[1:, None] * (plant - nominal)) < 0
+        if not failing.any():
+            break
+        first = int(failing.argmax())
+        low, high = float(shares[first]), float(shares[first + 1])
+    return plant if high == 1.0 else nominal + high * (plant - nominal)
