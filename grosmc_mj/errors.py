@@ -38,6 +38,10 @@ class SetupError(GrosmcError, RuntimeError):
     """Something outside the package is missing or broken: a file, a library, the disk."""
 
 
+class ImplausibleWarning(UserWarning):
+    """A number that is allowed, far from those of any machine, and so probably a slip."""
+
+
 class DivergenceError(GrosmcError, RuntimeError):
     """A simulation that could not be carried to its end.
 

@@ -14,10 +14,11 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED, WRONG
 from grosmc_mj.cli.output import PROGRAM, Output
-from grosmc_mj.errors import NEXT, GrosmcError, one_line, shown
+from grosmc_mj.errors import NEXT, GrosmcError, ImplausibleWarning, one_line, shown
 
 _DEBUG = "--debug"
 # Characters of the one line; a message may list valid names, or have somebody's text in it.
@@ -100,13 +101,22 @@ def _settle() -> None:
 
 @contextlib.contextmanager
 def _quiet(loud: bool) -> Iterator[None]:
-    """Keep what libraries warn of from coming between our lines."""
-    if loud or sys.warnoptions:
-        yield
-        return
-    logging.disable(logging.WARNING)
+    """Keep what libraries warn of from coming between our lines; our own warnings are lines."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        if not loud and not sys.warnoptions:
+            logging.disable(logging.WARNING)
+            warnings.simplefilter("ignore")
+        warnings.simplefilter("always", ImplausibleWarning)
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            """Ours in a line, those of others as Python shows them."""
+            if issubclass(category, ImplausibleWarning):
+                _complain(str(message))
+            else:
+                others(message, category, *where)
+
+        warnings.showwarning = show
         yield
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
@@ -16,7 +17,7 @@ from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SuperTwisting, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.control.uncertainty import Uncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError
+from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, Mistakes, MistakesError
 from grosmc_mj.experiments.case import Case, case_of, edits_of
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
@@ -25,6 +26,7 @@ from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
+from grosmc_mj.experiments.plausible import implausible
 from grosmc_mj.experiments.requirements import (
     Judgement,
     Limit,
@@ -77,7 +79,10 @@ class Experiment:
         """
         require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
-        return experiment_of(read_case_file(path), path)
+        made = experiment_of(read_case_file(path), path)
+        for line in implausible(made.case, made.nominal.system):
+            warnings.warn(f"{path}: {line}", ImplausibleWarning, stacklevel=2)
+        return made
 
     @property
     def key(self) -> tuple[Path, Case]:
