@@ -56,6 +56,7 @@ class Experiment:
         case: Start, duration, edits, disturbances.
         settings: How it is run.
         asked: The settings that count instead of what the file says of a controller.
+        chosen: Names of the laws that are run; empty for all controllers of the file.
     """
 
     file: CaseFile
@@ -64,6 +65,7 @@ class Experiment:
     case: Case
     settings: Settings
     asked: frozenset[str] = frozenset()
+    chosen: tuple[str, ...] = ()
     _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -97,6 +99,11 @@ class Experiment:
     @property
     def controllers(self) -> list[str]:
         """Names of the laws that are run."""
+        return list(self.chosen or self._declared)
+
+    @property
+    def _declared(self) -> list[str]:
+        """Names of the file's controllers."""
         return [table.called for table in self.file.controller]
 
     @property
@@ -115,7 +122,7 @@ class Experiment:
         """The controllers, by the plant that they run on and by their names."""
         found, mistakes = {}, {}
         for plant in self.plant_names:
-            for name in self.controllers:
+            for name in self._declared:
                 try:
                     found[plant, name] = self.law(plant, name)
                 except GrosmcError as error:
@@ -153,12 +160,12 @@ class Experiment:
 
     def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
         """The limits in the tables of a kind."""
-        laws = [self.laws[self.plant_names[0], name] for name in self.controllers]
+        laws = [self.laws[self.plant_names[0], name] for name in self._declared]
         found, mistakes, end = [], Mistakes(), self.file.run.duration
         for index, table in enumerate(tables):
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 for name in table.of or ():
-                    require_known("controller", name, self.controllers)
+                    require_known("controller", name, self._declared)
                 for name in table.on or ():
                     require_known("plant", name, self.plant_names)
                 if 0 < end <= table.after:
@@ -252,7 +259,7 @@ class Experiment:
     @property
     def uncertainty(self) -> Uncertainty | None:
         """The first uncertainty that the gains of a law are computed from, if one is declared."""
-        laws = [self.file.law(name) for name in (*self.controllers, *self.file.laws)]
+        laws = [self.file.law(name) for name in (*self._declared, *self.file.laws)]
         declared = (law.numbers.get("uncertainty", {}) for law in laws)
         # Those of laws on the linearization have no region.
         return next((uncertainty(each) for each in declared if "region" in each), None)
@@ -299,6 +306,23 @@ class Experiment:
             require_known("setting", name, vars(self.settings))
         settings = replace(self.settings, **chosen)
         return replace(self, settings=settings, asked=self.asked | chosen.keys())
+
+    def with_laws(self, names: Sequence[str]) -> Experiment:
+        """The same experiment under some laws.
+
+        Args:
+            names: Of its controllers, and of the file's ``[laws]``; none for all controllers.
+
+        Raises:
+            ArgumentError: If there is no such law.
+        """
+        further = [name for name in self.file.laws if name not in self._declared]
+        known = [*self._declared, *further]
+        for name in names:
+            require_known("law", name, known)
+        added = [ControllerTable(law=name) for name in further if name in names]
+        file = self.file.model_copy(update={"controller": [*self.file.controller, *added]})
+        return replace(self, file=file, chosen=tuple(name for name in known if name in names))
 
     def varied(self, **changes: Any) -> Experiment:
         """The same laws in another case.

@@ -15,7 +15,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, listed
 from grosmc_mj.experiments.case import Case, case_document, seed_of
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
@@ -58,7 +58,7 @@ def check_request(experiment: Experiment, controllers: Sequence[str], form: Form
     if not 1 <= len(controllers) <= MOST_TAKES:
         raise ArgumentError(
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
-            f"{', '.join(experiment.controllers)}"
+            f"{listed(experiment.controllers)}"
         )
     for name in controllers:
         experiment.law("physics", name)

@@ -17,7 +17,7 @@ def implausible(case: Case, system: System) -> Iterator[str]:
 
     The usual sizes stand beside its field, or are those of its unit.
     """
-    numbers: list[tuple[str, Any, Range]] = [("duration", case.duration, Range(unit="s"))]
+    numbers: list[tuple[str, Any, Range]] = []
     for state, value in zip(system.states, case.x0, strict=True):
         # A start at an operating point has rounding errors in the place of zeros.
         numbers.append((f"start: {state.name}", value, Range(unit=state.unit, usual=(0, 1e4))))

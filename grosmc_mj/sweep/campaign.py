@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
+from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
@@ -93,10 +93,8 @@ class Campaign:
     @classmethod
     def _designed(cls, specification: Specification, experiment: Experiment) -> Campaign:
         mistakes, case = Mistakes(), experiment.case
-        chosen = specification.controllers or tuple(experiment.controllers)
-        for name in chosen:
-            if name not in experiment.controllers:
-                mistakes.note(unknown_name("controller", name, experiment.controllers))
+        with mistakes.gathered():
+            experiment = experiment.with_laws(specification.controllers)
         plant: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
         with mistakes.gathered():
             experiment.checked()
@@ -109,9 +107,7 @@ class Campaign:
                     "number needs two ends, and none may be correlated"
                 )
         mistakes.refuse()
-        laws = {
-            name: experiment.laws[plant, name] for name in experiment.controllers if name in chosen
-        }
+        laws = {name: experiment.laws[plant, name] for name in experiment.controllers}
         onsets = [_onset(disturbance, family) for disturbance in case.disturbances]
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         return cls(specification, experiment, family, laws, required(limits, laws), tuple(notes))

@@ -208,7 +208,7 @@ def test_every_command_has_a_summary_and_takes_verbose() -> None:
 
 _HEAVY = ("numpy", "mujoco", "numba", "sympy", "scipy", "pydantic", "matplotlib", "typeguard")
 _FOR_OTHERS = ("matplotlib", "control", "pint", "scipy.stats", "scipy.optimize", "pyarrow",
-               "dask", "loky", "typeguard")  # fmt: skip
+               "dask", "loky")  # fmt: skip
 
 
 @pytest.mark.parametrize(

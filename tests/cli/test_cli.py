@@ -143,7 +143,7 @@ def test_help_of_every_command_names_its_options(capsys: pytest.CaptureFixture[s
             "--timestep",
             "--out",
         ),
-        "film": ("FILE.toml", "--controllers", "--camera", "--size", "--from", "-o"),
+        "film": ("FILE.toml", "--laws", "--camera", "--size", "--from", "-o"),
         "doctor": ("Exit code 1",),
         "list": (),
         "study": ("switching", "region", "tolerance", "ladder"),

@@ -158,7 +158,7 @@ def test_it_says_who_judged_and_why_equations_did_not(
             ("--executor", "processes", "--workers", str(10**9)),
             "must be a whole number from 1 to 1024",
         ),
-        (("--controllers", "pid"), "unknown controller 'pid'"),
+        (("--laws", "mpc"), "unknown law 'mpc'"),
         (("--control-period", "0.0015"), "no multiple of the timestep"),
     ],
 )

@@ -12,7 +12,7 @@ import tyro
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Laws
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
@@ -47,6 +47,7 @@ class RunCommand(Command):
 
     Attributes:
         target: A system, a case of the package or a case file.
+        laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
         figures: Whether to draw the figure.
         save: Write each trajectory too, a column a signal with its unit: --save for Parquet, or
@@ -55,6 +56,7 @@ class RunCommand(Command):
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    laws: Laws = ()
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
     figures: bool = True
     save: Literal["parquet", "csv", "npz"] | None = None
@@ -65,7 +67,7 @@ class RunCommand(Command):
         from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.experiments.catalogue import find_experiments
 
-        experiments = find_experiments(self.target)
+        experiments = [one.with_laws(self.laws) for one in find_experiments(self.target)]
         for experiment in experiments:
             _check_uncertain(experiment)
             _refuse_unjudgeable(experiment)
@@ -165,7 +167,9 @@ class _JudgedExperiment:
 
         complete = False
         try:
-            with screen.progress(len(self.experiment.laws)) as advance:
+            with screen.progress(
+                len(self.experiment.plant_names) * len(self.experiment.controllers)
+            ) as advance:
                 for result in self.experiment.runs():
                     self.results.append(result)
                     advance(result.key)

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Laws
 from grosmc_mj.cli.commands.campaign import answer
 from grosmc_mj.cli.commands.campaign.replay import replay_run
 from grosmc_mj.cli.commands.campaign.running import run_parts
@@ -62,7 +62,7 @@ class CampaignCommand(Command):
         seed: Of the sampler; run i depends on it and on i alone.
         sampler: random, sobol, lhs or corners. Random runs are independent, so that they alone give
             intervals; the others spread over the ranges for maps and searches.
-        controllers: Those of the file to run.
+        controllers: Laws to run, of the file's controllers or of its [laws].
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
         screen: Which runs are made on the equations, with all that are near a limit, ended early or
@@ -101,10 +101,7 @@ class CampaignCommand(Command):
     shard: Annotated[int, arg(metavar="N")] = 512
     seed: Annotated[int, arg(metavar="N")] = 0
     sampler: Annotated[str, arg(metavar="NAME")] = "random"
-    controllers: Annotated[
-        tuple[str, ...],
-        arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all of the file)"),
-    ] = ()
+    controllers: Laws = ()
     control_period: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     screen: Annotated[str, arg(metavar="auto|equations|none")] = "auto"
