@@ -10,7 +10,9 @@ import contextlib
 import gc
 import logging
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -29,7 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
     Exit codes: 0 done and kept, 1 a verdict that something is not kept, 2 anything else that is
-    wrong, 130 interrupted. A reader of the output that has gone changes none of them.
+    wrong, 130 interrupted by Ctrl-C or SIGTERM. A reader of the output that has gone changes none
+    of them.
     """
     if arguments is None:
         _settle()
@@ -38,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     debug = _DEBUG in given
     given = [each for each in given if each != _DEBUG]
     with Output.standard() as output:
-        with _quiet(debug or arguments is not None):
+        with _quiet(debug or arguments is not None), _terminable():
             code = _code(given, debug)
         output.finish()
     if output.lost is not None:
@@ -118,6 +121,19 @@ def _quiet(loud: bool) -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """End at SIGTERM, which ``timeout`` and batch systems send, as at Ctrl-C."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def _open_closed_streams() -> None:

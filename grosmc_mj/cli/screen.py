@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -72,15 +71,12 @@ def notice(line: str) -> None:
 
 @contextlib.contextmanager
 def kept_on_interrupt(write: Callable[[], Sequence[Path]]) -> Iterator[None]:
-    """Write what is there and say where, if what is done within is interrupted or terminated."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Write what is there and say where, if what is done within is interrupted."""
     try:
         yield
     except KeyboardInterrupt:
         say_files(console(), *write())
         raise
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def brief_table(
