@@ -305,6 +305,10 @@ def _restored(table: Any) -> Trajectory:
     Raises:
         Exception: Of any class, if the table is none of a run.
     """
+    if others := [
+        f"{field.name}: {field.type}" for field in table.schema if field.type != "double"
+    ]:
+        raise ArgumentError(f"columns must be real numbers, not {', '.join(others)}")
     about, time = json.loads(table.schema.metadata[_ABOUT.encode()]), table["time"].to_numpy()
     if not (len(time) and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)):
         raise ArgumentError("time must be finite and increasing")
@@ -316,6 +320,10 @@ def _restored(table: Any) -> Trajectory:
         rows = np.ascontiguousarray(rows if signal in _INSTANTS else rows[:-1])
         target = memory if signal.startswith("memory ") else signals
         target[signal.removeprefix("memory ")] = rows.reshape(len(rows), *shape)
+    sizes = {"state": about["states"], "command": about["inputs"], "input": about["inputs"]}
+    for signal, of in sizes.items():
+        if math.prod(signals[signal].shape[1:]) != len(of) or signals[signal].ndim > 2:
+            raise ArgumentError(f"{signal} must have {len(of)} numbers at each instant")
     signals.pop("unseen", None)  # columns of physics
     kinds = [(name, np.float64, rows.shape[1:]) for name, rows in memory.items()]
     remembered = np.zeros(len(time) - 1, np.dtype(kinds))
