@@ -88,7 +88,7 @@ def brief_table(
     most: int = 12,
     styles: Sequence[str] = (),
 ) -> Table:
-    """A table of at most so many rows, each a line, for an answer.
+    """A table of at most so many rows for an answer; words wrap, and numbers never do.
 
     Args:
         title: Above it.
@@ -104,9 +104,10 @@ def brief_table(
 
     shown = [columns, *rows[:most]]
     widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
-    # Of the words, the longest give way.
-    widest = widths.index(max(widths[:words]))
-    widths[widest] -= max(0, sum(widths) + len(widths) - WIDTH)
+    # Of the words, the longest give way: a column has a blank behind it and one between it and the
+    # next one.
+    for _ in range(sum(widths) + 2 * len(widths) - 1 - WIDTH):
+        widths[max(range(words), key=widths.__getitem__)] -= 1
     # A title is as wide as its table at most.
     widths[0] += max(0, cell_len(title) - sum(widths) - len(widths))
     return table(

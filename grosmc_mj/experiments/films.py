@@ -60,11 +60,13 @@ def check_request(experiment: Experiment, controllers: Sequence[str], form: Form
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
             f"{listed(experiment.controllers)}"
         )
-    for name in controllers:
-        experiment.law("physics", name)
     physics = experiment.nominal.plant
     if not isinstance(physics, MujocoPlant):
-        raise ArgumentError(f"{experiment.path}: it does not run in MuJoCo: there is no film of it")
+        raise ArgumentError(
+            f"{experiment.path}: its plant is equations alone, and a film shows a model in MuJoCo"
+        )
+    for name in controllers:
+        experiment.law("physics", name)
     form.check(camera_names(physics.model), experiment.case.duration)
 
 

@@ -34,7 +34,7 @@ _SHOW: dict[Kind, dict[str, Any]] = {
 
 
 class Column(BaseModel):
-    """A column of a table; of a given width, what is longer is cut."""
+    """A column of a table; of a given width, words that are longer wrap."""
 
     model_config = ConfigDict(frozen=True)
     header: str
@@ -110,8 +110,8 @@ class Table(BaseModel):
             width=WIDTH if wraps else None,
         )
         for column in self.columns:
-            cut = {"width": column.width, "no_wrap": True, "overflow": "ellipsis"}
-            options = _SHOW[column.kind] | (cut if column.width else {})
+            fixed = {"width": column.width, "no_wrap": False, "overflow": "fold"}
+            options = _SHOW[column.kind] | (fixed if column.width else {})
             shown.add_column(escape(column.header), **options)
         group: str | None = None
         for (first, *others), style in zip(self.rows, self._styles(), strict=False):

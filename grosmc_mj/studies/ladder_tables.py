@@ -67,6 +67,8 @@ def reason(row: Climb) -> str:
         return row.impossible or ENDED
     used = row.share_of_the_tightest_limit
     often = "never" if math.isinf(used) else f"{number(used)} times"
+    if number(used) == "1":
+        often = "at its limit"
     return f"{row.tightest.replace('_', ' ')}: {often}"
 
 

@@ -80,6 +80,30 @@ def test_the_answer_comes_first_and_fits_on_a_screen(
         assert [line for line in lines if cell_len(line.rstrip()) > _COLUMNS] == []
 
 
+def test_a_machine_is_told_with_units_and_what_is_assumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = run("run", "servo/machine", "--no-figures", "--out", str(tmp_path))
+    assert code == cli.DIFFERS
+    said = " ".join(capsys.readouterr().out.split())
+    assert "transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*," in said
+    assert "motor of current: constant 0.00768 N m/A, resistance 2.6 ohm," in said
+    assert "assumed of it:" in said
+    assert "…" not in said
+
+
+@pytest.mark.parametrize("system", ["servo", "arm", "cart_pendulum", "two_link_arm"])
+def test_list_names_the_same_laws_of_a_system(
+    system: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laws = []
+    for arguments in (["list"], ["list", system]):
+        assert run(*arguments) == cli.DONE
+        block = capsys.readouterr().out.split(f"{system}{':' if arguments[1:] else ''}", 1)[1]
+        laws.append(next(re.finditer(r"laws +(.*)", block))[1].strip())
+    assert laws[0] == laws[1]
+
+
 @pytest.mark.slow
 def test_a_self_test_says_first_what_nobody_notices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -53,6 +53,7 @@ def run(*arguments: str) -> int:
         (("claims", "--page", "docs"), "ends in .md"),
         (("claims", "premises", "arm/case7"), "did you mean 'arm/case2'"),
         (("film",), "SYSTEM"),
+        (("film", "maglev"), "its plant is equations alone, and a film shows a model in MuJoCo"),
         (("film", "leg"), "unknown case 'leg': valid: arm, ball_beam, cart_pendulum"),
         (("film", "servo/case9"), "did you mean 'servo/case2'"),
         (("film", "servo", "--size", "banana"), "--size banana must be WIDTHxHEIGHT"),

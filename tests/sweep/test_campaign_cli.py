@@ -177,6 +177,14 @@ def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_folder_without_replay_says_what_it_needs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "manifest.json").write_text("{}")
+    assert run("campaign", tmp_path) == cli.WRONG
+    assert "is a campaign's folder: --replay RUN repeats one of its runs" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

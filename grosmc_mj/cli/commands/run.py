@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import Positional, arg
@@ -261,18 +261,46 @@ def _at_rest(experiment: Experiment) -> list[str]:
 
 def _in_loop(experiment: Experiment) -> list[str]:
     """What lies between the laws and the plant, and of what the numbers are then."""
+    from grosmc_mj.experiments.file.parts import LOOP_PARTS
+
     if (loop := experiment.case.loop) is None:
         return []
+    assumed = [
+        f"{' '.join(filter(None, [kind, getattr(table, 'of', '')]))}: {', '.join(table.assumed)}"
+        for kind in LOOP_PARTS
+        for table in _tables_of(experiment, kind)
+        if table.assumed
+    ]
     return [
         "in its loop: y is true, u is given; s is what the law sees, J of what it asks for",
+        *([f"assumed of it: {'; '.join(assumed)}"] if assumed else []),
         *loop.words(experiment.nominal.system),
     ]
 
 
 def _on_its_machine(experiment: Experiment) -> list[str]:
-    """What the machine has that neither laws nor equations know."""
-    parts = [str(part) for part in experiment.case.parts]
-    return ["on its machine, in physics alone; no law knows of:", *parts] if parts else []
+    """What the machine has that neither laws nor equations know; stars mark assumed numbers."""
+    from grosmc_mj.experiments.file.parts import MACHINE_PARTS, MACHINE_UNITS, unit_of
+
+    tables = [(kind, t) for kind in MACHINE_PARTS for t in _tables_of(experiment, kind)]
+    lines = []
+    for (kind, table), part in zip(tables, experiment.case.parts, strict=True):
+        numbers = [
+            f"{name} {getattr(part, name):.4g} "
+            f"{unit_of(kind, part.of, name, experiment.nominal.system)}".rstrip()
+            + "*" * (name in table.assumed)
+            for name in MACHINE_UNITS[kind]
+            if name in table.model_fields_set
+        ]
+        lines.append(f"{part.kind} of {part.of}: {', '.join(numbers)}")
+    head = "on its machine, in physics alone; no law knows of (* is assumed):"
+    return [head, *lines] if lines else []
+
+
+def _tables_of(experiment: Experiment, kind: str) -> list[Any]:
+    """The tables of a kind of part in the file."""
+    tables = getattr(experiment.file, kind)
+    return tables if isinstance(tables, list) else [tables] if tables else []
 
 
 def _kept(failed: int, judged: int, not_judged: int) -> str:

@@ -136,6 +136,11 @@ class CampaignCommand(Command):
         self._refuse_idle()
         if self.replay is not None:
             return replay_run(self, self.replay)
+        if campaigns.folder.Folder(Path(self.target)).begun:
+            raise ArgumentError(
+                f"{self.target} is a campaign's folder: --replay RUN repeats one of its runs; "
+                "its case file with --resume and --out goes on"
+            )
         self._refuse_numbers()
         specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
         specification = campaigns.specification.specification_of(self.target, **specified)

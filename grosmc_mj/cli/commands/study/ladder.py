@@ -44,9 +44,7 @@ class LadderCommand(Command):
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
-    laws: Annotated[
-        tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
-    ] = ()
+    laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     rivals: Annotated[bool, FlagCreatePairsOff] = False
     loaded: Annotated[bool, FlagCreatePairsOff] = False
     film: Annotated[str, arg(metavar="NAME", help_behavior_hint="(default: none)")] = ""

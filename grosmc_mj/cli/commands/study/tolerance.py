@@ -44,9 +44,7 @@ class ToleranceCommand(Command):
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
-    laws: Annotated[
-        tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
-    ] = ()
+    laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     rivals: Annotated[bool, FlagCreatePairsOff] = False
     seeds: Annotated[int, arg(metavar="N")] = 4
     every_end: Annotated[bool, FlagCreatePairsOff] = False
