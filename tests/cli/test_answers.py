@@ -158,28 +158,6 @@ def test_a_film_of_a_file_refuses_what_the_file_says(
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("switching", "switching is now: grosmc-mj study switching"),
-        ("region arm --case case2", "region is now: grosmc-mj study region arm/case2"),
-        ("premises arm --case case1", "premises is now: grosmc-mj claims premises arm/case1"),
-        ("replay out 3 --film", "replay is now: grosmc-mj campaign out --replay 3 --film"),
-        ("replay", "replay is now: grosmc-mj campaign CAMPAIGN --replay RUN"),
-        ("readme", "readme is now: make results"),
-        ("film servo --case case2 --gif", "--case is now: grosmc-mj film servo/case2 --gif"),
-        ("study region arm --case case2", "--case is now: grosmc-mj study region arm/case2"),
-        ("validate --case nominal", "--case is now: grosmc-mj validate SYSTEM/nominal"),
-        ("view arm --case", "--case is now: grosmc-mj view arm/CASE"),
-    ],
-)
-def test_an_old_name_says_the_new_one(
-    old: str, new: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(*old.split()) == cli.WRONG
-    assert capsys.readouterr().err == f"grosmc-mj: {new}\n"
-
-
-@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         ("campaign servo --film", "--film is for --replay only"),

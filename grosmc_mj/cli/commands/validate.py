@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,14 +124,7 @@ class ValidateCommand(Command):
         """
         from grosmc_mj.experiments.runs import Settings
 
-        settings = Settings(
-            self.engine,  # pyright: ignore[reportArgumentType]  checked by Settings
-            self.control_period,
-            self.timestep,
-            self.integrator,  # pyright: ignore[reportArgumentType]  checked by the plant
-            self.switching,
-            self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
-        )
+        settings = Settings(**{one.name: getattr(self, one.name) for one in fields(Settings)})
         if self.record and settings != Settings():
             raise ArgumentError(
                 "--record needs the default settings: leave out --engine, --control-period, "
