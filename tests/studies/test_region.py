@@ -176,6 +176,23 @@ def test_a_start_near_zero_that_drifts_away_is_not_called_converged_early() -> N
     assert outcomes(drifting, starts, 1.0).tolist() == [CONVERGED]
 
 
+@pytest.mark.parametrize(("part", "looked"), [(0.2, 1), (0.3, 3)])
+def test_a_start_has_converged_early_within_a_quarter_of_its_tolerances(
+    part: float, looked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[float] = []
+
+    def still(self: RegionLoop, starts: np.ndarray, duration: float) -> Trajectory:
+        looks.append(duration)
+        bounds = [bound for bound, _ in self.tolerances.values()]
+        ends = (self.equilibrium + part * np.array(bounds))[None, None]
+        return SimpleNamespace(time=[duration], state=ends, status=[Status.COMPLETED])  # pyright: ignore
+
+    monkeypatch.setattr(RegionLoop, "run", still)
+    assert outcomes(loop("servo", "nominal", "lqr"), np.zeros((1, 2)), 16.0).tolist() == [CONVERGED]
+    assert looks == [1.0, 4.0, 16.0][:looked]
+
+
 def test_under_a_disturbance_no_start_is_called_converged_before_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,16 @@ from grosmc_mj.executors.processes import Processes
 from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance
-from grosmc_mj.studies.search import LEAST, MOST, RESOLUTION, Search
-from grosmc_mj.studies.studied import judgeable_in
+from grosmc_mj.studies.search import (
+    LEAST,
+    MOST,
+    RESOLUTION,
+    Search,
+    Trial,
+    TrialResult,
+    Trials,
+)
+from grosmc_mj.studies.studied import Condition, judgeable_in
 from grosmc_mj.studies.tolerance import (
     Setting,
     Tolerance,
@@ -134,6 +142,34 @@ def test_each_number_of_a_bench_is_an_imperfection() -> None:
     assert whole.at(2.0).estimators == studied.bench.estimators
     delay = found["computing delay"]
     assert (delay.text(4.4), delay.heading) == ("4.5", "computing delay [ms]")
+
+
+def test_of_all_together_each_amount_ends_at_its_bound() -> None:
+    """In proportion until there: one sample in a hundred comes through, times are below 1 s."""
+    studied = setting("servo")
+    whole = studied.imperfections[-1]
+    settings, bench = studied.experiment.settings, studied.bench.computing
+    far, near = whole.at(MOST).computing, whole.at(2.0).computing
+    assert far.missed == pytest.approx(0.99)
+    assert far.jitter == pytest.approx(settings.control_period - settings.timestep)
+    assert far.delay == pytest.approx(min(MOST * bench.delay, 1 - settings.timestep))
+    assert near.missed == pytest.approx(2 * bench.missed)
+
+
+@pytest.mark.parametrize("failing", [None, 0, 1, 3])
+def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    studied, numbers = setting("servo", ["lqr"]), set[int]()
+
+    def made_up(self: Trials, condition: Condition, runs: Sequence[tuple[Trial, int]]) -> None:
+        numbers.update(number for _, number in runs)
+        self.known.update({x: TrialResult(x[1] != failing, 0.5, "", x[1]) for x in runs})
+
+    monkeypatch.setattr(Trials, "_run", made_up)
+    trials = Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
+    (worst,) = trials.worst([Trial(studied.conditions[0], studied.bench)])
+    assert worst.kept is (failing is None)
+    # None is run for a loop that has failed already.
+    assert numbers == ({0} if failing == 0 else {0, 1, 2, 3})
 
 
 def test_laws_are_those_of_the_file_and_every_switching_law_once_and_rivals_on_request() -> None:
