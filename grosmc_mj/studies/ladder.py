@@ -18,6 +18,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ClaimTable
+from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
@@ -323,10 +324,13 @@ class Ladder:
 
     def configuration(self) -> dict[str, Any]:
         """What rows depend on, in its result."""
-        settings = self.experiment.settings
+        settings, file = self.experiment.settings, self.machine.file
+        named = [*named_in(file), *(file.law(law.base).law for law in self.laws)]
         return {
             "target": self.target,
             "title": self.machine.case.title,
+            "model": self.experiment.plant(self.experiment.nominal.truest).digest,
+            "sources": sources(filter(is_named, named), self.machine.path.parent),
             "control_period": {"value": settings.control_period, "unit": "s"},
             "timestep": {"value": settings.timestep, "unit": "s"},
             "integrator": settings.integrator,

@@ -231,7 +231,9 @@ def _amounts(
         of: Any = getattr(part, "of", "")
         for item in fields(part):
             value: Any = getattr(part, item.name)
-            if item.name in LOOP_UNITS[kind] and value != 0 and math.isfinite(value):
+            # A sensor's scale is 1 where it is ideal, and has no more or less.
+            known = item.name in LOOP_UNITS[kind] and item.name != "scale"
+            if known and value != 0 and math.isfinite(value):
                 unit = unit_of(kind, of, item.name, system)
                 most = _LONGEST - timestep if unit == "s" else math.inf
                 most = {"missed": _MISSED, "jitter": control_period - timestep}.get(item.name, most)

@@ -515,6 +515,21 @@ def test_a_resumed_ladder_runs_only_what_is_missing_and_only_of_the_same_file(
     assert "is no ladder of this file by these versions" in capsys.readouterr().err
 
 
+def test_a_ladder_of_other_python_or_of_another_model_is_another_one(tmp_path: Path) -> None:
+    """Rows depend on what a law of the user's own says, not on its name alone."""
+    studied, law = ladder("servo", ["lqr"]), tmp_path / "mine.py"
+    law.write_text("def law(): ...", encoding="utf-8")
+    machine = replace(studied.machine, path=tmp_path / "mine.toml")
+    table = machine.file.law("lqr").model_copy(update={"law": "mine:law"})
+    file = machine.file.model_copy(update={"controller": [table]})
+    own = replace(studied, machine=replace(machine, file=file), laws=[])
+    before = own.configuration()
+    law.write_text("def law(): return 0.0", encoding="utf-8")
+    assert before["sources"].keys() == own.configuration()["sources"].keys() != set()
+    assert before["sources"] != own.configuration()["sources"]
+    assert before["model"] != ladder("arm", ["lqr"]).configuration()["model"]
+
+
 @pytest.mark.parametrize("terminated", [False, True])
 def test_an_interrupt_and_a_termination_keep_what_was_climbed(
     terminated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import FlagCreatePairsOff, Positional, arg
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET, result_name
@@ -58,6 +57,7 @@ class LadderCommand(Command):
 
     def execute(self) -> int:
         """Climb, write, print, draw."""
+        from grosmc_mj.arguments import require_known
         from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.studies import ladder
 
