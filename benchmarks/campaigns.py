@@ -21,12 +21,10 @@ from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
-from grosmc_mj.sweep.batch import Batch
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.campaign import Campaign, specification_of
 from grosmc_mj.sweep.runs import meters_for, ready
-from grosmc_mj.sweep.specification import specification_of
-from grosmc_mj.sweep.work import shards_of
+from grosmc_mj.sweep.screening import Batch
+from grosmc_mj.sweep.store import Folder, shards_of
 
 _PLANTS, _STEPS = 4096, 800
 _LAW = "grosmc"

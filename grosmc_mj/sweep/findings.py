@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -13,19 +14,19 @@ from scipy import stats
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import (
-    COMPLETES,
-    DRAWN,
-    DRAWN_OVERTURNED,
-    EVERYTHING,
-    OVERTURNED,
-    SCREENED,
-    Counts,
-    Folder,
+from grosmc_mj.results.palette import label_of
+from grosmc_mj.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    Sheet,
 )
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.runs import MARGIN
 from grosmc_mj.sweep.statistics import (
+    TAIL,
     MarginSummary,
     PairedDifference,
     PassRate,
@@ -33,11 +34,23 @@ from grosmc_mj.sweep.statistics import (
     margin_summary,
     paired,
     pass_rate,
+    runs_needed,
     sensitivities,
 )
-from grosmc_mj.sweep.work import run_missing
+from grosmc_mj.sweep.store import (
+    COMPLETES,
+    DRAWN,
+    DRAWN_OVERTURNED,
+    EVERYTHING,
+    NO_PROOF,
+    OVERTURNED,
+    SCREENED,
+    Counts,
+    Folder,
+    result_of,
+    run_missing,
+)
 
-NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
 # The ranges are somebody's declaration, their distributions a choice.
 DESIGN = "Shares are of the declared design, not probabilities."
 # Runs that distributions, differences and drivers are computed from; counts are of all.
@@ -291,3 +304,206 @@ def run_campaign(
         executor = make_executor("batch")
         run_missing(campaign, kept, executor, lambda line: None, lambda runs, rates: None)
     return findings(campaign, kept, confidence)
+
+
+# A pass rate that one may want to state.
+_AIM = 0.99
+
+
+def findings_tables(campaign: Campaign, found: Findings) -> list[Table]:
+    """Pass rates, margins, differences between laws, and what drives each law's margin."""
+    tables = [pass_rates_table(found)]
+    if found.summaries:
+        tables.append(margins_table(found))
+    if found.differences:
+        tables.append(paired_table(found))
+    return [*tables, *(sensitivity_table(found, law) for law in campaign.judged)]
+
+
+def pass_rates_table(found: Findings) -> Table:
+    """How many runs keep each requirement."""
+    confidence = next(iter(found.rates.values())).confidence
+    rows = []
+    for (requirement, law), rate in found.rates.items():
+        # Only all of the runs are 100 %, and only none 0 %.
+        inner = 0 < rate.kept < rate.runs
+        share = f"{min(max(100 * rate.rate, 0.01), 99.99):.2f}" if inner else f"{100 * rate.rate:g}"
+        counts = (str(rate.kept), str(rate.runs), share, rate_interval(rate, "..") or "-")
+        rows.append((requirement, label_of(law), *counts, str(found.cut_short.get(law, 0))))
+    interval = f"{_percent(confidence)} interval"
+    columns = numbers("kept", "of runs", "rate %", interval, "not completed")
+    return table(
+        "Runs of the declared design that keep each requirement",
+        [*text("requirement"), *names("law"), *columns],
+        rows,
+        grouped=True,
+        legend="Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To "
+        f'state "at least {_percent(_AIM)} of the declared design passes" with '
+        f"{_percent(confidence)} confidence takes {runs_needed(_AIM, confidence)} independent runs "
+        f"without a failure.\n{found.sampled.words}. {found.sampled.footnote}",
+    )
+
+
+def margins_table(found: Findings) -> Table:
+    """The distribution of each requirement's margin."""
+    rows = []
+    for (requirement, law), of in found.summaries.items():
+        values = (of.least, of.cvar, of.q01, of.q05, of.median, of.q95)
+        mean = number(of.mean)
+        if of.mean_low is not None and of.mean_high is not None:
+            mean += f"\n({number(of.mean_low)} ..\n{number(of.mean_high)})"
+        unit = found.units[requirement]
+        rows.append((requirement, label_of(law), *map(number, values), mean, unit))
+    headers = ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit")
+    return table(
+        "Margins: limit less measured",
+        [*text("requirement"), *names("law"), *numbers(*headers)],
+        rows,
+        grouped=True,
+        legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
+        "the margins (CVaR); then quantiles, and the mean with its interval (Student's t). -inf: a "
+        f"run that did not complete.\n{found.looked_at.words}. {found.looked_at.footnote}",
+    )
+
+
+def paired_table(found: Findings) -> Table:
+    """Laws against each other on the same plants."""
+    rows = []
+    for (requirement, first, second), of in found.differences.items():
+        ends = (None if end is None else 100 * end for end in (of.low, of.high))
+        points = _between("", 100 * of.difference, *ends)
+        median = _between(found.units[requirement], of.median, of.median_low, of.median_high)
+        laws = f"{label_of(first)},\n{label_of(second)}"
+        counts = (str(of.only_first), str(of.only_second))
+        rows.append((requirement, laws, *counts, points, _p_value(of.p_value), median))
+    headers = ("only\nfirst", "only\nsecond", "pass rate\n[% points]", "p", "median of\nmargins")
+    return table(
+        "Two laws on the same plants: second less first",
+        [*text("requirement"), *names("laws"), *numbers(*headers)],
+        rows,
+        grouped=True,
+        legend="Only: plants on which one law alone keeps the requirement. In brackets: intervals, "
+        "of the rates two of Clopper and Pearson together, of the median by order statistics; p: "
+        "McNemar's, exact. All requirements: of each law its own."
+        f"\n{found.looked_at.words}. {found.looked_at.footnote}",
+    )
+
+
+def sensitivity_table(found: Findings, law: str) -> Table:
+    """What drives the least margin under one law."""
+    rows, styles = [], []
+    for of in found.sensitivities[law]:
+        styles.append("dim" if of.note else "")
+        if of.share is None or of.correlation is None:
+            rows.append((of.parameter, "-", "", "-", of.note))
+            continue
+        correlation = f"{of.correlation:+.2f}"
+        if of.low is not None and of.high is not None:
+            correlation += f" ({of.low:+.2f} .. {of.high:+.2f})"
+        rows.append((of.parameter, f"{100 * of.share:.0f}", _p_value(of.p_value), correlation, ""))
+    return table(
+        f"What drives the margin of {ALL!r} under {label_of(law)}",
+        [*text("parameter"), *numbers("share %", "p", "rank correlation"), *words("")],
+        rows,
+        styles=styles,
+        legend="Share of the variance of the margins' ranks that the parameter explains alone, "
+        "less what chance gives; p: of a share at least as large if it explained nothing. "
+        "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
+        "correlated parameters overlap."
+        f"\n{found.looked_at.words}. {found.looked_at.footnote}",
+    )
+
+
+def _percent(share: float) -> str:
+    """A share in per cent."""
+    return f"{100 * share:.6g} %"
+
+
+def _p_value(p: float | None) -> str:
+    """A p-value; a dash where there is none."""
+    if p is None:
+        return "-"
+    return "< 1e-4" if p < 1e-4 else f"{p:.2g}"
+
+
+def _between(unit: str, value: float, low: float | None, high: float | None) -> str:
+    """A signed number over its interval, if it has one; an end may be open."""
+
+    def signed(value: float) -> str:
+        return ("+" if value > 0 else "") + number(value)
+
+    interval = "" if low is None or high is None else f"\n({signed(low)} .. {signed(high)})"
+    return f"{signed(value)} {unit}".rstrip() + interval
+
+
+def rate_interval(rate: PassRate, between: str) -> str:
+    """The interval of a pass rate [%]; empty if there is none."""
+    if rate.low is None or rate.high is None:
+        return ""
+    # Rounded outwards, so that the interval shown covers the exact one.
+    low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
+    return f"{low:.2f} {between} {high:.2f}"
+
+
+RESULTS = "results.json"
+
+
+def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
+    """What the runs say; a margin without bound is that of a run that did not complete."""
+    complete = found.sampled.runs == found.sampled.planned
+    # Where nothing is required, the rates are those of the runs that complete.
+    rates = [(law, rate) for (of, law), rate in found.rates.items() if of == ALL] or [
+        (law, rate) for (_, law), rate in found.rates.items()
+    ]
+    kept = all(rate.kept == rate.runs for _, rate in rates)
+    answer = Answer(
+        question=f"Campaign {campaign.specification.name}",
+        verdict=NOT_KEPT if not kept else KEPT if complete else OPEN,
+        words="; ".join(f"{law}: {_rate_words(rate)}" for law, rate in rates),
+    )
+    return result_of(
+        campaign,
+        "campaign",
+        complete=complete,
+        answers=[answer],
+        sheets=[Sheet(table=table) for table in findings_tables(campaign, found)],
+        sampled={**found.sampled._asdict(), "words": found.sampled.words},
+        says=found.sampled.footnote,
+        intervals=found.sampled.intervals,
+        distributions_from=found.looked_at.runs,
+        pass_rates=[
+            {"requirement": requirement, "controller": law, **rate._asdict()}
+            for (requirement, law), rate in found.rates.items()
+        ],
+        ended_early=dict(found.cut_short),
+        judged={
+            law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
+            for law, judge in found.judges.items()
+        },
+        margins=[
+            {
+                "requirement": requirement,
+                "controller": law,
+                "unit": found.units[requirement],
+                **summary._asdict(),
+            }
+            for (requirement, law), summary in found.summaries.items()
+        ],
+        differences=[
+            {"requirement": requirement, "first": first, "second": second, **pair._asdict()}
+            for (requirement, first, second), pair in found.differences.items()
+        ],
+        drivers={
+            law: [driver._asdict() for driver in drivers]
+            for law, drivers in found.sensitivities.items()
+        },
+        worst_runs=dict(found.worst),
+        units={number.name: number.unit for number in campaign.family.quantities},
+    )
+
+
+def _rate_words(rate: PassRate) -> str:
+    """A share of runs with its interval."""
+    if rate.low is None or rate.high is None:
+        return f"{rate.kept} of {rate.runs}"
+    return f"{rate.kept} of {rate.runs} [{100 * rate.low:.4g} to {100 * rate.high:.4g} %]"

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.sweep.bisection import largest_passing
-from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.results.figure import board, in_lines
+from grosmc_mj.results.palette import FAILED_SHADE, OPTIMUM, label_of, law_styles
+from grosmc_mj.results.result import (
+    MEASURED,
+    Answer,
+    LineChart,
+    Series,
+    Sheet,
+    Value,
+    finite,
+)
+from grosmc_mj.results.tables import Table, names, numbers, table, text
+from grosmc_mj.sweep.campaign import Campaign, largest_passing
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import screened_search
+from grosmc_mj.sweep.store import NO_PROOF, result_of
 
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
@@ -151,3 +166,156 @@ def _points(campaign: Campaign) -> Array:
         return corners
     samples = min(specification.runs, PLANTS - len(corners))
     return np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])
+
+
+def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
+    """How far the uncertainty may grow under each controller, beside what is promised."""
+    rows, notes = [], []
+    for search in found:
+        law, outside, promised = label_of(search.controller), search.outside, search.promised
+        fails_at, leaves_at = (look and look.scale for look in (outside, search.left))
+        scales = (search.found, fails_at, promised.scale, search.stayed, leaves_at)
+        plant = campaign.words(outside.values) if outside else "none was found"
+        rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
+        band = promised.band
+        bound = "" if band is None else f"; there |s| - |s(0)| is at most {band:.3g}"
+        notes.append(f"{law}: {promised.note}{bound}.")
+    headers = (
+        "no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat",
+    )  # fmt: skip
+    return table(
+        "How far the uncertainty may grow: 1 is as declared",
+        [*names("law"), *numbers(*headers), *text("the failing plant just outside")],
+        rows,
+        legend=f"{found[0].plants} plants at each scale, up to "
+        f"{max(search.largest for search in found):.3g}. Promised: scale up to which the premises "
+        "hold for every extreme plant, so that |s| does not grow but for what one sample does. "
+        "Compare it with where |s| leaves that bound: of the requirements, which may be looser or "
+        f"stricter, premises say nothing. {' '.join(notes)} {NO_PROOF}",
+    )
+
+
+def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, Any]:
+    """How far each controller keeps what is required."""
+    charts = [_radius_chart(search) for search in found]
+    reached = [f"{search.controller}: no failure up to {search.found:.3g}" for search in found]
+    question = f"How far the uncertainty of {campaign.specification.name} may grow"
+    return result_of(
+        campaign,
+        "radius",
+        answers=[Answer(question=question, verdict=MEASURED, words="; ".join(reached))],
+        sheets=[Sheet(table=radius_table(campaign, found), charts=charts)],
+        values=[
+            Value(name=f"{search.controller}: no failure up to", value=search.found, better=1)
+            for search in found
+        ],
+        says=NO_PROOF,
+        controllers={
+            search.controller: {
+                "found": search.found,
+                "largest_looked_at": search.largest,
+                "plants_at_each_scale": search.plants,
+                "outside": search.outside and campaign.named(search.outside.values),
+                "outside_scale": search.outside and search.outside.scale,
+                "promised": search.promised.scale,
+                "promised_note": search.promised.note,
+                "surface_band": search.promised.band,
+                "surface_kept": search.stayed,
+                "surface_left_scale": search.left and search.left.scale,
+                "surface_left": search.left and campaign.named(search.left.leaver),
+                "looks": [
+                    {
+                        "scale": look.scale,
+                        "least": look.least,
+                        "failures": look.failures,
+                        "surface": look.surface,
+                        "leaving": look.leaving,
+                    }
+                    for look in search.looks
+                ],
+            }
+            for search in found
+        },
+    )
+
+
+def _radius_chart(search: Radius) -> LineChart:
+    """Least margin over the scale of the uncertainty."""
+    looks = search.looks
+    series = Series(
+        name="least margin",
+        x=[look.scale for look in looks],
+        y=[finite(look.least) for look in looks],
+        good=[look.failures == 0 for look in looks],
+    )
+    return LineChart(
+        name=search.controller,
+        titles=("scale of the uncertainty (1 as declared)", "least margin over its limit"),
+        lines=[series],
+        limit=0.0,
+        marks=[at for at in (search.found, search.promised.scale) if at],
+    )
+
+
+_MAP_SIZE, _RADIUS_SIZE = (4.4, 4.1), (5.2, 4.9)
+
+
+def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
+    """A panel a law, a mark a scale that was tried."""
+    styles = law_styles(search.controller for search in searches)
+    with board(len(searches), _RADIUS_SIZE, title, NO_PROOF) as drawn:
+        for axes, search in zip(drawn.panels, searches, strict=True):
+            style = styles[search.controller]
+            _draw_looks(axes, search, style.colour)
+            _draw_radii(axes, search, style.colour)
+            axes.set_title(in_lines(style.label), pad=18)
+            axes.set_xlabel("scale of the uncertainty (1 as configured)")
+            axes.set_ylabel("least margin found over its limit")
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
+    return drawn.figure
+
+
+def _draw_looks(axes: Axes, search: Radius, colour: str) -> None:
+    """The least margin at each scale."""
+    scales = np.array([look.scale for look in search.looks])
+    least = np.array([look.least for look in search.looks])
+    diverged = least == -np.inf
+    low, high = (end(least[~diverged], initial=0.0) for end in (np.min, np.max))
+    height = (high - low) or 1.0
+    low, high = low - 0.12 * height, high + 0.12 * height
+    # A run that did not complete has no least margin: its mark lies on the lower edge.
+    shown = np.where(diverged, low, least)
+    axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
+    axes.axhline(0, color=OPTIMUM, lw=1.0, zorder=1)
+    axes.plot(scales, shown, color=colour, lw=1.2, zorder=2)
+    for mask, marker, face, label in (
+        (least >= 0, "o", colour, "no failure found"),
+        ((least < 0) & ~diverged, "o", "white", "failure found"),
+        (diverged, "v", "white", "a run did not complete"),
+    ):
+        if mask.any():
+            axes.plot(
+                scales[mask], shown[mask], ls="", marker=marker, mfc=face, mec=colour, mew=1.6,
+                ms=7, label=label, zorder=5, clip_on=False,
+            )  # fmt: skip
+    axes.set_ylim(low, high)
+    axes.set_xlim(0, 1.06 * max(scales[-1], search.promised.scale or 0.0) or 1.0)
+
+
+def _draw_radii(axes: Axes, search: Radius, colour: str) -> None:
+    """The radii as lines, in words in the legend."""
+    promised, note = search.promised.scale, search.promised.note
+    reached = f"no failure found up to {search.found:.3g}"
+    promises = "premises promise no radius" if promised is None else f"promised: {promised:.3g}"
+    kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
+    if search.left is not None:
+        kept += f", leaves it at {search.left.scale:.3g}"
+    for at, label, line in (
+        (search.found, reached, {"lw": 2.2, "color": colour}),
+        (promised, f"{promises}: {note}", {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))}),
+        (search.stayed, kept, {"lw": 1.6, "color": OPTIMUM, "ls": ":"}),
+    ):
+        if at:
+            axes.axvline(at, zorder=3, label=in_lines(label, 52), **line)
+        elif line["lw"] != 1.6:
+            axes.plot([], [], ls="", label=in_lines(label, 52))

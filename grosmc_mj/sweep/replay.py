@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,17 @@ from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
 from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import Plant
+from grosmc_mj.results.result import (
+    KEPT,
+    MEASURED,
+    NOT_KEPT,
+    Answer,
+)
 from grosmc_mj.simulation.simulate import Engine, simulate
-from grosmc_mj.sweep.batch import EQUATIONS, Batch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, columns_of, meters_for, ready
+from grosmc_mj.sweep.screening import EQUATIONS, Batch
+from grosmc_mj.sweep.store import Folder, result_of
 
 WORST, RADIUS = "worst.json", "radius.json"
 # Plants that are no runs: where they stand, and the option that searches for them.
@@ -173,3 +180,29 @@ def _differences(stored: Outcomes, again: Outcomes) -> list[str]:
         for name, value in stored.columns.items()
         if np.asarray(value[0]).tobytes() != np.asarray(again[name][0]).tobytes()
     ]
+
+
+def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict[str, Any]:
+    """One run that was repeated."""
+    outcome, differences = found.outcome, found.differences
+    law = outcome["controller"][0]
+    question = f"Run {outcome['id'][0]} of {campaign.specification.name} under {law} again"
+    words = "not compared" if differences is None else "as stored, bit by bit"
+    verdict = MEASURED if differences is None else NOT_KEPT if differences else KEPT
+    if differences:
+        words = f"not as stored: {'; '.join(differences)}"
+    return result_of(
+        campaign,
+        "replay",
+        answers=[Answer(question=question, verdict=verdict, words=words)],
+        engine=engine,
+        controller=law,
+        judged_by=outcome["judged_by"][0],
+        uncertain={name: outcome[name][0] for name in campaign.family.names},
+        status=outcome["status"][0],
+        ended=outcome["ended"][0],
+        metrics={name: outcome[name][0] for name in METRICS},
+        margins={limit.words: outcome[MARGIN + limit.key][0] for limit in campaign.limits_of(law)},
+        as_stored=None if differences is None else not differences,
+        differences=differences or [],
+    )

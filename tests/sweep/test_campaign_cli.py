@@ -258,7 +258,7 @@ def asked(file: Path, out: Path, **more: Any) -> CampaignCommand:
 def test_an_interrupt_says_how_to_go_on(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grosmc_mj.sweep.work.run_missing", interrupted)
+    monkeypatch.setattr("grosmc_mj.sweep.store.run_missing", interrupted)
     with pytest.raises(KeyboardInterrupt) as stop:
         asked(file, tmp_path).execute()
     assert str(stop.value) == (
@@ -275,7 +275,7 @@ ALL_RESULTS = {"results.json", "worst.json", "radius.json"}
         ("rich.console.Console.print", {"results.json"}),
         ("grosmc_mj.cli.commands.campaign.answer.say_worst", {"results.json", "worst.json"}),
         ("grosmc_mj.cli.commands.campaign.answer.say_radius", ALL_RESULTS),
-        ("grosmc_mj.sweep.figures.write_figures", ALL_RESULTS),
+        ("grosmc_mj.sweep.map.write_figures", ALL_RESULTS),
     ],
 )
 def test_results_are_written_before_they_are_shown(
@@ -383,7 +383,7 @@ def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
 HOLDS = """
 import sys
 from pathlib import Path
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.store import Folder
 with Folder(Path(sys.argv[1])).held():
     print("held", flush=True)
     sys.stdin.read()

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from grosmc_mj.sweep.figures import PassMap, draw_pass_map, draw_radius
 from grosmc_mj.sweep.findings import NO_PROOF
+from grosmc_mj.sweep.map import PassMap, draw_pass_map
 from grosmc_mj.sweep.promise import Promise
-from grosmc_mj.sweep.radius import Look, Radius
+from grosmc_mj.sweep.radius import Look, Radius, draw_radius
 
 INF = math.inf
 TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"

@@ -13,11 +13,9 @@ from rich.console import Console
 
 from grosmc_mj.cli.commands.campaign.answer import say_findings
 from grosmc_mj.results.document import json_text
-from grosmc_mj.sweep.document import results_document
-from grosmc_mj.sweep.findings import ALL, Findings, findings
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.findings import ALL, Findings, findings, results_document
 from grosmc_mj.sweep.statistics import Sensitivity, paired, pass_rate, sensitivities
-from grosmc_mj.sweep.work import shards_of
+from grosmc_mj.sweep.store import Folder, shards_of
 
 COMPLETES = "completes"
 

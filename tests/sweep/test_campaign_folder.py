@@ -17,12 +17,21 @@ from campaign_cases import begun, bits, campaign, forged, kept, pair
 
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.executors import Executor, make_executor
-from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import findings
-from grosmc_mj.sweep.folder import EVERYTHING, Folder
-from grosmc_mj.sweep.manifest import _HASHED, _hash, manifest_of, read_manifest
-from grosmc_mj.sweep.work import open_campaign, read_campaign, run_missing, run_shard
+from grosmc_mj.sweep.screening import evaluate
+from grosmc_mj.sweep.store import (
+    _HASHED,
+    EVERYTHING,
+    Folder,
+    _hash,
+    manifest_of,
+    open_campaign,
+    read_campaign,
+    read_manifest,
+    run_missing,
+    run_shard,
+)
 
 
 @pytest.fixture(scope="module")

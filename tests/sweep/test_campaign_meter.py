@@ -33,8 +33,8 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.screening import evaluate
 
 POLE = '[[uncertain]]\nbody = "pole"\nmass_scale = [1, 2]\n'
 H, PERIOD, AFTER = 0.001, 0.002, [0.0, 0.05, 0.12]

@@ -10,7 +10,7 @@ from campaign_cases import PAIR, PLANT, campaign
 
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.sweep.batch import EQUATIONS, evaluate
+from grosmc_mj.sweep.screening import EQUATIONS, evaluate
 
 UNCERTAIN = '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 3]\n'
 LIMIT = '[[requirement]]\ndeviation_below = "3 mrad"\n'

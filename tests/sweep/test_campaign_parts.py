@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.sweep.findings import findings
-from grosmc_mj.sweep.folder import EVERYTHING, Folder, checksum
+from grosmc_mj.sweep.store import EVERYTHING, Folder, checksum
 
 
 @pytest.fixture(scope="module")

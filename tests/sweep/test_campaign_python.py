@@ -16,9 +16,17 @@ from grosmc_mj import cli
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.file.user_code import sources
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
-from grosmc_mj.sweep.manifest import _HASHED, _hash, _sources, manifest_of, read_manifest
-from grosmc_mj.sweep.work import open_campaign, read_campaign, run_shard
+from grosmc_mj.sweep.store import (
+    _HASHED,
+    Folder,
+    _hash,
+    _sources,
+    manifest_of,
+    open_campaign,
+    read_campaign,
+    read_manifest,
+    run_shard,
+)
 
 # Of a module beside the case file, which leaves a trace when it is imported.
 CANARY = """

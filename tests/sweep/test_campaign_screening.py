@@ -15,28 +15,26 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep import screening as screening_module
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
-from grosmc_mj.sweep.batch import (
-    EQUATIONS,
-    PHYSICS,
-    Batch,
-    Outcomes,
-    evaluate,
-)
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.family import unit_points
 from grosmc_mj.sweep.findings import Judges, findings, judged_words, judges_of, run_campaign
-from grosmc_mj.sweep.folder import DRAWN, DRAWN_OVERTURNED, OVERTURNED, SCREENED, Folder
 from grosmc_mj.sweep.radius import radius
 from grosmc_mj.sweep.replay import replay
-from grosmc_mj.sweep.sampling import unit_points
 from grosmc_mj.sweep.screening import (
+    EQUATIONS,
+    PHYSICS,
     RANDOM,
     SAMPLE,
+    Batch,
+    Outcomes,
     Screening,
     drawn_by_chance,
+    evaluate,
     screened_all,
     screened_search,
     screening_of,
 )
+from grosmc_mj.sweep.store import DRAWN, DRAWN_OVERTURNED, OVERTURNED, SCREENED, Folder
 from grosmc_mj.sweep.worst import worst
 
 POLE = """

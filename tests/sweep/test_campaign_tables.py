@@ -9,14 +9,17 @@ import pytest
 from rich.console import Console
 
 from grosmc_mj.results.tables import WIDTH, Table
-from grosmc_mj.sweep.findings import DESIGN, NO_PROOF, Basis, Findings
-from grosmc_mj.sweep.statistics import margin_summary, paired, pass_rate, sensitivities
-from grosmc_mj.sweep.tables import (
+from grosmc_mj.sweep.findings import (
+    DESIGN,
+    NO_PROOF,
+    Basis,
+    Findings,
     margins_table,
     paired_table,
     pass_rates_table,
     sensitivity_table,
 )
+from grosmc_mj.sweep.statistics import margin_summary, paired, pass_rate, sensitivities
 
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"
 LAW = "a_law_of_my_own_with_a_very_long_name"
