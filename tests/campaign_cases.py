@@ -144,7 +144,7 @@ def kept(asked: Campaign, path: Path) -> Folder:
 
 def bits(folder: Folder) -> list[bytes]:
     """The first two parts, as far as they are there."""
-    return [folder.part(index).read_bytes() for index in range(2) if folder.done(index)]
+    return [folder.part(index).read_bytes() for index in range(2) if folder.part(index).exists()]
 
 
 def begun(asked: Campaign, path: Path) -> Folder:

@@ -1,4 +1,4 @@
-"""What the runs of a campaign say: rates, margins, differences and what drives them."""
+"""Statements of a campaign's runs: rates, margins, differences and drivers; tables and document."""
 
 from __future__ import annotations
 
@@ -9,22 +9,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.results.palette import label_of
-from grosmc_mj.results.result import (
-    KEPT,
-    NOT_KEPT,
-    OPEN,
-    Answer,
-    Sheet,
-)
+from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.runs import MARGIN
+from grosmc_mj.sweep.runs import COMPLETED, MARGIN
+from grosmc_mj.sweep.screening import EQUATIONS
 from grosmc_mj.sweep.statistics import (
     TAIL,
     MarginSummary,
@@ -34,32 +28,20 @@ from grosmc_mj.sweep.statistics import (
     margin_summary,
     paired,
     pass_rate,
+    rate_shown,
     runs_needed,
     sensitivities,
 )
-from grosmc_mj.sweep.store import (
-    COMPLETES,
-    DRAWN,
-    DRAWN_OVERTURNED,
-    EVERYTHING,
-    NO_PROOF,
-    OVERTURNED,
-    SCREENED,
-    Counts,
-    Folder,
-    result_of,
-    run_missing,
-)
+from grosmc_mj.sweep.store import NO_PROOF, Folder, result_of, run_missing
 
+RESULTS = "results.json"
 # The ranges are somebody's declaration, their distributions a choice.
 DESIGN = "Shares are of the declared design, not probabilities."
-# Runs that distributions, differences and drivers are computed from; counts are of all.
-MOST = 2**20
-# Name of the least margin of all requirements.
-ALL = "all requirements"
+# Names of what every run is rated by, beside the file's requirements.
+ALL, COMPLETES = "all requirements", "completes"
 # How many of the worst runs, and of those that MuJoCo overturned, are named; with which confidence
-# the share of wrong verdicts is bounded.
-WORST, CONFIDENCE = 16, 0.95
+# the share of wrong verdicts is bounded; a pass rate that one may want to state.
+WORST, CONFIDENCE, _AIM = 16, 0.95, 0.99
 
 
 class Basis(NamedTuple):
@@ -130,38 +112,24 @@ class Judges(NamedTuple):
 
         One-sided bound of Clopper and Pearson at 95 %, from the runs confirmed by chance.
         """
-        if not self.drawn:
-            return 1.0
-        test = stats.binomtest(self.drawn_overturned, self.drawn, alternative="less")
-        return float(test.proportion_ci(CONFIDENCE, method="exact").high)
+        kept = self.drawn - self.drawn_overturned
+        return 1 - rate_shown(kept, self.drawn, CONFIDENCE) if self.drawn else 1.0
 
-
-def judges_of(counts: Counts, columns: Mapping[str, Mapping[str, Array]]) -> dict[str, Judges]:
-    """Who judged, by controller; none where runs were not to be screened.
-
-    Args:
-        counts: Of all runs.
-        columns: ``id``, ``relative``, ``screened``, ``overturned`` and ``band`` of the first runs,
-            by controller.
-    """
-    judges: dict[str, Judges] = {}
-    for law, count in counts.items():
-        if SCREENED not in count:
-            continue
-        own = columns[law]
-        both = np.isfinite(own["screened"]) & np.isfinite(own["relative"])
-        difference = np.abs(own["screened"][both] - own["relative"][both])
-        judges[law] = Judges(
-            runs=count["runs"],
-            by_equations=count[SCREENED],
-            overturned=count[OVERTURNED],
-            overturned_runs=own["id"][own["overturned"] > 0][:WORST].astype(int).tolist(),
-            band=float(own["band"].max(initial=0.0)),
-            difference=float(difference.max(initial=0.0)),
-            drawn=count[DRAWN],
-            drawn_overturned=count[DRAWN_OVERTURNED],
+    @classmethod
+    def of(cls, rows: Mapping[str, Array]) -> Judges:
+        """The judges of one controller's rows."""
+        difference = np.abs(rows["screened"] - rows["relative"])
+        overturned, drawn = rows["overturned"] > 0, rows["drawn"] > 0
+        return cls(
+            len(overturned),
+            int((rows["judged_by"] == EQUATIONS).sum()),
+            int(overturned.sum()),
+            rows["id"][overturned][:WORST].astype(int).tolist(),
+            float(rows["band"].max()),
+            float(difference[np.isfinite(difference)].max(initial=0.0)),
+            int(drawn.sum()),
+            int((drawn & overturned).sum()),
         )
-    return judges
 
 
 def judged_words(judges: Mapping[str, Judges]) -> str:
@@ -196,8 +164,7 @@ class Findings:
     """The statements of a campaign.
 
     Attributes:
-        sampled: The runs that rates rest on.
-        looked_at: The runs that all else rests on.
+        sampled: The runs that they rest on.
         rates: By requirement, in words, and law.
         cut_short: Runs that ended early, by law.
         margins: By requirement, in words, and law, (n,) each.
@@ -212,7 +179,6 @@ class Findings:
     """
 
     sampled: Basis
-    looked_at: Basis
     rates: Mapping[tuple[str, str], PassRate]
     cut_short: Mapping[str, int]
     margins: Mapping[tuple[str, str], Array]
@@ -235,32 +201,35 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     Raises:
         SetupError: If there are no runs, or a part is damaged.
     """
-    specification, judged, names = campaign.specification, campaign.judged, campaign.family.names
-    counts = folder.counts(campaign, range(specification.shards))
-    if not counts:
+    specification, judged, numbers = campaign.specification, campaign.judged, campaign.family.names
+    screened = specification.screen != "none"
+    columns = folder.columns(
+        campaign,
+        [
+            *("id", "relative", "order", "status", *numbers),
+            *(MARGIN + limit.key for limit in campaign.requirements),
+            *(("judged_by", "screened", "overturned", "drawn", "band") if screened else ()),
+        ],
+        range(specification.shards),
+    )
+    if not columns:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
-    runs, last = next(iter(counts.values()))["runs"], (judged or list(campaign.laws))[-1]
-    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
+    last = (judged or list(campaign.laws))[-1]
+    runs, sampler = len(columns[last]["id"]), specification.sampler
+    sampled = Basis(runs, specification.runs, sampler, specification.seed)
     how = {"confidence": confidence, "independent": sampled.independent}
-    first = range(min(specification.shards, -(-MOST // specification.shard)))
-    screening = () if specification.screen == "none" else ("screened", "overturned", "band")
-    margin_names = [MARGIN + limit.key for limit in campaign.requirements]
-    column_names = ["id", "relative", "order", *names, *screening, *margin_names]
-    columns = folder.columns(campaign, column_names, first)
     margins = {(ALL, law): columns[law]["relative"] for law in judged}
-    rated = {(COMPLETES, law): COMPLETES for law in campaign.laws}
     for limit in campaign.requirements:
         margins |= {(limit.words, law): columns[law][MARGIN + limit.key] for law in limit.of}
-        rated |= {(limit.words, law): limit.key for law in limit.of}
-    rated |= {(ALL, law): EVERYTHING for law in judged}
+    completed = {law: int((own["status"] == COMPLETED).sum()) for law, own in columns.items()}
+    kept = {(COMPLETES, law): count for law, count in completed.items()}
+    # The requirements in the order of the file, then all of them together.
+    for key in sorted(margins, key=lambda key: key[0] == ALL):
+        kept[key] = int((margins[key] >= 0).sum())
     return Findings(
         sampled=sampled,
-        looked_at=sampled._replace(runs=len(columns[last]["id"])),
-        rates={
-            (words, law): pass_rate(counts[law][key], counts[law]["runs"], **how)
-            for (words, law), key in rated.items()
-        },
-        cut_short={law: count["runs"] - count[COMPLETES] for law, count in counts.items()},
+        rates={key: pass_rate(count, runs, **how) for key, count in kept.items()},
+        cut_short={law: runs - count for law, count in completed.items()},
         margins=margins,
         summaries={key: margin_summary(values, **how) for key, values in margins.items()},
         differences={
@@ -270,7 +239,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         },
         sensitivities={
             law: sensitivities(
-                {name: columns[law][name] for name in names}, columns[law]["relative"], **how
+                {name: columns[law][name] for name in numbers}, columns[law]["relative"], **how
             )
             for law in judged
         },
@@ -279,7 +248,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
             for law, own in columns.items()
         },
         units={ALL: "of the limit", **{limit.words: limit.unit for limit in campaign.requirements}},
-        judges=judges_of(counts, columns),
+        judges={law: Judges.of(own) for law, own in columns.items()} if screened else {},
     )
 
 
@@ -306,18 +275,20 @@ def run_campaign(
     return findings(campaign, kept, confidence)
 
 
-# A pass rate that one may want to state.
-_AIM = 0.99
+# ---- tables
 
 
 def findings_tables(campaign: Campaign, found: Findings) -> list[Table]:
     """Pass rates, margins, differences between laws, and what drives each law's margin."""
     tables = [pass_rates_table(found)]
-    if found.summaries:
-        tables.append(margins_table(found))
-    if found.differences:
-        tables.append(paired_table(found))
+    tables += [margins_table(found)] if found.summaries else []
+    tables += [paired_table(found)] if found.differences else []
     return [*tables, *(sensitivity_table(found, law) for law in campaign.judged)]
+
+
+def _sampled(found: Findings) -> str:
+    """The last lines of every legend."""
+    return f"\n{found.sampled.words}. {found.sampled.footnote}"
 
 
 def pass_rates_table(found: Findings) -> Table:
@@ -330,17 +301,17 @@ def pass_rates_table(found: Findings) -> Table:
         share = f"{min(max(100 * rate.rate, 0.01), 99.99):.2f}" if inner else f"{100 * rate.rate:g}"
         counts = (str(rate.kept), str(rate.runs), share, rate_interval(rate, "..") or "-")
         rows.append((requirement, label_of(law), *counts, str(found.cut_short.get(law, 0))))
-    interval = f"{_percent(confidence)} interval"
-    columns = numbers("kept", "of runs", "rate %", interval, "not completed")
+    level = f"{100 * confidence:.6g} %"
+    columns = numbers("kept", "of runs", "rate %", f"{level} interval", "not completed")
     return table(
         "Runs of the declared design that keep each requirement",
         [*text("requirement"), *names("law"), *columns],
         rows,
         grouped=True,
         legend="Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To "
-        f'state "at least {_percent(_AIM)} of the declared design passes" with '
-        f"{_percent(confidence)} confidence takes {runs_needed(_AIM, confidence)} independent runs "
-        f"without a failure.\n{found.sampled.words}. {found.sampled.footnote}",
+        f'state "at least {100 * _AIM:g} % of the declared design passes" with {level} confidence '
+        f"takes {runs_needed(_AIM, confidence)} independent runs without a failure."
+        f"{_sampled(found)}",
     )
 
 
@@ -348,12 +319,11 @@ def margins_table(found: Findings) -> Table:
     """The distribution of each requirement's margin."""
     rows = []
     for (requirement, law), of in found.summaries.items():
-        values = (of.least, of.cvar, of.q01, of.q05, of.median, of.q95)
+        values = map(number, (of.least, of.cvar, of.q01, of.q05, of.median, of.q95))
         mean = number(of.mean)
-        if of.mean_low is not None and of.mean_high is not None:
+        if of.mean_low is not None:
             mean += f"\n({number(of.mean_low)} ..\n{number(of.mean_high)})"
-        unit = found.units[requirement]
-        rows.append((requirement, label_of(law), *map(number, values), mean, unit))
+        rows.append((requirement, label_of(law), *values, mean, found.units[requirement]))
     headers = ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit")
     return table(
         "Margins: limit less measured",
@@ -362,7 +332,7 @@ def margins_table(found: Findings) -> Table:
         grouped=True,
         legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
         "the margins (CVaR); then quantiles, and the mean with its interval (Student's t). -inf: a "
-        f"run that did not complete.\n{found.looked_at.words}. {found.looked_at.footnote}",
+        f"run that did not complete.{_sampled(found)}",
     )
 
 
@@ -384,8 +354,7 @@ def paired_table(found: Findings) -> Table:
         grouped=True,
         legend="Only: plants on which one law alone keeps the requirement. In brackets: intervals, "
         "of the rates two of Clopper and Pearson together, of the median by order statistics; p: "
-        "McNemar's, exact. All requirements: of each law its own."
-        f"\n{found.looked_at.words}. {found.looked_at.footnote}",
+        f"McNemar's, exact. All requirements: of each law its own.{_sampled(found)}",
     )
 
 
@@ -398,7 +367,7 @@ def sensitivity_table(found: Findings, law: str) -> Table:
             rows.append((of.parameter, "-", "", "-", of.note))
             continue
         correlation = f"{of.correlation:+.2f}"
-        if of.low is not None and of.high is not None:
+        if of.low is not None:
             correlation += f" ({of.low:+.2f} .. {of.high:+.2f})"
         rows.append((of.parameter, f"{100 * of.share:.0f}", _p_value(of.p_value), correlation, ""))
     return table(
@@ -409,31 +378,20 @@ def sensitivity_table(found: Findings, law: str) -> Table:
         legend="Share of the variance of the margins' ranks that the parameter explains alone, "
         "less what chance gives; p: of a share at least as large if it explained nothing. "
         "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
-        "correlated parameters overlap."
-        f"\n{found.looked_at.words}. {found.looked_at.footnote}",
+        f"correlated parameters overlap.{_sampled(found)}",
     )
-
-
-def _percent(share: float) -> str:
-    """A share in per cent."""
-    return f"{100 * share:.6g} %"
 
 
 def _p_value(p: float | None) -> str:
     """A p-value; a dash where there is none."""
-    if p is None:
-        return "-"
-    return "< 1e-4" if p < 1e-4 else f"{p:.2g}"
+    return "-" if p is None else "< 1e-4" if p < 1e-4 else f"{p:.2g}"
 
 
-def _between(unit: str, value: float, low: float | None, high: float | None) -> str:
+def _between(unit: str, *values: float | None) -> str:
     """A signed number over its interval, if it has one; an end may be open."""
-
-    def signed(value: float) -> str:
-        return ("+" if value > 0 else "") + number(value)
-
-    interval = "" if low is None or high is None else f"\n({signed(low)} .. {signed(high)})"
-    return f"{signed(value)} {unit}".rstrip() + interval
+    signed = [("+" if value and value > 0 else "") + number(value) for value in values]
+    interval = "" if values[1] is None else f"\n({signed[1]} .. {signed[2]})"
+    return f"{signed[0]} {unit}".rstrip() + interval
 
 
 def rate_interval(rate: PassRate, between: str) -> str:
@@ -445,21 +403,25 @@ def rate_interval(rate: PassRate, between: str) -> str:
     return f"{low:.2f} {between} {high:.2f}"
 
 
-RESULTS = "results.json"
+# ---- the document
 
 
 def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
-    """What the runs say; a margin without bound is that of a run that did not complete."""
-    complete = found.sampled.runs == found.sampled.planned
+    """results.json; a margin without bound is that of a run that did not complete."""
+    sampled, complete = found.sampled, found.sampled.runs == found.sampled.planned
     # Where nothing is required, the rates are those of the runs that complete.
-    rates = [(law, rate) for (of, law), rate in found.rates.items() if of == ALL] or [
-        (law, rate) for (_, law), rate in found.rates.items()
-    ]
-    kept = all(rate.kept == rate.runs for _, rate in rates)
+    shown = ALL if campaign.judged else COMPLETES
+    rates = {law: rate for (of, law), rate in found.rates.items() if of == shown}
+    kept = all(rate.kept == rate.runs for rate in rates.values())
+    sentences = []
+    for law, rate in rates.items():
+        interval = rate_interval(rate, "to")
+        sentences.append(f"{law}: {rate.kept} of {rate.runs}" + (interval and f" [{interval} %]"))
     answer = Answer(
         question=f"Campaign {campaign.specification.name}",
         verdict=NOT_KEPT if not kept else KEPT if complete else OPEN,
-        words="; ".join(f"{law}: {_rate_words(rate)}" for law, rate in rates),
+        words="; ".join(sentences),
+        more=judged_words(found.judges),
     )
     return result_of(
         campaign,
@@ -467,10 +429,8 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
         complete=complete,
         answers=[answer],
         sheets=[Sheet(table=table) for table in findings_tables(campaign, found)],
-        sampled={**found.sampled._asdict(), "words": found.sampled.words},
-        says=found.sampled.footnote,
-        intervals=found.sampled.intervals,
-        distributions_from=found.looked_at.runs,
+        sampled={**sampled._asdict(), "words": sampled.words},
+        says=sampled.footnote,
         pass_rates=[
             {"requirement": requirement, "controller": law, **rate._asdict()}
             for (requirement, law), rate in found.rates.items()
@@ -481,13 +441,8 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
             for law, judge in found.judges.items()
         },
         margins=[
-            {
-                "requirement": requirement,
-                "controller": law,
-                "unit": found.units[requirement],
-                **summary._asdict(),
-            }
-            for (requirement, law), summary in found.summaries.items()
+            {"requirement": of, "controller": law, "unit": found.units[of], **summary._asdict()}
+            for (of, law), summary in found.summaries.items()
         ],
         differences=[
             {"requirement": requirement, "first": first, "second": second, **pair._asdict()}
@@ -500,10 +455,3 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
         worst_runs=dict(found.worst),
         units={number.name: number.unit for number in campaign.family.quantities},
     )
-
-
-def _rate_words(rate: PassRate) -> str:
-    """A share of runs with its interval."""
-    if rate.low is None or rate.high is None:
-        return f"{rate.kept} of {rate.runs}"
-    return f"{rate.kept} of {rate.runs} [{100 * rate.low:.4g} to {100 * rate.high:.4g} %]"

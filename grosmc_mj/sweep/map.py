@@ -76,7 +76,7 @@ def write_figures(
     if (pair := map_axes(campaign, found, axes)) is not None:
         shown = pass_map_of(campaign, folder, pair)
         count = len(next(iter(shown.runs.values()))[0])
-        words = f"{title}: all requirements ({found.looked_at._replace(runs=count).words})"
+        words = f"{title}: all requirements ({found.sampled._replace(runs=count).words})"
         figures["map"] = draw_pass_map(shown, words, found.sampled.footnote)
     if reached:
         plants = max(search.plants for search in reached)

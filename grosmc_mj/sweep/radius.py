@@ -29,6 +29,7 @@ from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import screened_search
 from grosmc_mj.sweep.store import NO_PROOF, result_of
 
+RADIUS = "radius.json"
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
 # At each scale: plants at most, and corners of the family among them.
@@ -177,8 +178,7 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
         scales = (search.found, fails_at, promised.scale, search.stayed, leaves_at)
         plant = campaign.words(outside.values) if outside else "none was found"
         rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
-        band = promised.band
-        bound = "" if band is None else f"; there |s| - |s(0)| is at most {band:.3g}"
+        bound = f"; there |s| - |s(0)| is at most {promised.band:.3g}" if promised.band else ""
         notes.append(f"{law}: {promised.note}{bound}.")
     headers = (
         "no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat",
@@ -197,18 +197,19 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
 
 def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, Any]:
     """How far each controller keeps what is required."""
-    charts = [_radius_chart(search) for search in found]
-    reached = [f"{search.controller}: no failure up to {search.found:.3g}" for search in found]
-    question = f"How far the uncertainty of {campaign.specification.name} may grow"
+    reached = {f"{search.controller}: no failure up to": search.found for search in found}
     return result_of(
         campaign,
         "radius",
-        answers=[Answer(question=question, verdict=MEASURED, words="; ".join(reached))],
-        sheets=[Sheet(table=radius_table(campaign, found), charts=charts)],
-        values=[
-            Value(name=f"{search.controller}: no failure up to", value=search.found, better=1)
-            for search in found
+        answers=[
+            Answer(
+                question=f"How far the uncertainty of {campaign.specification.name} may grow",
+                verdict=MEASURED,
+                words="; ".join(f"{name} {scale:.3g}" for name, scale in reached.items()),
+            )
         ],
+        sheets=[Sheet(table=radius_table(campaign, found), charts=list(map(_chart, found)))],
+        values=[Value(name=name, value=scale, better=1) for name, scale in reached.items()],
         says=NO_PROOF,
         controllers={
             search.controller: {
@@ -239,7 +240,7 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
     )
 
 
-def _radius_chart(search: Radius) -> LineChart:
+def _chart(search: Radius) -> LineChart:
     """Least margin over the scale of the uncertainty."""
     looks = search.looks
     series = Series(
@@ -257,32 +258,29 @@ def _radius_chart(search: Radius) -> LineChart:
     )
 
 
-_MAP_SIZE, _RADIUS_SIZE = (4.4, 4.1), (5.2, 4.9)
-
-
 def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
-    """A panel a law, a mark a scale that was tried."""
+    """A panel a law: the least margin at each scale that was tried, and the radii."""
     styles = law_styles(search.controller for search in searches)
-    with board(len(searches), _RADIUS_SIZE, title, NO_PROOF) as drawn:
+    with board(len(searches), (5.2, 4.9), title, NO_PROOF) as drawn:
         for axes, search in zip(drawn.panels, searches, strict=True):
-            style = styles[search.controller]
+            style, chart = styles[search.controller], _chart(search)
             _draw_looks(axes, search, style.colour)
-            _draw_radii(axes, search, style.colour)
+            for at, label, line in _radii(search):
+                shown: dict[str, Any] = {"color": style.colour, **line} if at else {"ls": ""}
+                ends = ([at, at], axes.get_ylim()) if at else ([], [])
+                axes.plot(*ends, label=in_lines(label, 52), zorder=3, **shown)
             axes.set_title(in_lines(style.label), pad=18)
-            axes.set_xlabel("scale of the uncertainty (1 as configured)")
-            axes.set_ylabel("least margin found over its limit")
+            axes.set(xlabel=chart.titles[0], ylabel=chart.titles[1])
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
     return drawn.figure
 
 
 def _draw_looks(axes: Axes, search: Radius, colour: str) -> None:
     """The least margin at each scale."""
-    scales = np.array([look.scale for look in search.looks])
-    least = np.array([look.least for look in search.looks])
-    diverged = least == -np.inf
-    low, high = (end(least[~diverged], initial=0.0) for end in (np.min, np.max))
-    height = (high - low) or 1.0
-    low, high = low - 0.12 * height, high + 0.12 * height
+    scales, least = np.array([(look.scale, look.least) for look in search.looks]).T
+    diverged, finite_ones = least == -np.inf, np.append(least[least > -np.inf], 0.0)
+    room = 0.12 * (np.ptp(finite_ones) or 1.0)
+    low, high = finite_ones.min() - room, finite_ones.max() + room
     # A run that did not complete has no least margin: its mark lies on the lower edge.
     shown = np.where(diverged, low, least)
     axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
@@ -302,20 +300,20 @@ def _draw_looks(axes: Axes, search: Radius, colour: str) -> None:
     axes.set_xlim(0, 1.06 * max(scales[-1], search.promised.scale or 0.0) or 1.0)
 
 
-def _draw_radii(axes: Axes, search: Radius, colour: str) -> None:
-    """The radii as lines, in words in the legend."""
-    promised, note = search.promised.scale, search.promised.note
-    reached = f"no failure found up to {search.found:.3g}"
-    promises = "premises promise no radius" if promised is None else f"promised: {promised:.3g}"
+def _radii(search: Radius) -> list[tuple[float | None, str, dict[str, Any]]]:
+    """Scale, words and line of each radius."""
+    promised, left = search.promised, search.left
+    promises = "premises promise no radius"
+    if promised.scale is not None:
+        promises = f"promised: {promised.scale:.3g}"
     kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
-    if search.left is not None:
-        kept += f", leaves it at {search.left.scale:.3g}"
-    for at, label, line in (
-        (search.found, reached, {"lw": 2.2, "color": colour}),
-        (promised, f"{promises}: {note}", {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))}),
-        (search.stayed, kept, {"lw": 1.6, "color": OPTIMUM, "ls": ":"}),
-    ):
-        if at:
-            axes.axvline(at, zorder=3, label=in_lines(label, 52), **line)
-        elif line["lw"] != 1.6:
-            axes.plot([], [], ls="", label=in_lines(label, 52))
+    kept += f", leaves it at {left.scale:.3g}" if left else ""
+    radii: list[tuple[float | None, str, dict[str, Any]]] = [
+        (search.found, f"no failure found up to {search.found:.3g}", {"lw": 2.2}),
+        (
+            promised.scale,
+            f"{promises}: {promised.note}",
+            {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))},
+        ),
+    ]
+    return radii + ([(search.stayed, kept, {"color": OPTIMUM, "ls": ":"})] if search.stayed else [])

@@ -1,4 +1,4 @@
-"""manifest.json: all that decides a campaign's results, so that anybody can go on with it."""
+"""The folder of a campaign: its manifest, its parts, each complete or absent, and their work."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import hashlib
 import json
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -32,15 +32,30 @@ from grosmc_mj.results.result import result
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.family import SCREENING
 from grosmc_mj.sweep.runs import MARGIN, Outcomes
-from grosmc_mj.sweep.screening import EQUATIONS, UNSCREENED, Screening, screened_all, screening_of
+from grosmc_mj.sweep.screening import UNSCREENED, Screening, screened_all, screening_of
 from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"
 NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
 # Of manifests and parts.
 SCHEMA_VERSION = 3
-# What the hash is of: where a case file lies does not decide.
+# The content of the hash: the place of a case file does not decide.
 _HASHED = ("configuration", "model", "sources", "versions")
+# A file system that has no locks.
+_NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
+_OURS, _CHECKSUM = b"grosmc_mj", "sha256"
+# Number of runs done and, by law, the share of these that keeps everything so far.
+Advance = Callable[[int, dict[str, float]], object]
+# User modules that this process has imported for campaigns: folder and hash of each.
+_imported: dict[str, tuple[str, str]] = {}
+
+
+def result_of(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
+    """A result of a campaign, with its configuration and seed."""
+    return result(kind, configuration_of(campaign), seed=campaign.specification.seed, **fields)
+
+
+# ---- the manifest: all that decides the results
 
 
 def manifest_of(campaign: Campaign) -> dict[str, Any]:
@@ -71,7 +86,7 @@ def configuration_of(campaign: Campaign) -> dict[str, Any]:
         "shard": specification.shard,
         **({"screen": specification.screen} if specification.screen != "none" else {}),
         "controllers": list(campaign.laws),
-        "control_period": campaign.control_period,
+        "control_period": campaign.experiment.settings.control_period,
         "duration": campaign.duration,
         "uncertain": {
             number.name: f"{number.distribution.words}; nominal {number.nominal:.17g}; "
@@ -91,27 +106,50 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     if not path.is_file():
         raise SetupError(f"{folder} is no campaign: it has no {MANIFEST}")
-    content: dict[str, Any] = {}
-    try:
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         content = json.loads(path.read_text(encoding="utf-8"))
-        kept = content["hash"] == _hash({key: content[key] for key in _HASHED})
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        kept = False
-    if not kept or not isinstance(content.get("question"), dict):
-        raise SetupError(
-            f"{path} is damaged, or of another version of grosmc_mj: its hash is not that of its "
-            "content; run the campaign again in another folder"
-        )
-    return content
+        same = content["hash"] == _hash({key: content[key] for key in _HASHED})
+        if same and isinstance(content["question"], dict):
+            return content
+    raise SetupError(
+        f"{path} is damaged, or of another version of grosmc_mj: its hash is not that of its "
+        "content; run the campaign again in another folder"
+    )
 
 
-def differences(there: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What of two manifests decides their results and is not the same, a line each.
+def _hash(content: Mapping[str, Any]) -> str:
+    """SHA-256 of plain values, whatever their order."""
+    versioned = {"schema_version": SCHEMA_VERSION, **content}
+    text = json.dumps(versioned, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
-    Versions are left out, see ``outdated``; with others, the bytes of a model say nothing.
-    """
-    model = () if outdated(there, now) else ("model",)
-    return _changed(there, now, ("configuration", *model, "sources"))
+
+def _sources(specification: Specification) -> dict[str, str]:
+    """SHA-256 of the user's own Python that the case file would import, by file."""
+    return sources(named_in(specification.file), Path(specification.folder))
+
+
+def _changed(there: Mapping[str, Any], now: Mapping[str, Any], *keys: str) -> str:
+    """The leaves under some keys that are not the same."""
+    old, new = (dict(flat({key: side.get(key) for key in keys})) for side in (there, now))
+    return "; ".join(
+        f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "
+        f"{new.get(key, 'nothing')} now"
+        for key in dict.fromkeys([*old, *new])
+        if old.get(key) != new.get(key)
+    )
+
+
+def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """The leaves of nested plain values, each with its path."""
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from flat(item, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, (list, tuple)):
+        for index, item in enumerate(value):
+            yield from flat(item, f"{key} {index + 1}")
+    else:
+        yield key, value
 
 
 def refuse_other_code(folder: Path, there: Mapping[str, Any], specification: Specification) -> None:
@@ -125,66 +163,31 @@ def refuse_other_code(folder: Path, there: Mapping[str, Any], specification: Spe
     Raises:
         ArgumentError: If a file is not the recorded one, or there are more or fewer.
     """
-    if changed := _changed(there, {"sources": _sources(specification)}, ("sources",)):
-        raise ArgumentError(f"{folder} was begun with other Python: {'; '.join(changed)}")
+    if changed := _changed(there, {"sources": _sources(specification)}, "sources"):
+        raise ArgumentError(f"{folder} was begun with other Python: {changed}")
 
 
-def outdated(there: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """The packages that have another version now, a line each: bits may differ."""
-    return _changed(there, now, ("versions",))
+def _compared(
+    there: Mapping[str, Any], campaign: Campaign, refusal: Callable[[str], str]
+) -> list[str]:
+    """The packages that have other versions now; with these, the bytes of a model say nothing.
+
+    Raises:
+        ArgumentError: If anything else that decides the results is not the same.
+    """
+    now = manifest_of(campaign)
+    others = _changed(there, now, "versions")
+    if changed := _changed(there, now, "configuration", *([] if others else ["model"]), "sources"):
+        raise ArgumentError(refusal(changed))
+    return others.split("; ") if others else []
 
 
-def _changed(there: Mapping[str, Any], now: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
-    """The leaves under some keys that are not the same, a line each."""
-    old, new = (dict(flat({key: side.get(key) for key in keys})) for side in (there, now))
-    return [
-        f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "
-        f"{new.get(key, 'nothing')} now"
-        for key in dict.fromkeys([*old, *new])
-        if old.get(key) != new.get(key)
-    ]
-
-
-def _sources(specification: Specification) -> dict[str, str]:
-    """SHA-256 of the user's own Python that the case file would import, by file."""
-    return sources(named_in(specification.file), Path(specification.folder))
-
-
-def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """The leaves of nested plain values, with the way to them."""
-    if isinstance(value, Mapping):
-        for name, item in value.items():
-            yield from flat(item, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, (list, tuple)):
-        for index, item in enumerate(value):
-            yield from flat(item, f"{key} {index + 1}")
-    else:
-        yield key, value
-
-
-def _hash(content: Mapping[str, Any]) -> str:
-    """SHA-256 of plain values, whatever their order."""
-    versioned = {"schema_version": SCHEMA_VERSION, **content}
-    text = json.dumps(versioned, sort_keys=True, ensure_ascii=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-# A file system that has no locks.
-_NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
-_OURS, _CHECKSUM = b"grosmc_mj", "sha256"
-# What is asked of every run, beside the file's requirements; the count of runs that keep all.
-COMPLETES, EVERYTHING = "completes", "everything"
-# The counts of runs that equations judged, of those of which MuJoCo overturned a verdict of theirs,
-# of those that were confirmed by chance alone, and of these that were overturned.
-SCREENED, OVERTURNED = "screened", "overturned"
-DRAWN, DRAWN_OVERTURNED = "drawn", "drawn and overturned"
-# Counts by controller and requirement.
-Counts = Mapping[str, Mapping[str, int]]
+# ---- the parts
 
 
 @dataclass(frozen=True)
 class Folder:
-    """Where a campaign is kept.
+    """The folder of a campaign.
 
     Attributes:
         path: The folder.
@@ -192,22 +195,14 @@ class Folder:
 
     path: Path
 
-    @property
-    def parts(self) -> Path:
-        """Where the parts are."""
-        return self.path / "parts"
-
     def part(self, index: int) -> Path:
         """The file of a part."""
-        return self.parts / f"part-{index:07d}.parquet"
-
-    def done(self, index: int) -> bool:
-        """Whether a part is there."""
-        return self.part(index).exists()
+        return self.path / "parts" / f"part-{index:07d}.parquet"
 
     def missing(self, campaign: Campaign) -> list[int]:
         """Numbers of the parts that are not there."""
-        return [index for index in range(campaign.specification.shards) if not self.done(index)]
+        numbers = range(campaign.specification.shards)
+        return [index for index in numbers if not self.part(index).exists()]
 
     @property
     def begun(self) -> bool:
@@ -241,32 +236,31 @@ class Folder:
             yield
 
     def begin(self, campaign: Campaign, *, resume: bool) -> list[str]:
-        """Write the manifest, or find the same one there and verify all parts that are there.
+        """Write the manifest, or compare it with the one there and verify all parts that are there.
 
         Returns:
-            What to know of a complete campaign of other versions, a line each.
+            A line about each package of a complete campaign that has another version now.
 
         Raises:
             ArgumentError: If the folder has another campaign, has this one and ``resume`` is not
                 wanted, or parts are missing that other versions would have.
             SetupError: If it cannot be written, or parts there are not those of the campaign.
         """
-        manifest, some = manifest_of(campaign), any(self.parts.glob("part-*.parquet"))
+        some = any(self.part(0).parent.glob("part-*.parquet"))
         if not self.begun:
             if some:
                 raise ArgumentError(f"{self.path} has parts without a {MANIFEST}: take another")
-            write_json(self.path / MANIFEST, manifest)
+            write_json(self.path / MANIFEST, manifest_of(campaign))
             return []
-        there = read_manifest(self.path)
-        if changed := differences(there, manifest):
-            raise ArgumentError(
-                f"{self.path} has another campaign: {'; '.join(changed)}; take another --out"
-            )
+        others = _compared(
+            read_manifest(self.path),
+            campaign,
+            lambda changed: f"{self.path} has another campaign: {changed}; take another --out",
+        )
         if not resume and some:
             raise ArgumentError(
                 f"{self.path} has this campaign already: --resume runs what is missing of it"
             )
-        others = outdated(there, manifest)
         if others and self.missing(campaign):
             raise ArgumentError(
                 f"{self.path} is not complete and was begun with other versions: "
@@ -274,8 +268,8 @@ class Folder:
             )
         for _ in self.tables(campaign, range(campaign.specification.shards)):
             pass
-        # What a part is called until it is whole.
-        for left in self.parts.glob(".part-*.part.parquet"):
+        # Files of parts that were never finished.
+        for left in self.part(0).parent.glob(".part-*.part.parquet"):
             with contextlib.suppress(OSError):
                 left.unlink()
         return [f"{line}: the campaign was run with that" for line in others]
@@ -299,67 +293,54 @@ class Folder:
             SetupError: If a part is damaged, or is of another campaign or place.
         """
         bound_to = read_manifest(self.path)["hash"]
-        for index in filter(self.done, indices):
-            yield _verified(self.part(index), campaign, bound_to, index)
-
-    def counts(self, campaign: Campaign, indices: Iterable[int]) -> Counts:
-        """Runs, and of them those that keep each requirement, by controller, over some parts."""
-        total: dict[str, dict[str, int]] = {}
-        for table in self.tables(campaign, indices):
-            add(total, counts_of(campaign, table))
-        return total
+        for index in indices:
+            if self.part(index).exists():
+                yield _verified(self.part(index), campaign, bound_to, index)
 
     def columns(
         self, campaign: Campaign, names: Sequence[str], indices: Iterable[int]
     ) -> dict[str, dict[str, Array]]:
-        """Columns of some parts by controller and name, in the order of the runs.
+        """Columns of some parts by controller and name, in the order of the runs; {} for no part.
 
         Raises:
-            SetupError: If a part is not what it must be.
+            SetupError: If a part is not as it must be.
         """
         tables = [table.select(list(names)) for table in self.tables(campaign, indices)]
         columns: dict[str, dict[str, Array]] = {}
-        for law in campaign.laws:
-            own = [rows_of(campaign, table, law) for table in tables]
-            columns[law] = {
-                name: np.concatenate([rows[name].to_numpy() for rows in own] or [np.zeros(0)])
-                for name in names
-            }
+        for law in campaign.laws if tables else ():
+            own = pa.concat_tables([_rows_of(campaign, table, law) for table in tables])
+            columns[law] = {name: own[name].to_numpy() for name in names}
         return columns
 
 
-def add(total: dict[str, dict[str, int]], more: Counts) -> None:
-    """Add counts to counts."""
-    for controller, counts in more.items():
-        own = total.setdefault(controller, {})
-        for key, count in counts.items():
-            own[key] = own.get(key, 0) + count
+def _rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
+    """One controller's rows of a part."""
+    runs = table.num_rows // len(campaign.laws)
+    return table.slice(list(campaign.laws).index(controller) * runs, runs)
 
 
 def part_table(campaign: Campaign, bound_to: str, index: int, runs: Sequence[Outcomes]) -> pa.Table:
     """The rows of a part: the runs of one controller after those of another.
 
-    The schema's metadata has what binds them to their campaign, and nothing of when or where they
-    were made, so that a part that is run again is the same to the last byte.
+    The schema's metadata binds them to their campaign and has nothing of when or where they were
+    computed, so that a part that is run again is the same to the last byte.
 
     Args:
         campaign: The campaign.
         bound_to: Hash of its manifest.
         index: Number of the part.
-        runs: What became of its plants, by controller.
+        runs: Outcomes of its plants, by controller.
     """
-    schema, tables = _schema(campaign), []
-    for outcome in runs:
-        arrays = [pa.array(outcome[field.name], field.type) for field in schema]
-        tables.append(pa.Table.from_arrays(arrays, schema=schema))
-    table = pa.concat_tables(tables)
+    schema = _schema(campaign)
+    rows = [[pa.array(of[field.name], field.type) for field in schema] for of in runs]
+    table = pa.concat_tables([pa.Table.from_arrays(arrays, schema=schema) for arrays in rows])
     noted = _noted(campaign, bound_to, index)
     checked = {**noted, _CHECKSUM: checksum(table, noted)}
     return table.replace_schema_metadata({_OURS: json.dumps(checked)})
 
 
 def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
-    """SHA-256 of all rows, of the columns' names, types and units, and of what is noted of them.
+    """SHA-256 of all rows, of the columns' names, types and units, and of the notes.
 
     It is taken of the values as 64-bit little-endian numbers and as JSON texts, so that neither
     compression nor the layout of a file has a say; every NaN is the same one.
@@ -382,34 +363,8 @@ def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
     return digest.hexdigest()
 
 
-def counts_of(campaign: Campaign, table: pa.Table) -> dict[str, dict[str, int]]:
-    """Runs, and of them those that keep each requirement, by controller, from a part's rows."""
-    counts: dict[str, dict[str, int]] = {}
-    for law in campaign.laws:
-        rows = rows_of(campaign, table, law)
-        masks = {
-            EVERYTHING: rows["relative"].to_numpy() >= 0,
-            COMPLETES: np.array(rows["status"].to_pylist()) == "completed",
-        }
-        for limit in campaign.limits_of(law):
-            masks[limit.key] = rows[MARGIN + limit.key].to_numpy() >= 0
-        if "judged_by" in rows.column_names:
-            drawn, overturned = (rows[name].to_numpy() > 0 for name in (DRAWN, OVERTURNED))
-            masks[SCREENED] = np.array(rows["judged_by"].to_pylist()) == EQUATIONS
-            masks |= {DRAWN: drawn, OVERTURNED: overturned, DRAWN_OVERTURNED: drawn & overturned}
-        counts[law] = {key: int(mask.sum()) for key, mask in masks.items()}
-        counts[law]["runs"] = rows.num_rows
-    return counts
-
-
-def rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
-    """One controller's rows of a part."""
-    runs = table.num_rows // len(campaign.laws)
-    return table.slice(list(campaign.laws).index(controller) * runs, runs)
-
-
 def _noted(campaign: Campaign, bound_to: str, index: int) -> dict[str, Any]:
-    """What a part says of itself."""
+    """The campaign and the place of a part."""
     ids = campaign.specification.ids(index)
     return {
         "schema_version": SCHEMA_VERSION,
@@ -433,25 +388,21 @@ def _schema(campaign: Campaign) -> pa.Schema:
     columns |= {name: units.get(unit, unit) for name, unit in METRICS.items()}
     columns |= {MARGIN + limit.key: limit.unit for limit in campaign.requirements}
     columns |= {"relative": "1", "order": "1", "status": "", "ended": "s"}
-    if campaign.specification.screen != "none":
-        columns |= SCREENING
-    kinds: dict[str, pa.DataType] = dict.fromkeys(
-        ("controller", "status", "judged_by"), pa.string()
-    )
-    kinds |= dict.fromkeys(("id", OVERTURNED, DRAWN), pa.int64())
-    fields = [
+    columns |= SCREENING if campaign.specification.screen != "none" else {}
+    kinds: dict[str, Any] = dict.fromkeys(("controller", "status", "judged_by"), pa.string())
+    kinds |= dict.fromkeys(("id", "overturned", "drawn"), pa.int64())
+    return pa.schema(
         pa.field(name, kinds.get(name, pa.float64()), metadata={"unit": unit})
         for name, unit in columns.items()
-    ]
-    return pa.schema(fields)
+    )
 
 
 def _verified(file: Path, campaign: Campaign, bound_to: str, index: int) -> pa.Table:
     """The rows of a part, once they are known to be those of this part of this campaign."""
     noted = _noted(campaign, bound_to, index)
-    # Of files alone: a pipe would never end.
     refused = (OSError, pa.ArrowException, ValueError, TypeError, LookupError)
     with contextlib.suppress(*refused), np.errstate(invalid="ignore"):
+        # Of files alone: a pipe would never end.
         table = pq.ParquetFile(file).read() if file.is_file() else pa.table({})
         written = json.loads((table.schema.metadata or {})[_OURS])
         if written == {**noted, _CHECKSUM: checksum(table, noted)}:
@@ -462,10 +413,7 @@ def _verified(file: Path, campaign: Campaign, bound_to: str, index: int) -> pa.T
     )
 
 
-# Number of runs done and, by law, the share of these that keeps everything so far.
-Advance = Callable[[int, dict[str, float]], object]
-# What this process has imported of the users' own Python for campaigns: of each module, which.
-_imported: dict[str, tuple[str, str]] = {}
+# ---- the work
 
 
 def run_missing(
@@ -476,7 +424,7 @@ def run_missing(
     Args:
         campaign: The campaign.
         folder: Where it is kept, begun.
-        executor: What runs them.
+        executor: Runs them.
         notice: Called with a line about each worker that died, and why nothing is screened.
         advance: Called after each part.
 
@@ -486,24 +434,23 @@ def run_missing(
     Raises:
         GrosmcError: If a part cannot be run; those that were finished stay.
     """
-    parts, total, again = folder.missing(campaign), dict[str, dict[str, int]](), 0
+    parts, total, runs, again = folder.missing(campaign), Counter[str](), 0, 0
     screening = screening_of(campaign) if parts else UNSCREENED
     if screening.why_not:
         notice(f"No run is screened by equations: {screening.why_not}.")
     work = shards_of(campaign, folder, executor.threads_per_worker, screening)
-    with closing(executor.run(work, parts, notice)) as done:
+    with contextlib.closing(executor.run(work, parts, notice)) as done:
         for finished in done:
             again += finished.attempts - 1
-            add(total, finished.report)
-            rates = {law: counts[EVERYTHING] / counts["runs"] for law, counts in total.items()}
-            runs = len(campaign.specification.ids(finished.index))
-            advance(runs * len(campaign.laws), rates)
+            count = len(campaign.specification.ids(finished.index))
+            total, runs = total + Counter(finished.report), runs + count
+            advance(count * len(campaign.laws), {law: total[law] / runs for law in campaign.laws})
     return again
 
 
 def shards_of(
     campaign: Campaign, folder: Folder, threads: int, screening: Screening = UNSCREENED
-) -> partial[Counts]:
+) -> partial[dict[str, int]]:
     """The work of each part of a campaign that was begun in a folder, by its number.
 
     Args:
@@ -524,28 +471,29 @@ def run_shard(
     index: int,
     threads: int = 0,
     screening: Screening = UNSCREENED,
-) -> Counts:
+) -> dict[str, int]:
     """Run a part and write it.
 
     Args:
         folder: Of the campaign, under the same path for all that work at it.
-        specification: What the campaign was begun with: nothing is built from what the folder says.
+        specification: Of the campaign: nothing is built from the folder's content.
         bound_to: Hash of its manifest, which the folder's must have.
         index: Number of the part.
         threads: 0 for all cores.
         screening: How far equations may judge its runs.
 
     Returns:
-        By controller: runs, and those that keep each requirement.
+        How many runs keep everything, by controller.
 
     Raises:
         GrosmcError: If the folder is not that of the campaign, or cannot be written.
     """
     campaign = open_campaign(folder, specification, bound_to)
     runs = screened_all(campaign, screening, campaign.laws, specification.ids(index), threads)
-    table = part_table(campaign, bound_to, index, runs)
-    Folder(Path(folder)).write(index, table)
-    return counts_of(campaign, table)
+    Folder(Path(folder)).write(index, part_table(campaign, bound_to, index, runs))
+    return {
+        law: int((of["relative"] >= 0).sum()) for law, of in zip(campaign.laws, runs, strict=True)
+    }
 
 
 def open_campaign(folder: str, specification: Specification, bound_to: str) -> Campaign:
@@ -572,15 +520,15 @@ def _opened(folder: str, specification: Specification, _bound_to: str) -> Campai
 def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign, list[str]]:
     """The campaign that a folder describes, to read its runs.
 
-    The folder is data: no Python is imported but what lies beside the case file that the user
-    names, and that only if it is what the folder has recorded.
+    The folder is data: no Python is imported but that beside the case file that the user names,
+    and that only if it is the recorded one.
 
     Args:
         folder: Of the campaign.
-        case_file: Where its case file is now, with what it names.
+        case_file: Where its case file is now, with the files that it names.
 
     Returns:
-        The campaign, and what to know of one of other versions, a line each.
+        The campaign, and a line about each package that has another version now.
 
     Raises:
         GrosmcError: If there is none, or its configuration cannot be had here.
@@ -606,7 +554,7 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
 def _built(
     folder: Path, manifest: Mapping[str, Any], specification: Specification
 ) -> tuple[Campaign, list[str]]:
-    """The campaign of a specification, if it is the manifest's, and what has other versions now."""
+    """The campaign of a specification, if it is the manifest's, and packages of other versions."""
     refuse_other_code(folder, manifest, specification)
     # A worker may have kept modules of these names from another campaign of its life.
     for file, content in manifest["sources"].items():
@@ -616,12 +564,5 @@ def _built(
             sys.modules.pop(name, None)
             _imported[name] = source
     campaign = Campaign.of(specification)
-    now = manifest_of(campaign)
-    if changed := differences(manifest, now):
-        raise ArgumentError(f"{folder} was begun with something else: {'; '.join(changed)}")
-    return campaign, outdated(manifest, now)
-
-
-def result_of(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
-    """A result of a campaign, with its configuration and seed."""
-    return result(kind, configuration_of(campaign), seed=campaign.specification.seed, **fields)
+    refusal = f"{folder} was begun with something else: {{}}".format
+    return campaign, _compared(manifest, campaign, refusal)

@@ -26,6 +26,7 @@ from grosmc_mj.sweep.family import inside
 from grosmc_mj.sweep.screening import evaluate, screened_search
 from grosmc_mj.sweep.store import NO_PROOF, result_of
 
+WORST = "worst.json"
 # Plants of one generation, and how many of the first one are the worst samples and corners: what
 # leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
 _POPULATION, _SAMPLES, _CORNERS = 64, 16, 16

@@ -153,7 +153,7 @@ def test_python_that_is_not_the_recorded_one_is_not_imported(
     with pytest.raises(GrosmcError, match="other Python"):
         run_shard(str(folder.path), asked, manifest["hash"], 1)
     assert not trace.exists()
-    assert not folder.done(1)
+    assert not folder.part(1).exists()
 
 
 def test_a_case_file_of_another_text_is_refused(folder: Folder, file: Path, trace: Path) -> None:
@@ -182,7 +182,7 @@ def test_a_worker_builds_what_it_was_given_and_not_what_the_folder_says(
     bound_to = with_question(folder, **foreign)
     run_shard(str(folder.path), asked.specification, bound_to, 0)
     assert not trace.exists()
-    assert folder.done(0)
+    assert folder.part(0).exists()
     # One that is bound to itself is another campaign.
     manifest = json.loads((folder.path / "manifest.json").read_text())
     manifest["sources"] = _sources(specification(**foreign))

@@ -43,7 +43,6 @@ def found(sampler: str = "random") -> Findings:
     }
     return Findings(
         sampled=basis,
-        looked_at=basis,
         rates={
             (SETTLES, "grosmc"): pass_rate(512, 512, **of),
             (SETTLES, "lqr"): pass_rate(5119, 5120, **of),

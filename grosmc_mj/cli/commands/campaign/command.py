@@ -171,12 +171,12 @@ class CampaignCommand(Command):
         if self.worst:
             plants = self._worst(campaign, found)
             document = campaigns.worst.worst_document(campaign, plants)
-            files.append(_written(folder, campaigns.replay.WORST, document))
+            files.append(_written(folder, campaigns.worst.WORST, document))
             answer.say_worst(console, campaign, plants, full=self.verbose)
         if self.radius:
             reached = self._radii(campaign)
             document = campaigns.radius.radius_document(campaign, reached)
-            files.append(_written(folder, campaigns.replay.RADIUS, document))
+            files.append(_written(folder, campaigns.radius.RADIUS, document))
             answer.say_radius(console, campaign, reached, full=self.verbose)
         if self.figures:
             files += campaigns.map.write_figures(campaign, folder, found, reached, self.axes)
