@@ -1,4 +1,4 @@
-"""The largest factor up to which something passes."""
+"""A campaign, ready to run: its specification, its family, its laws and their requirements."""
 
 from __future__ import annotations
 
@@ -280,10 +280,10 @@ class Campaign:
         for limit in self.requirements:
             if limit.of_initial_error:
                 require_initial_error(limit.kind, self.laws[limit.of[0]], nominal.case.x0)
-        for owners, build in ((_OF_MACHINES, self._build_machine), (LOOP_PARTS, self._build_loops)):
+        for owners in (_OF_MACHINES, LOOP_PARTS):
             for values in _extremes(self.family, owners):
                 try:
-                    build(values)
+                    self._build(values, owners)
                 except GrosmcError as error:
                     pairs = zip(self.family.quantities, values.tolist(), strict=True)
                     words = [of.words(value) for of, value in pairs if of.owner in owners]
@@ -299,7 +299,7 @@ class Campaign:
                 law,
                 self.experiment.case.x0,
                 duration=self.duration,
-                control_period=self.control_period,
+                control_period=settings.control_period,
                 timestep=settings.timestep,
                 disturbances=self.experiment.case.disturbances,
                 record=False,
@@ -312,18 +312,15 @@ class Campaign:
                         f"{last:g} s"
                     )
 
-    def _build_machine(self, values: Array) -> None:
-        """Compile a machine, which shows whether it can be simulated."""
-        if isinstance(self.plant, MujocoPlant) and self.plant.parts:
-            plant: Any = self.plant_sample(values).plant(self.plant)
+    def _build(self, values: Array, owners: Collection[str]) -> None:
+        """Compile a machine and put every law into its loop: shows whether there is such a run."""
+        sample = self.plant_sample(values)
+        if owners is LOOP_PARTS and sample.case.loop is not None:
+            for law in self.laws.values():
+                relooped(law, sample.case.loop)
+        if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
+            plant: Any = sample.plant(self.plant)
             _ = plant.undrawn_model
-
-    def _build_loops(self, values: Array) -> None:
-        """Put every law into a loop with these values."""
-        loop = self.plant_sample(values).case.loop
-        for law in self.laws.values():
-            if loop is not None:
-                relooped(law, loop)
 
     @property
     def judged(self) -> list[str]:
@@ -348,17 +345,12 @@ class Campaign:
         def can_be(scale: float) -> bool:
             try:
                 for values in _extremes(self.family, _OF_MACHINES):
-                    self._build_machine(self.family.scaled(values, scale))
+                    self._build(self.family.scaled(values, scale), _OF_MACHINES)
             except GrosmcError:
                 return False
             return True
 
         return largest_passing(can_be, min(1.0, most), most, most, _FINE)[0]
-
-    @property
-    def control_period(self) -> float:
-        """Time between two samples of the laws [s]."""
-        return self.experiment.settings.control_period
 
     @property
     def duration(self) -> float:

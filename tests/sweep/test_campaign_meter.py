@@ -172,10 +172,16 @@ def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: 
             law,
             case.x0,
             duration=asked.duration,
-            control_period=asked.control_period,
-            timestep=asked.control_period,
+            control_period=asked.experiment.settings.control_period,
+            timestep=asked.experiment.settings.control_period,
             disturbances=case.disturbances,
-            meters=meters_of(law, asked.control_period, Windows((0.5,)), case.onset, costs=True),
+            meters=meters_of(
+                law,
+                asked.experiment.settings.control_period,
+                Windows((0.5,)),
+                case.onset,
+                costs=True,
+            ),
         )
         running = np.atleast_1d(found.meters)
         samples = replace(found, time=found.time[:-1], state=found.state[:-1])

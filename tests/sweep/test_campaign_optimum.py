@@ -34,7 +34,7 @@ def test_the_optimum_moves_on_by_the_time_between_two_comparisons(period: str, l
             asked.laws[law],
             sample.case.x0,
             duration=SECONDS,
-            control_period=asked.control_period,
+            control_period=asked.experiment.settings.control_period,
             timestep=H,
         )
         deviation = compare_with_optimum(run, asked.laws[law]).deviation[:-1]
