@@ -128,9 +128,6 @@ def test_a_part_of_another_seed_or_place(copy: Folder, other: Folder) -> None:
 def test_half_a_part(copy: Folder, cut: int) -> None:
     copy.part(1).write_bytes(copy.part(1).read_bytes()[:cut])
     refused(copy, 1)
-
-
-def test_a_folder_in_the_place_of_a_part(copy: Folder) -> None:
     copy.part(1).unlink()
     copy.part(1).mkdir()
     refused(copy, 1)

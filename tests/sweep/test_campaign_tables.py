@@ -86,19 +86,14 @@ def test_every_table_is_narrow_and_says_what_was_sampled(sampler: str) -> None:
             assert not any(" .. " in cell or "< 1e-4" in cell for cell in cells)
 
 
-def test_pass_rates_are_shown_with_their_intervals() -> None:
-    rows = pass_rates_table(found()).rows
-    assert rows[0] == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
+def test_numbers_are_shown_with_their_intervals_and_units() -> None:
+    rates, margins, pairs, drivers = tables()
+    assert rates.rows[0] == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
     # Only all of the runs are 100 %, and only none 0 %.
-    assert [row[4] for row in rows[1:]] == ["99.98", "99.99", "0"]
-    assert [row[6] for row in rows] == ["0", "25", "0", "25"]
-
-
-def test_margins_pairs_and_drivers_are_shown_with_their_unit() -> None:
-    _, margins, pairs, drivers = tables()
+    assert [row[4] for row in rates.rows[1:]] == ["99.98", "99.99", "0"]
+    assert [row[6] for row in rates.rows] == ["0", "25", "0", "25"]
     assert margins.rows[0][2:6] == ["0.5", "0.525", "0.51", "0.55"]
-    assert margins.rows[0][-1] == "s"
-    assert margins.rows[1][2] == "-inf"
+    assert (margins.rows[0][-1], margins.rows[1][2]) == ("s", "-inf")
     assert pairs.rows[0][2:4] == ["0", "6"]
     assert pairs.rows[0][4].startswith("+85.7\n(")
     assert pairs.rows[0][6].startswith("+1.5 s\n(")
