@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
@@ -264,43 +263,29 @@ def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
     with board(len(searches), (5.2, 4.9), title, NO_PROOF) as drawn:
         for axes, search in zip(drawn.panels, searches, strict=True):
             style, chart = styles[search.controller], _chart(search)
-            _draw_looks(axes, search, style.colour)
-            for at, label, line in _radii(search):
-                shown: dict[str, Any] = {"color": style.colour, **line} if at else {"ls": ""}
-                ends = ([at, at], axes.get_ylim()) if at else ([], [])
-                axes.plot(*ends, label=in_lines(label, 52), zorder=3, **shown)
+            scales, least = np.array([(look.scale, look.least) for look in search.looks]).T
+            # A run that did not complete has no least margin: its mark lies on the lower edge.
+            low = 1.2 * least[least > -np.inf].min(initial=-0.1)
+            shown = np.maximum(least, low)
+            axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
+            axes.plot(scales, shown, color=style.colour, lw=1.2)
+            for mask, face, label in (
+                (least >= 0, style.colour, "no failure found"),
+                (least < 0, "white", "failure found"),
+            ):
+                axes.plot(scales[mask], shown[mask], "o", mfc=face, mec=style.colour, label=label)
+            for at, label, line in _radii(search, style.colour):
+                if at:
+                    axes.axvline(at, lw=1.8, ls=line[0], color=line[1], label=in_lines(label, 52))
+                else:
+                    axes.plot([], [], ls="", label=in_lines(label, 52))
             axes.set_title(in_lines(style.label), pad=18)
-            axes.set(xlabel=chart.titles[0], ylabel=chart.titles[1])
+            axes.set(xlabel=chart.titles[0], ylabel=chart.titles[1], xlim=(0, None))
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
     return drawn.figure
 
 
-def _draw_looks(axes: Axes, search: Radius, colour: str) -> None:
-    """The least margin at each scale."""
-    scales, least = np.array([(look.scale, look.least) for look in search.looks]).T
-    diverged, finite_ones = least == -np.inf, np.append(least[least > -np.inf], 0.0)
-    room = 0.12 * (np.ptp(finite_ones) or 1.0)
-    low, high = finite_ones.min() - room, finite_ones.max() + room
-    # A run that did not complete has no least margin: its mark lies on the lower edge.
-    shown = np.where(diverged, low, least)
-    axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
-    axes.axhline(0, color=OPTIMUM, lw=1.0, zorder=1)
-    axes.plot(scales, shown, color=colour, lw=1.2, zorder=2)
-    for mask, marker, face, label in (
-        (least >= 0, "o", colour, "no failure found"),
-        ((least < 0) & ~diverged, "o", "white", "failure found"),
-        (diverged, "v", "white", "a run did not complete"),
-    ):
-        if mask.any():
-            axes.plot(
-                scales[mask], shown[mask], ls="", marker=marker, mfc=face, mec=colour, mew=1.6,
-                ms=7, label=label, zorder=5, clip_on=False,
-            )  # fmt: skip
-    axes.set_ylim(low, high)
-    axes.set_xlim(0, 1.06 * max(scales[-1], search.promised.scale or 0.0) or 1.0)
-
-
-def _radii(search: Radius) -> list[tuple[float | None, str, dict[str, Any]]]:
+def _radii(search: Radius, colour: str) -> list[tuple[float | None, str, tuple[str, str]]]:
     """Scale, words and line of each radius."""
     promised, left = search.promised, search.left
     promises = "premises promise no radius"
@@ -308,12 +293,8 @@ def _radii(search: Radius) -> list[tuple[float | None, str, dict[str, Any]]]:
         promises = f"promised: {promised.scale:.3g}"
     kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
     kept += f", leaves it at {left.scale:.3g}" if left else ""
-    radii: list[tuple[float | None, str, dict[str, Any]]] = [
-        (search.found, f"no failure found up to {search.found:.3g}", {"lw": 2.2}),
-        (
-            promised.scale,
-            f"{promises}: {promised.note}",
-            {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))},
-        ),
+    return [
+        (search.found, f"no failure found up to {search.found:.3g}", ("-", colour)),
+        (promised.scale, f"{promises}: {promised.note}", ("--", OPTIMUM)),
+        *([(search.stayed, kept, (":", OPTIMUM))] if search.stayed else []),
     ]
-    return radii + ([(search.stayed, kept, {"color": OPTIMUM, "ls": ":"})] if search.stayed else [])
