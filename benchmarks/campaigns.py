@@ -86,7 +86,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
             closed_loop(
                 "campaign: GROSMC, meters, torque", plants, laws, starts, _STEPS,
                 meters=meters,
-                control_period=campaign.control_period,
+                control_period=campaign.experiment.settings.control_period,
                 disturbances=[list(each.case.disturbances) for each in runs],
             ),
         ],

@@ -142,7 +142,7 @@ def unit_points(sampler: str, dimensions: int, seed: int, first: int, count: int
     Returns:
         Points, (count, d); only those of ``corners`` lie on the faces.
     """
-    size, blocks = SAMPLERS[sampler], [np.zeros((0, dimensions))]
+    size, blocks = SAMPLERS[sampler], list[Array]([np.zeros((0, dimensions))])
     while count > 0:
         block, start = divmod(first, size)
         points = min(count, size - start)
