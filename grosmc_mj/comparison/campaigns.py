@@ -25,8 +25,8 @@ from grosmc_mj.comparison.significance import (
 )
 from grosmc_mj.errors import ArgumentError, one_line
 from grosmc_mj.sweep.findings import Basis
-from grosmc_mj.sweep.manifest import MANIFEST, read_manifest
 from grosmc_mj.sweep.runs import MARGIN
+from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
 _LEAST_MARGIN = "relative"
 MeanTest = Callable[[Array, Array], SampleTest]

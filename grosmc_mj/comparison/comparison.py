@@ -20,7 +20,7 @@ from grosmc_mj.files import written_aside
 from grosmc_mj.page.reading import Document, read_results
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, Sheet, result
 from grosmc_mj.results.tables import names, numbers, table, text, words
-from grosmc_mj.sweep.manifest import flat
+from grosmc_mj.sweep.store import flat
 
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
 # Effects of what may be chance.

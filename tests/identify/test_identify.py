@@ -27,8 +27,7 @@ from grosmc_mj.identify.replay import Predictor, require_matching
 from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.specification import specification_of
+from grosmc_mj.sweep.campaign import Campaign, specification_of
 
 SERVO = find_system("servo")
 HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}

@@ -17,8 +17,7 @@ from matplotlib.text import Text
 
 from grosmc_mj import cli, executors
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.executors.batch import Batch
-from grosmc_mj.executors.processes import Processes
+from grosmc_mj.executors import Batch, Processes
 from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance

@@ -22,8 +22,8 @@ from grosmc_mj.errors import ArgumentError, unknown_name
 if TYPE_CHECKING:
     from grosmc_mj.sweep.campaign import Campaign
     from grosmc_mj.sweep.findings import Findings
-    from grosmc_mj.sweep.folder import Folder
     from grosmc_mj.sweep.radius import Radius
+    from grosmc_mj.sweep.store import Folder
     from grosmc_mj.sweep.worst import Worst
 
 FOLDER = Path("renders") / "campaigns"
@@ -143,11 +143,11 @@ class CampaignCommand(Command):
             )
         self._refuse_numbers()
         specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
-        specification = campaigns.specification.specification_of(self.target, **specified)
-        folder = campaigns.folder.Folder(self.out or FOLDER / specification.name)
+        specification = campaigns.campaign.specification_of(self.target, **specified)
+        folder = campaigns.store.Folder(self.out or FOLDER / specification.name)
         if folder.begun:
-            there = campaigns.manifest.read_manifest(folder.path)
-            campaigns.manifest.refuse_other_code(folder.path, there, specification)
+            there = campaigns.store.read_manifest(folder.path)
+            campaigns.store.refuse_other_code(folder.path, there, specification)
         campaign = campaigns.campaign.Campaign.of(specification)
         self._refuse_axes(campaign.family.names)
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
@@ -165,23 +165,23 @@ class CampaignCommand(Command):
                 screen.notice(line)
             progress = run_parts(campaign, folder, executor)
         found = campaigns.findings.findings(campaign, folder, self.confidence)
-        document = campaigns.document.results_document(campaign, found)
-        files = [_written(folder, campaigns.document.RESULTS, document)]
+        document = campaigns.findings.results_document(campaign, found)
+        files = [_written(folder, campaigns.findings.RESULTS, document)]
         code = answer.say_verdict(console, campaign, found, self.at_least, self.confidence)
         answer.say_findings(console, campaign, found, progress, full=self.verbose)
         reached: list[Radius] = []
         if self.worst:
             plants = self._worst(campaign, found)
-            document = campaigns.document.worst_document(campaign, plants)
-            files.append(_written(folder, campaigns.replay.WORST, document))
+            document = campaigns.worst.worst_document(campaign, plants)
+            files.append(_written(folder, campaigns.worst.WORST, document))
             answer.say_worst(console, campaign, plants, full=self.verbose)
         if self.radius:
             reached = self._radii(campaign)
-            document = campaigns.document.radius_document(campaign, reached)
-            files.append(_written(folder, campaigns.replay.RADIUS, document))
+            document = campaigns.radius.radius_document(campaign, reached)
+            files.append(_written(folder, campaigns.radius.RADIUS, document))
             answer.say_radius(console, campaign, reached, full=self.verbose)
         if self.figures:
-            files += campaigns.figures.write_figures(campaign, folder, found, reached, self.axes)
+            files += campaigns.map.write_figures(campaign, folder, found, reached, self.axes)
         screen.say_files(console, *files)
         return code
 
