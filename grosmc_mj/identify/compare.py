@@ -11,7 +11,7 @@ from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.log import Log
-from grosmc_mj.identify.replay import Predictor, starts_of
+from grosmc_mj.identify.replay import Predictor, ideal, starts_of
 from grosmc_mj.loop import Loop
 from grosmc_mj.plants import Plant
 from grosmc_mj.results.result import (
@@ -68,9 +68,9 @@ class Rung(NamedTuple):
         return self.loop.computing.delay + min(late, default=0.0)
 
     def sensor(self, state: str, quantity: str) -> float:
-        """The ``delay`` or ``bias`` of the sensor of a state."""
-        own = [getattr(part, quantity) for part in self.loop.sensors if part.of == state]
-        return float(sum(own))
+        """The ``scale``, ``delay`` or ``bias`` of the sensor of a state."""
+        own = (float(getattr(part, quantity)) for part in self.loop.sensors if part.of == state)
+        return next(own, ideal(state, quantity))
 
 
 def rungs_of(experiment: Experiment) -> Mapping[str, Rung]:

@@ -13,12 +13,14 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
+from grosmc_mj.identify.replay import ideal
 from grosmc_mj.plants import Plant
 from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.parameters import varied
 
 # Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.
-_OF_LOOP = {("computing", "delay"), ("actuator", "delay"), ("sensor", "delay"), ("sensor", "bias")}
+_OF_LOOP = {("computing", "delay"), ("actuator", "delay")}
+_OF_LOOP |= {("sensor", quantity) for quantity in ("delay", "bias", "scale")}
 # What a path can be of.
 _PATHS = ("body", "joint", "parameter")
 # Of a number without a range: from and to so many times its value.
@@ -84,12 +86,13 @@ class Parameters:
         )
 
     def sensor(self, state: str, quantity: str, values: Array) -> float:
-        """The ``bias`` or ``delay`` of the sensor of a state."""
-        return sum(
+        """The ``scale``, ``bias`` or ``delay`` of the sensor of a state; an ideal one's by default."""
+        fitted = (
             float(v)
             for q, v in zip(self.quantities, values, strict=True)
             if (q.owner, q.of, q.quantity) == ("sensor", state, quantity)
         )
+        return next(fitted, ideal(state, quantity))
 
 
 def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:

@@ -15,6 +15,7 @@ from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.identify.log import Log, held
+from grosmc_mj.loop import Sensor
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -44,6 +45,11 @@ def _replayed(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     k = min(int(t / p.period + 0.5), p.samples.shape[0] - 1)
     for j in range(len(u)):
         u[j] = p.samples[k, j]
+
+
+def ideal(state: str, quantity: str) -> float:
+    """A number of an ideal sensor of a state."""
+    return float(getattr(Sensor(state), quantity))
 
 
 class Window(NamedTuple):
@@ -156,22 +162,22 @@ class Predictor:
         self,
         states: Sequence[Array],
         system: System,
-        sensor: Callable[[str, str], float] = lambda _state, _quantity: 0.0,
+        sensor: Callable[[str, str], float] = ideal,
     ) -> dict[str, list[Array]]:
         """Measured less predicted values of each measured state in each window.
 
         Args:
             states: Of each window, (steps + 1, n).
             system: Names of the states.
-            sensor: From a state and ``delay`` or ``bias`` to that of its sensor.
+            sensor: From a state and ``scale``, ``delay`` or ``bias`` to that of its sensor.
         """
         errors: dict[str, list[Array]] = {}
         for j, state in enumerate(system.states):
             if (measured := self.log.outputs.get(state.name)) is None:
                 continue
-            delay, bias = sensor(state.name, "delay"), sensor(state.name, "bias")
+            scale, delay, bias = (sensor(state.name, name) for name in ("scale", "delay", "bias"))
             errors[state.name] = [
-                measured[window.samples] - self._at_samples(window, x[:, j], delay) - bias
+                measured[window.samples] - scale * self._at_samples(window, x[:, j], delay) - bias
                 for window, x in zip(self.windows, states, strict=True)
             ]
         return errors

@@ -180,7 +180,7 @@ def _words(part: Part, unit: str) -> Iterator[str]:
     for name, hint in get_type_hints(type(part), include_extras=True).items():
         words = next((note for note in get_args(hint)[1:] if isinstance(note, str)), "")
         value = getattr(part, name)
-        if words and value and math.isfinite(value):
+        if words and value != getattr(type(part), name) and math.isfinite(value):
             yield words.format(
                 value=value, unit=unit, ms=1e3 * value, percent=100 * value, lags=lags
             )

@@ -1,4 +1,4 @@
-"""Sensors: resolution, noise, bias, drift, delay and a period of their own."""
+"""Sensors: resolution, scale, noise, bias, drift, delay and a period of their own."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ _EXACT = 2.0**52
 
 @checked()
 class Sensor:
-    """Measurement of a state: y = q round((x + bias + drift t + noise) / q).
+    """Measurement of a state: y = q round((scale x + bias + drift t + noise) / q).
 
     Attributes:
         of: Name of the state.
         resolution: q, of an encoder; 0 for none.
+        scale: Factor of the state; 1 of a sensor that is calibrated.
         noise: Standard deviation of a sample.
         bias: Constant error.
         drift: Error that grows with time, per second.
@@ -31,6 +32,7 @@ class Sensor:
 
     of: Name
     resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
+    scale: Annotated[float, Range(), "scale of {value:.4g}"] = 1.0
     noise: Annotated[float, Range(0, unit="{}"), "noise of {value:.4g} {unit}"] = 0.0
     bias: Annotated[float, Range(unit="{}"), "bias of {value:.4g} {unit}"] = 0.0
     drift: Annotated[float, Range(unit="{}/s"), "drift of {value:.4g} {unit}/s"] = 0.0
@@ -74,7 +76,7 @@ def measure(i: int, loop: Any) -> None:
         sensor = loop.sensors[j]
         a = measured_at(i, sensor)
         value = loop.past[ring_row(a, loop.past), j]
-        value += sensor.bias + sensor.drift * (a * q.timestep)
+        value = sensor.scale * value + (sensor.bias + sensor.drift * (a * q.timestep))
         if sensor.noise > 0.0:
             value += sensor.noise * normal(q.seed, q.run, j, a)
         loop.seen[j] = quantized(value, sensor.resolution)

@@ -243,7 +243,10 @@ def test_a_state_is_an_output_of_relative_degree_one(tmp_path: Path) -> None:
             "'speed' has speed, may have rotor angle",
         ),
         ('outputs = { formulas = ["1"] }', "output 1, 1, has no relative degree"),
-        ('outputs = { of = "tip", formulas = ["rotor angle"] }', "give one of them"),
+        (
+            'outputs = { of = "tip", formulas = ["rotor angle"] }',
+            "of and formulas are the same: give one of them",
+        ),
         ("Q = [1, 2, 3]", "Q = .* must be a number, 2 numbers"),
     ],
 )

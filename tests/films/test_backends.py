@@ -287,7 +287,7 @@ def test_doctor_names_what_there_is_and_a_command_for_what_is_missing(
         (osmesa,) = lines(done.stdout, "osmesa ")
         assert ("works, films use it" in osmesa) == (used == "osmesa")
     if not missing:
-        assert re.search(r"ffmpeg +works: \S*\d\S*,\s/\S+", done.stdout)
+        assert re.search(r"ffmpeg +works: \S*\d\S*,\s+\S*ffmpeg\S*", done.stdout)
 
 
 @pytest.mark.parametrize(

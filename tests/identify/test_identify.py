@@ -257,6 +257,7 @@ FRICTION = '{ joint = "shaft", friction = [0, 0.05] }'
 COMPUTING = '{ computing = true, delay = ["0 ms", "10 ms"] }'
 LATE_INPUT = '{ actuator = "current", delay = ["0 ms", "10 ms"] }'
 LATE_SENSOR = '{ sensor = "rotor angle", delay = ["0 ms", "10 ms"] }'
+SCALE = '{ sensor = "rotor angle", scale = [0.5, 2] }'
 BIAS = '{ sensor = "rotor angle", bias = ["-1 rad", "1 rad"] }'
 PARTS = """
 sensor = [{ of = "rotor angle", delay = "2 ms" }]
@@ -269,6 +270,7 @@ HIDDEN: list[tuple[list[str], set[str]]] = [
     ([MASS, ARMATURE, COMPUTING], {"rotor mass scale", "shaft armature"}),
     ([MASS, LENGTH], {"rotor mass scale", "rotor length scale"}),
     ([MASS, POINT], {"rotor added mass"}),
+    ([MASS, DAMPING, SCALE], {"rotor mass scale", "shaft damping", "rotor angle scale"}),
     ([MASS, BIAS, DAMPING], {"rotor angle bias"}),
     ([COMPUTING, LATE_INPUT], {"computing delay", "current delay"}),
     ([MASS, COMPUTING, LATE_INPUT], {"computing delay", "current delay"}),

@@ -58,9 +58,9 @@ def test_beyond_2_52_multiples_a_reading_is_as_it_is() -> None:
     np.testing.assert_array_equal(seen(run)[:, 0], 1e8 + 0.3)
 
 
-def test_bias_and_drift_add_up() -> None:
-    run = watched(Sensor(SPEED, bias=0.25, drift=-8.0))
-    expected = run.state[:-1, 1] + 0.25 - 8.0 * run.time[:-1]
+def test_scale_bias_and_drift_add_up() -> None:
+    run = watched(Sensor(SPEED, scale=1.5, bias=0.25, drift=-8.0))
+    expected = 1.5 * run.state[:-1, 1] + 0.25 - 8.0 * run.time[:-1]
     np.testing.assert_allclose(seen(run)[:, 1], expected, rtol=0, atol=8 * EPS * 4)
 
 

@@ -19,14 +19,14 @@ from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 # 6e-12 (servo), 3e-11 (pendulum), 7e-11 (arm).
 AGREEMENT = 1e-9
 # Extrapolated differences of the equations are good to 1e-12 of the largest entry.
-POLE = {"mass_scale": 4.0, "length_scale": 4.0}
+POLE = BodyEdit("pole", mass_scale=4.0, length_scale=4.0)
 # The arm is held by the gravity torque m g l cos q = 0.098 cos q; edited, by 2 x 1.25 of it.
 EQUILIBRIA = [
     ("servo", (), [0.0, 0.0], 0.0),
     ("servo", (BodyEdit("rotor", mass_scale=3.0),), [1.0, 0.0], 0.0),
     ("cart_pendulum", (), [0.0, 0.0, 0.0, 0.0], 0.0),
     ("cart_pendulum", (), [-3.0, math.pi, 0.0, 0.0], 0.0),
-    ("cart_pendulum", (BodyEdit("pole", **POLE),), [7.0, 0.0, 0.0, 0.0], 0.0),
+    ("cart_pendulum", (POLE,), [7.0, 0.0, 0.0, 0.0], 0.0),
     ("arm", (), [-math.pi / 2, 0.0], 0.0),
     ("arm", (), [0.5, 0.0], 0.098 * math.cos(0.5)),
     ("arm", (BodyEdit("link", 2.0, 1.25),), [1.2, 0.0], 0.245 * math.cos(1.2)),
