@@ -104,21 +104,6 @@ def test_each_run_of_a_batch_begins_anew() -> None:
         assert run(PENDULUM, counting, duration=0.004).command.tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
-def test_a_policy_that_does_nothing_is_the_uncontrolled_plant(
-    open_loop: Callable[[float], Controller],
-) -> None:
-    nothing = asking(lambda observation: np.zeros(1), name="nothing")
-    found = run(PENDULUM, nothing)
-    assert np.array_equal(found.state, run(PENDULUM, open_loop(0.0)).state)
-    metrics = measure(found, nothing, compare_with_optimum(found, nothing))
-    assert (metrics["max_input"].value, metrics["max_sliding"].note) == (0.0, "no surface")
-    # The index weighs alpha + E u, and gravity is part of it.
-    assert (metrics["cost_whole"].value or 0.0) > 0
-    for plant in ("physics", "corrected"):
-        with pytest.raises(ArgumentError, match=r"^nothing runs in Python only: use engine='pyth"):
-            simulate(case_plant(PENDULUM, plant, Settings()), nothing, PENDULUM.x0, duration=0.1)
-
-
 def test_what_predicts_is_asked_the_same_question() -> None:
     def force(observation: Any) -> Array:
         return 30.0 * observation["error"][:1] + 5.0 * observation["error"][1:]
