@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
@@ -233,6 +234,14 @@ def test_the_design_model_moves_by_mujocos_accelerations() -> None:
         moves.advance(0.3, moved, u, h, memory, law.parameters, moves.own)
         q = x[:N] + h * x[N:] + 0.5 * h**2 * data.qacc
         np.testing.assert_allclose(moved, [*q, *(x[N:] + h * data.qacc)], rtol=1e-9)
+
+
+def test_the_balance_of_the_reaching_condition_takes_a_robot() -> None:
+    law, x = two_link_law(), states(2)[0]
+    nominal = balance(law, two_link().plant, 0.0, x, np.zeros(18))
+    assert nominal.gain_ratio == pytest.approx(1.0)
+    assert nominal.push < 1e-10
+    assert nominal.configured == 30.0
 
 
 # --- runs ---
