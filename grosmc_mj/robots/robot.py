@@ -37,8 +37,8 @@ class Robot:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
         notes: What was changed in the model that was given and why, in sentences.
-        built: The robot as it is built, with what laws do not know of: lags, delays, DC motors and
-            couplings of joints; ``plant`` itself where there is none of this.
+        built: The robot as it is built, with what laws do not know of: lags, delays and couplings
+            of joints; ``plant`` itself where there is none of this.
     """
 
     plant: MujocoPlant
@@ -56,10 +56,9 @@ class Robot:
     ) -> Robot:
         """Read a robot.
 
-        Motors on joints are taken with their gear and limits; servos and inner controllers of DC
-        motors are replaced by torque control within their force range. Lags, delays, DC motors and
-        coupled joints are the plant's, see ``built``, and no law's. What else drives a joint, or
-        closes a loop, is refused.
+        Motors on joints are taken with their gear and limits; servos are replaced by torque control
+        within their force range. Lags, delays and coupled joints are the plant's, see ``built``,
+        and no law's. What else drives a joint, or closes a loop, is refused.
 
         Args:
             model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
