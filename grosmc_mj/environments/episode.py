@@ -260,7 +260,7 @@ class Episode:
                 ) from error
         renderer = self._renderers[width, height]
         data = mujoco.MjData(renderer.model)
-        pose(renderer.model, data, np.asarray(self._closed.physics()))
+        pose(renderer.model, data, self._closed.physics())
         renderer.update_scene(data, default_camera(renderer.model))
         return renderer.render()
 

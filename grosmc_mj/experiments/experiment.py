@@ -40,7 +40,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.loop import in_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.inputs import require_answer
+from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 

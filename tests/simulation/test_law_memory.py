@@ -13,7 +13,7 @@ from grosmc_mj import cli
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.simulation.inputs import require_answer
+from grosmc_mj.simulation.law_inputs import require_answer
 
 PERIOD, PAST = 1e-3, 8
 PID = """
