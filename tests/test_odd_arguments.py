@@ -94,8 +94,8 @@ def take() -> gm.films.Take:
 
 
 @cache
-def state_task() -> gm.control.StateTask:
-    return gm.control.StateTask(servo(), np.eye(2), 1.0)
+def state_task() -> gm.Task:
+    return gm.control.state_task(servo(), np.eye(2), 1.0)
 
 
 def bounded(declared: gm.control.StateUncertainty) -> gm.Controller:
@@ -139,8 +139,8 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"sys": control.tf([1], [1, 1]), "period": 1e-3, "like": lqr_law(), "name": "lag"},
         ),
         "load_trajectory": (gm.load_trajectory, {"path": saved()}),
-        "StateTask": (
-            lambda **given: gm.control.linear_lqr(gm.control.StateTask(**given)),
+        "state_task": (
+            lambda **given: gm.control.linear_lqr(gm.control.state_task(**given)),
             {"plant": servo(), **weights, "reference": None, "model": None},
         ),
         "StateUncertainty": (
@@ -156,6 +156,10 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             | {"limit": None},
         ),
         "linear_lqr": (gm.control.linear_lqr, {"task": state_task()}),
+        "realized": (
+            gm.control.realized,
+            {"controller": lqr_law(), "realization": gm.Realization()},
+        ),
         "chapter_controller": (
             gm.chapter_controller,
             {"name": "lqr", "nominal": analytic(), "realization": gm.Realization()}
@@ -296,8 +300,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                 "error": task().error,
                 "reference": gm.control.Setpoint(1.0),
                 **weights,
-            }
-            | {"realization": gm.Realization()},
+            },
         ),
         "Uncertainty": (
             uncertainty,
@@ -364,7 +367,7 @@ ODD_CALLS = [
 
 def test_every_public_name_is_called() -> None:
     """Errors, results and what the others are made of are not called by a user."""
-    packages = {"campaign", "control", "environments", "errors", "films"}
+    packages = {"control", "environments", "errors", "films", "sweep"}
     packages |= {"loop", "machine", "physics", "plants", "simulation"}
     folders = (gm, gm.control, gm.films, gm.loop, gm.machine, gm.physics, gm.simulation)
     public = {name for folder in folders for name in folder.__all__}

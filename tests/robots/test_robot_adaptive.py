@@ -174,7 +174,7 @@ def test_lyapunov_function_falls_as_s_K_D_s() -> None:
     period = 1e-4
     controller = law(0.2).sampled(period)
     pushes = [Disturbance("mast", (0.0, 0.0, 0.0, 0.0, 0.0, 0.5))]
-    start = np.r_[np.array(task().error.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)]
+    start = np.r_[np.array(task().outputs.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)]
     plant = crane(period).plant.edited(AddedMass("grip", MASS, AT))
     found = simulate(plant, controller, start, duration=0.5, disturbances=pushes)
     # A torque about the mast's own axis is one on its joint alone.
@@ -210,7 +210,7 @@ def test_both_engines_and_a_batch_run_the_same_law() -> None:
 @pytest.mark.slow
 def test_an_unknown_load_leaves_a_hundredth_of_what_it_leaves_under_pd() -> None:
     """Of equal poles; after half a minute, in which the estimates go on."""
-    start = np.r_[np.array(task().error.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)]
+    start = np.r_[np.array(task().outputs.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)]
     left = {}
     for controller in (law(), computed_torque_pd(task(), 5.0, 1.0)):
         found = simulate(loaded(), controller, start, duration=30.0, engine="native")
