@@ -14,7 +14,7 @@ import numpy as np
 from grosmc_mj.arguments import require, require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
-from grosmc_mj.control.switching import SuperTwisting, find_switching
+from grosmc_mj.control.switching import SwitchingNumbers, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, Mistakes, MistakesError
@@ -267,7 +267,7 @@ class Experiment:
     @property
     def slope(self) -> float:
         """L of the super-twisting law, in the unit of s per second squared."""
-        return self.file.task.slope or SuperTwisting.slope
+        return self.file.task.slope or SwitchingNumbers.slope
 
     @property
     def realization(self) -> Realization:
@@ -287,9 +287,7 @@ class Experiment:
         )
 
     def _realization(self, switching: str, surface: str) -> Realization:
-        law = find_switching(switching)
-        if isinstance(law, SuperTwisting):
-            law = replace(law, slope=self.slope)
+        law = find_switching(switching, slope=self.slope)
         return Realization(law, self.settings.control_period if surface == "discrete" else None)
 
     def with_settings(self, **changes: Any) -> Experiment:

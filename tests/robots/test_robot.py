@@ -456,7 +456,7 @@ def test_a_joint_without_an_actuator_is_told_and_cannot_be_led() -> None:
     assert any("no actuator drives push" in said for said in robot.notes)
     assert robot.underactuated
     assert len(robot.plant.input_limits.T) == 2
-    with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a StateTask"):
+    with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a state_task"):
         robot.task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0)
 
 
