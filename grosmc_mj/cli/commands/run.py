@@ -160,7 +160,7 @@ class _JudgedExperiment:
         """Run it, judge it, write its JSON."""
         from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.chapter.premises import audit_document
-        from grosmc_mj.experiments.curves.document import write_curves
+        from grosmc_mj.experiments.curves import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
         from grosmc_mj.results.document import keep_other, write_json
@@ -394,7 +394,7 @@ def _tables(console: Console, done: _JudgedExperiment) -> None:
 
 def _draw(results: Sequence[RunResult], path: Path) -> Path:
     """The figure."""
-    from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
+    from grosmc_mj.experiments.curves import draw_experiment, figure_size
     from grosmc_mj.results.figure import figure_written
 
     with figure_written(path, figure_size(results)) as figure:

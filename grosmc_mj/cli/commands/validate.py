@@ -157,7 +157,7 @@ class ValidateCommand(Command):
 
     def _write_curves(self, results: Sequence[RunResult]) -> None:
         """The curves of each case, for the page."""
-        from grosmc_mj.experiments.curves.document import write_curves
+        from grosmc_mj.experiments.curves import write_curves
 
         for case in dict.fromkeys(result.case for result in results):
             own = [result for result in results if result.case == case]

@@ -92,7 +92,7 @@ def _draw(
     console: Console, command: CampaignCommand, campaign: Campaign, found: ReplayedRun, base: Path
 ) -> None:
     """The figure and the film, and where all is."""
-    from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
+    from grosmc_mj.experiments.curves import draw_experiment, figure_size
     from grosmc_mj.results.figure import figure_written
 
     files = [Path(f"{base}.json")]
