@@ -13,7 +13,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes
+from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text

@@ -173,7 +173,7 @@ def test_lyapunov_function_falls_as_s_K_D_s() -> None:
     period = 1e-4
     controller = law(0.2).sampled(period)
     pushes = [Disturbance("mast", (0.0, 0.0, 0.0, 0.0, 0.0, 0.5))]
-    start = np.r_[np.array(task().error.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)]
+    start = np.r_[np.array(task().outputs.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)]
     plant = crane(period).plant.edited(AddedMass("grip", MASS, AT))
     found = simulate(plant, controller, start, duration=0.5, disturbances=pushes)
     # A torque about the mast's own axis is one on its joint alone.

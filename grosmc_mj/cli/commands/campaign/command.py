@@ -136,7 +136,7 @@ class CampaignCommand(Command):
         self._refuse_idle()
         if self.replay is not None:
             return replay_run(self, self.replay)
-        if campaigns.folder.Folder(Path(self.target)).begun:
+        if campaigns.store.Folder(Path(self.target)).begun:
             raise ArgumentError(
                 f"{self.target} is a campaign's folder: --replay RUN repeats one of its runs; "
                 "its case file with --resume and --out goes on"
