@@ -8,11 +8,9 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
@@ -23,7 +21,6 @@ from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.loop.controllers import rate_positions
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
-from grosmc_mj.results.figure import TITLE_SIZE, labelled_below, shade
 from grosmc_mj.results.palette import (
     BLACK,
     FAILED,
@@ -37,6 +34,10 @@ from grosmc_mj.results.palette import (
 )
 from grosmc_mj.results.tables import prefixed
 from grosmc_mj.simulation.trajectory import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Of what no law sees on a machine the most telling, and at most so many.
 _TELLING, _MOST_UNSEEN = ("twist", "winding", "load", "temperature", "bristle"), 3
@@ -225,6 +226,9 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
 
     A panel whose requirement is not kept has a frame and says which.
     """
+    # Here, for the document of curves needs no matplotlib.
+    from grosmc_mj.results.figure import TITLE_SIZE, labelled_below
+
     panels = panels_of(results)
     columns, rows = _grid(len(panels), results)
     axes = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
@@ -309,6 +313,8 @@ def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
 
 def shade_disturbances(axes: Axes, case: Case) -> None:
     """Shade the time in which each disturbance of a case acts, on axes as long as it."""
+    from grosmc_mj.results.figure import shade
+
     for disturbance in case.disturbances:
         start, stop = disturbance.window
         label = disturbance.label or f"disturbance on {disturbance.body}"
