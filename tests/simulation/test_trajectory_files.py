@@ -14,7 +14,7 @@ import sympy as sp
 
 import grosmc_mj as gm
 from grosmc_mj import cli
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
 
@@ -184,23 +184,6 @@ def test_rows_that_are_not_of_their_instants_are_refused(
         np.savez(tmp_path / "bad.npz", allow_pickle=False, **{**arrays, label: bad})
     with pytest.raises(ArgumentError, match=r"bad\.npz: holds no trajectory"):
         gm.load_trajectory(tmp_path / "bad.npz")
-
-
-def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = result("servo/case1", duration=0.01).trajectory
-    monkeypatch.setattr("grosmc_mj.simulation.trajectory.find_spec", lambda _: None)
-    with pytest.raises(SetupError, match="pip install pandas"):
-        run.to_pandas()
-
-
-def test_a_run_prints_as_five_lines() -> None:
-    run = result("servo/case1")
-    lines = repr(run).splitlines()
-    assert len(lines) == 5
-    assert lines[0].startswith("servo/case1/physics/grosmc: ")
-    assert lines[1] == "completed at 18 s"
-    assert lines[4] == "requirements: 3 of 3 kept"
-    assert "18001 instants" in repr(run.trajectory)
 
 
 @pytest.mark.parametrize(("words", "ending"), [(["--save"], "parquet"), (["--save", "csv"], "csv")])
