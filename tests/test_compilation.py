@@ -269,30 +269,6 @@ print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "gr
     assert here[0] != here[1]
 
 
-COMPILE_SLOWLY = """
-import sys, time
-import numba, numpy as np
-from numba.core.caching import IndexDataCacheFile as Cache
-from grosmc_mj.compilation import array_at, compile_c
-
-def slow(method, seconds):
-    return lambda *arguments: (time.sleep(seconds), method(*arguments))[1]
-
-k, before_index, before_data = map(float, sys.argv[1:])
-Cache._save_index = slow(Cache._save_index, before_index)
-Cache._save_data = slow(Cache._save_data, before_data)
-
-def storing(k):
-    def store(address):
-        array_at(address, (1,), np.float64)[0] = k
-    return store
-
-result = np.zeros(1)
-compile_c(storing(k), numba.types.voidptr).ctypes(result.ctypes.data)
-print(result[0])
-"""
-
-
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 @pytest.mark.parametrize("content", [b"", b"cut", b"\x80\x05cos\nsystem\n"])
 def test_a_damaged_entry_of_the_cache_is_compiled_again(kind, content, tmp_path, monkeypatch):
@@ -319,26 +295,6 @@ def test_a_damaged_entry_of_the_cache_is_compiled_again(kind, content, tmp_path,
 
 def store_seven(address: Any) -> None:
     array_at(address, (1,), np.float64)[0] = 7.0
-
-
-@pytest.mark.slow
-def test_processes_that_compile_at_once_do_not_swap_their_laws(tmp_path):
-    """Both have read the index before either writes it, as parallel tests do on a cold cache.
-
-    The first writes its code last and the second its index entry: the entry then leads to the
-    other's code.
-    """
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
-
-    def start_with(*numbers: float) -> subprocess.Popen[str]:
-        command = [sys.executable, "-c", COMPILE_SLOWLY, *map(str, numbers)]
-        return subprocess.Popen(command, cwd=tmp_path, env=env, stdout=subprocess.PIPE, text=True)
-
-    for process in (start_with(1.0, 1.0, 1.0), start_with(2.0, 1.5, 0.0)):
-        process.communicate(timeout=120)
-    for k in (1.0, 2.0):
-        printed, _ = start_with(k, 0.0, 0.0).communicate(timeout=120)
-        assert float(printed) == k
 
 
 COMPILE_NAMESAKES = """

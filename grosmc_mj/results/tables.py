@@ -34,12 +34,13 @@ _SHOW: dict[Kind, dict[str, Any]] = {
 
 
 class Column(BaseModel):
-    """A column of a table; of a given width, words that are longer wrap."""
+    """A column of a table; of a given width, words that are longer wrap, or are ``cut``."""
 
     model_config = ConfigDict(frozen=True)
     header: str
     kind: Kind = "words"
     width: int | None = None
+    cut: bool = False
 
 
 def words(*headers: str) -> list[Column]:
@@ -110,7 +111,8 @@ class Table(BaseModel):
             width=WIDTH if wraps else None,
         )
         for column in self.columns:
-            fixed = {"width": column.width, "no_wrap": False, "overflow": "fold"}
+            overflow = "ellipsis" if column.cut else "fold"
+            fixed = {"width": column.width, "no_wrap": column.cut, "overflow": overflow}
             options = _SHOW[column.kind] | (fixed if column.width else {})
             shown.add_column(escape(column.header), **options)
         group: str | None = None

@@ -234,7 +234,7 @@ untested = "u"
         ('why = "w"', "", "claim claim-1: why is missing"),
         ("why =", "whi =", "whi"),
         ('why = "w"', "why = 1", "why = 1 must be a valid string"),
-        ('sense = "at most"', 'sense = "below"', "unknown sense 'below': valid: at most, at least"),
+        ('sense = "at most"', 'sense = "below"', "unknown sense 'below': valid: 'at most', "),
         ('sense = "at most"', 'word = "sme"', "unknown word 'sme': did you mean 'same'?"),
         ("refuted", "perhaps", "verdicts.corrected = 'perhaps' must be 'supported', 'refuted'"),
         ("physics =", "physic =", "'physic'"),

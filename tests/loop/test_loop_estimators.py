@@ -39,17 +39,6 @@ def differentiated(y: Array, T: float, rate: float = 0.0) -> Array:
     return np.array(rates)
 
 
-def test_levant_s_error_grows_with_the_root_of_the_noise() -> None:
-    """Time and rates by c, noise by c^2: the same numbers, to the bit where c is a power of 2.
-
-    A rate's error is thus a function of L T^2 / noise times the root of L noise.
-    """
-    noise, T = np.random.default_rng(3).uniform(-1e-3, 1e-3, 2000), 1e-3
-    scaled = differentiated(noise * 4.0**2, T * 4.0)
-    np.testing.assert_array_equal(scaled, 4.0 * differentiated(noise, T))
-    assert np.abs(scaled).max() > 0
-
-
 @pytest.mark.parametrize("T", [1e-3, 1e-4])
 def test_the_worst_noise_costs_the_root_of_itself(T: float) -> None:
     """e sin(sqrt(L / e) t) might be the signal itself: it must be followed, to a rate sqrt(L e).
@@ -254,6 +243,15 @@ def test_a_filter_begins_at_the_true_state_or_at_zero(settled: bool, start: floa
     assert abs(seen(run)[0, 1] - start) < 5 * gain[1, 0] * NOISE
     # A state that the filter does not give stays as it was measured.
     assert seen(run)[0, 0] != 0.0
+
+
+def test_a_filter_waits_until_its_oldest_measurement_is_of_another_instant_than_the_start() -> None:
+    """Until then it keeps its first estimate of a moving rotor."""
+    estimator = Estimator((ANGLE, SPEED), "kalman", load=LOAD)
+    loop = Loop(sensors=(Sensor(ANGLE, noise=NOISE, delay=4 * H),), estimators=(estimator,))
+    run = seen(played([0.0] * 8, loop, x0=(0.0, 2.0), modelled=True))
+    np.testing.assert_array_equal(run[:5], run[:1].repeat(5, 0))
+    assert np.all(np.diff(run[4:, 0]) > H)
 
 
 @pytest.mark.parametrize("loop", [filtered(1e-12, 1e-3), filtered(1e-3, of=SPEED)])

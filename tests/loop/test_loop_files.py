@@ -10,7 +10,6 @@ from looped import H, seen
 
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
@@ -153,14 +152,6 @@ def test_all_mistakes_are_told_at_once(parts: str, words: tuple[str, ...], tmp_p
     with pytest.raises(ArgumentError) as refused:
         Experiment.load(written(tmp_path, parts, PLAIN))
     assert all(mistake in str(refused.value) for mistake in words)
-
-
-@pytest.mark.parametrize(("parts", "seed"), [((PARTS, PLAIN), 7), ((PLAIN,), None)])
-def test_the_document_of_runs_has_the_seed_of_the_loop(
-    parts: tuple[str, ...], seed: int | None, tmp_path: Path
-) -> None:
-    made = Experiment.load(written(tmp_path, 'timestep = "0.5 ms"\n', *parts))
-    assert experiment_document(made, [], [], complete=True)["seed"] == seed
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.plants import SERVO
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -71,12 +72,6 @@ def test_a_known_dead_time_costs_only_the_wait(steps: int) -> None:
     assert value(unknown, "total_variation") > 1000 * value(run, "total_variation")
 
 
-@pytest.mark.slow
-def test_without_a_dead_time_prediction_changes_nothing() -> None:
-    a, b = late(0, True).trajectory, late(0, False).trajectory
-    np.testing.assert_array_equal(a.state, b.state)
-
-
 def test_the_age_of_a_measurement_is_predicted_too() -> None:
     """The law gets the state when its output arrives, but for the midpoint rule's six steps."""
     loop = Loop(
@@ -111,6 +106,23 @@ def test_a_moving_start_is_predicted_while_measurements_are_those_of_the_start(
     assert error < 1e-3 * np.ptp(arrives)
     np.testing.assert_allclose(predicted, arrives, rtol=0, atol=error)
     np.testing.assert_array_equal(seen(run)[: age + 1, 0], 0.4)
+
+
+def test_a_load_that_the_model_lacks_is_learned() -> None:
+    """A constant load changes the rate over the dead time by d h w/J, which prediction misses.
+
+    It learns by the share 1 - exp(-0.1/d) of a sample, so exp(-10) of it is left after 100 d. The
+    model's own rate falls by B h/J of itself on the way.
+    """
+    p, steps, load = servo().parameters, 5, 0.1
+    push = Disturbance("rotor", (0, 0, 0, 0, load, 0))
+    run = played(
+        np.zeros(100 * steps), Loop(Computing(delay=steps * H)), modelled=True, predict=True,
+        disturbances=[push],
+    )  # fmt: skip
+    error = run.memory["x"][:-steps, 1] - run.state[steps:-1, 1]
+    assert error[0] == pytest.approx(steps * H * load / p.J, rel=1e-2)
+    assert abs(error[-1] / error[0]) < 1e-3
 
 
 @pytest.mark.slow

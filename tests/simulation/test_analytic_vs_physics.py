@@ -96,20 +96,6 @@ def test_they_agree_under_every_edit(plant: MujocoPlant) -> None:
         assert worst < AGREEMENT, edits
 
 
-def test_the_comparison_notices_one_part_in_a_million(plant: MujocoPlant) -> None:
-    """Equations with the numbers of an almost equal body fail it, in every system."""
-    body = plant.system.bodies[-1]
-    other = plant.edited(BodyEdit(body, mass_scale=1 + 1e-6)).analytic()
-    n = plant.system.degrees_of_freedom
-    x = random_state(plant.system.name, np.random.default_rng(3))
-    data = mujoco.MjData(plant.model)
-    u = np.ones(len(plant.system.inputs))
-    data.qpos[:], data.qvel[:], data.ctrl[:] = x[:n], x[n:], u
-    mujoco.mj_forward(plant.model, data)
-    difference = np.max(np.abs(other.derivative(x, u)[n:] - data.qacc))
-    assert difference > 100 * AGREEMENT * np.max(np.abs(data.qacc))
-
-
 # The printed equations are others
 
 
@@ -267,12 +253,3 @@ def test_mujocos_other_integrators_converge_to_the_equations_at_order_1(
     controller = open_loop(INPUT[name])
     found = errors(in_mujoco(name, FIRST, integrator), FIRST, controller, "python")
     assert 0.9 < order(FIRST, found) < 1.1
-
-
-def test_printed_equations_never_converge_to_mujoco(open_loop: OpenLoop) -> None:
-    """After a second the printed pendulum and arm are elsewhere, at steps ten times apart."""
-    for name in ("cart_pendulum", "arm"):
-        printed = [MujocoPlant.load(name).analytic("printed")] * 2
-        found = errors(printed, [1e-2, 1e-3], open_loop(INPUT[name]), "python")
-        assert found[1] > 0.02, name
-        assert found[1] == pytest.approx(found[0], rel=1e-4), name

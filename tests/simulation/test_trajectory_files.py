@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import sympy as sp
 
 import grosmc_mj as gm
 from grosmc_mj import cli
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
 
@@ -164,54 +161,6 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
             call()
 
 
-@pytest.mark.parametrize(
-    ("column", "values"),
-    [
-        ("time", lambda rows: [str(row) for row in rows]),
-        ("time", lambda rows: np.arange(len(rows)).astype("datetime64[s]")),
-        ("time", lambda rows: np.zeros(len(rows))),
-        ("time", lambda rows: [None, *rows[1:]]),
-        ("rotor angle", lambda rows: [str(row) for row in rows]),
-        ("rotor angle", lambda rows: [{"re": row, "im": 1.0} for row in rows]),
-    ],
-)
-def test_columns_that_are_no_real_numbers_are_refused(
-    column: str, values: Callable[[Array], Any], tmp_path: Path
-) -> None:
-    file = result("servo/case1", duration=0.01).save(tmp_path / "run.parquet")
-    table = pq.read_table(file)
-    at, rows = table.schema.get_field_index(column), table[column].to_numpy()
-    pq.write_table(table.set_column(at, column, pa.array(values(rows))), file)
-    with pytest.raises(ArgumentError, match=r"holds no trajectory.*(real numbers|increasing)"):
-        gm.load_trajectory(file)
-
-
-@pytest.mark.parametrize("name", ["rotor angle [rad]", "time [s]"])
-@pytest.mark.parametrize("wrong", [lambda rows: rows + 1j, lambda rows: rows[:-3]])
-def test_arrays_that_do_not_fit_the_instants_are_refused(
-    name: str, wrong: Callable[[Array], Array], tmp_path: Path
-) -> None:
-    file = result("servo/case1", duration=0.01).save(tmp_path / "run.npz")
-    arrays = dict(np.load(file))
-    np.savez(file, **{**arrays, name: wrong(arrays[name])})
-    with pytest.raises(ArgumentError, match="holds no trajectory"):
-        gm.load_trajectory(file)
-
-
-@pytest.mark.parametrize(
-    "signal", [{"state": [["rotor angle"], [1]]}, {"command": [["s", "s"], [2]]},
-               {"state": [["rotor angle", "rotor speed"], [1, 2]]}],
-)  # fmt: skip
-def test_rows_of_another_size_than_the_plant_are_refused(signal: Any, tmp_path: Path) -> None:
-    file = result("servo/case1", duration=0.01).save(tmp_path / "run.npz")
-    arrays = dict(np.load(file))
-    about = json.loads(str(arrays["grosmc_mj"]))
-    about["signals"] |= signal
-    np.savez(file, **{**arrays, "grosmc_mj": np.array(json.dumps(about))})
-    with pytest.raises(ArgumentError, match=r"must have \d numbers"):
-        gm.load_trajectory(file)
-
-
 LATE = np.r_[np.arange(10.0), 9.0]
 
 
@@ -235,23 +184,6 @@ def test_rows_that_are_not_of_their_instants_are_refused(
         np.savez(tmp_path / "bad.npz", allow_pickle=False, **{**arrays, label: bad})
     with pytest.raises(ArgumentError, match=r"bad\.npz: holds no trajectory"):
         gm.load_trajectory(tmp_path / "bad.npz")
-
-
-def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = result("servo/case1", duration=0.01).trajectory
-    monkeypatch.setattr("grosmc_mj.simulation.trajectory.find_spec", lambda _: None)
-    with pytest.raises(SetupError, match="pip install pandas"):
-        run.to_pandas()
-
-
-def test_a_run_prints_as_five_lines() -> None:
-    run = result("servo/case1")
-    lines = repr(run).splitlines()
-    assert len(lines) == 5
-    assert lines[0].startswith("servo/case1/physics/grosmc: ")
-    assert lines[1] == "completed at 18 s"
-    assert lines[4] == "requirements: 3 of 3 kept"
-    assert "18001 instants" in repr(run.trajectory)
 
 
 @pytest.mark.parametrize(("words", "ending"), [(["--save"], "parquet"), (["--save", "csv"], "csv")])
