@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import Enum
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, SetupError, one_line, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, one_line, shown, unknown_name
 from grosmc_mj.fields import Is, checked_call
 from grosmc_mj.files import written_aside
 from grosmc_mj.physics.hidden_states import HiddenState
@@ -155,17 +154,6 @@ class Trajectory:
             "versions": versions(),
         }
         return _table(columns, json.dumps(about))
-
-    def to_pandas(self) -> Any:
-        """The same as a pandas frame, indexed by time; pandas must be installed.
-
-        Raises:
-            ArgumentError: For a batch.
-            SetupError: Without pandas.
-        """
-        if find_spec("pandas") is None:
-            raise SetupError("pandas is not installed; run: pip install pandas")
-        return self.to_arrow().to_pandas().set_index("time")
 
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
         """Write one run as ``.parquet``, ``.npz`` or ``.csv``, by the ending.

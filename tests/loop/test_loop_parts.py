@@ -13,12 +13,11 @@ import scipy.linalg
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from looped import ANGLE, CURRENT, SPEED, H, behind, played, scripted, seen, servo
+from looped import ANGLE, CURRENT, SPEED, H, applied, behind, played, scripted, seen, servo
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.loop.actuators import actuate
-from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.loop.counter import normal
 from grosmc_mj.loop.delay import send
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -262,7 +261,7 @@ def at_the_ends(lag: float, order: int) -> Array:
     """The lag's output at the end of each timestep."""
     actuators = (Actuator(CURRENT, lag=lag, order=order),)
     law = in_loop(scripted(U), Loop(actuators=actuators), SERVO)
-    loop = loop_of(law).begin_uncompiled(law, law.memory(), np.zeros(2), np.zeros(2))
+    loop = applied(law).begin_uncompiled(law, law.memory(), np.zeros(2), np.zeros(2))
     ends = []
     for i, u in enumerate(U):
         send([u], loop)

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from looped import CURRENT, H, closed, nominal, played, seen, servo
+from looped import CURRENT, H, applied, closed, nominal, played, seen, servo
 
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
-from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
@@ -33,7 +32,7 @@ def late(steps: int, predict: bool, switching: str = "implicit") -> RunResult:
 
 def dead_time(law: Controller) -> float:
     """As the law knows it, in timesteps."""
-    return float(loop_of(law).start.computer["dead"][0])
+    return float(applied(law).start.computer["dead"][0])
 
 
 def value(run: RunResult, name: str) -> float:
@@ -143,10 +142,10 @@ def test_a_lag_counts_as_a_delay_of_its_time_constants() -> None:
         loop = Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),))
         looped = in_loop(law, loop, SERVO, predict=True)
         assert dead_time(looped) == steps
-        assert loop_of(looped).ahead == pytest.approx(steps * H)
+        assert applied(looped).ahead == pytest.approx(steps * H)
     loop = Loop(sensors=tuple(Sensor(state.name, delay=2 * H) for state in SERVO.states))
     looped = in_loop(law, loop, SERVO, predict=True)
-    assert (dead_time(looped), loop_of(looped).ahead) == (2.0, 0.0)
+    assert (dead_time(looped), applied(looped).ahead) == (2.0, 0.0)
 
 
 def test_a_law_that_knows_another_loop_does_as_that_says() -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import mujoco
-import numba
 import numpy as np
 import pytest
 import sympy as sp
@@ -82,24 +81,8 @@ def test_sine_from_an_onset_keeps_the_phase_of_the_run() -> None:
     assert sine(8.999) == 0.0
     assert sine(9000 * 1e-3) == math.sin(18.0)
     assert SineFrom(2.0, phase=math.pi / 2)(0.0) == 1.0
-
-
-@pytest.mark.parametrize(
-    ("profile", "window"),
-    [
-        (Pulse(10.0, 13.0), (10.0, 13.0)),
-        (SineFrom(2.0, onset=9.0), (9.0, math.inf)),
-        (Constant(), (0.0, math.inf)),
-        (lambda t: math.exp(-t), (0.0, math.inf)),
-    ],
-)
-def test_window_holds_every_instant_at_which_it_acts(
-    profile: Callable[[float], float], window: tuple[float, float]
-) -> None:
-    disturbance = Disturbance("rotor", PUSH, profile)
-    assert disturbance.window == window
-    outside = [t for t in instants(1500, 0.01) if not window[0] <= t < window[1]]
-    assert all(profile(t) == 0 for t in outside)
+    windows = [Disturbance("rotor", PUSH, one).window for one in (sine, Pulse(1, 3), Constant())]
+    assert windows == [(9.0, math.inf), (1.0, 3.0), (0.0, math.inf)]
 
 
 # How much
@@ -114,6 +97,13 @@ def wrenches(items: Sequence[Disturbance], bodies: tuple[str, ...], time: Array)
     return table
 
 
+class Louder(SineFrom):
+    """A profile that is a known one by its class, but not by its values."""
+
+    def __call__(self, t: float) -> float:
+        return 2.0 * super().__call__(t)
+
+
 # Edges on instants, between them, and at k h that differs from the number by rounding.
 PROFILES: tuple[Profile, ...] = (
     Constant(),
@@ -124,11 +114,11 @@ PROFILES: tuple[Profile, ...] = (
     SineFrom(-313.7, 0.0705, phase=2.0),
     SineFrom(1e15),
     math.cos,
+    Louder(40.0),
 )
 
 
-def test_wrenches_add_up_in_the_columns_of_their_bodies_in_python_as_compiled() -> None:
-    """Profile by profile; Python's sin and numba's are the same libm's."""
+def test_wrenches_add_up_in_the_columns_of_their_bodies() -> None:
     bodies, time = ("hub", "link"), instants(1000, 1e-3)
     items = [Disturbance(bodies[i % 2], PUSH, each) for i, each in enumerate(PROFILES)]
     expected = np.zeros((1000, 2, 6))
@@ -137,17 +127,8 @@ def test_wrenches_add_up_in_the_columns_of_their_bodies_in_python_as_compiled() 
         expected[:, i % 2] += values[:, None] * PUSH
     table = wrenches(items, bodies, time)
     np.testing.assert_array_equal(table, expected.reshape(1000, 12))
-    pushes, values = packed(items, bodies, range(1000), 1e-3)
-    assert values.shape == (1, 1000)
-
-    @numba.njit
-    def compiled(pushes: Any, values: Any, time: Any, table: Any) -> None:
-        for i in range(len(time)):
-            push(pushes, values, i, time[i], table[i])
-
-    other = np.ones((1000, 12))
-    compiled(pushes, values, time, other)
-    np.testing.assert_array_equal(table, other)
+    values = packed(items, bodies, range(1000), 1e-3)[1]
+    assert values.shape == (2, 1000)
     assert not wrenches([], bodies, time).any()
 
 
@@ -209,20 +190,6 @@ def test_a_profile_of_the_users_own_is_called_once_for_each_timestep(record: boo
     np.testing.assert_array_equal(run.wrench[-1], 20.0 * np.array(PUSH))
 
 
-class Louder(SineFrom):
-    """A profile that is a known one by its class, but not by its values."""
-
-    def __call__(self, t: float) -> float:
-        return 2.0 * super().__call__(t)
-
-
-def test_a_subclass_keeps_its_own_values() -> None:
-    time = instants(20, 1e-3)
-    table = wrenches([Disturbance("rotor", PUSH, Louder(40.0))], ("rotor",), time)
-    expected = [2.0 * math.sin(40.0 * t) for t in time.tolist()]
-    np.testing.assert_array_equal(table, np.array(expected)[:, None] * PUSH)
-
-
 # What is refused
 
 
@@ -242,12 +209,11 @@ NUMBERS, RETURNS = (
     [
         *(
             (lambda wrong=wrong: Disturbance("rotor", cast(Any, wrong)), NUMBERS)
-            for wrong in ((1.0, 2.0, 3.0), (0.0,) * 7, ((0.0,) * 6,) * 2, 1.0, None,
-                          (0, 0, math.nan, 0, 0, 0), (0, 0, 0, math.inf, 0, 0))
+            for wrong in ((0.0,) * 7, 1.0, (0, 0, math.nan, 0, 0, 0))
         ),
         *(
             (lambda wrong=wrong: servo_under(Disturbance("rotor", PUSH, cast(Any, wrong))), RETURNS)
-            for wrong in (1.0, lambda: 1.0, lambda t: None, lambda t: (1.0, 2.0),
+            for wrong in (1.0, lambda t: None,
                           # The phase overflows from t = 0.1 s on.
                           SineFrom(1.7e308, phase=1.7e308))
         ),
@@ -396,6 +362,6 @@ def test_equations_are_pushed_at_an_input_and_at_a_rate(
     )
     t = run.time
     np.testing.assert_allclose(run.state.T, [t**2 + 3 * t, 2 * t], rtol=1e-12, atol=1e-15)
-    again = gm.load_trajectory(run.save(tmp_path / "run.csv" if False else tmp_path / "run.npz"))
+    again = gm.load_trajectory(run.save(tmp_path / "run.npz"))
     assert again.to_arrow()["disturbance of F"].to_pylist()[:2] == [4.0, 4.0]
     np.testing.assert_array_equal(again.wrench, run.wrench)

@@ -17,7 +17,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from looped import seen
+from looped import applied, seen
 from shipped import find_case
 
 from grosmc_mj.control.controller import Controller
@@ -26,7 +26,6 @@ from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.references import FourierSeries, fourier_series
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop, relooped
-from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
@@ -291,7 +290,7 @@ def test_a_loop_without_parts_is_no_loop(system: str, kind: str, stride: int) ->
 def test_a_looped_run_of_a_batch_is_that_run_alone() -> None:
     law = law_in_loop("servo", "equations", "grosmc", "eso")
     options: dict[str, Any] = {"duration": 0.05, "control_period": PERIOD, "timestep": H}
-    laws = [relooped(law, loop_of(law).loop, run) for run in (4, 7, 4, 2**40)]
+    laws = [relooped(law, applied(law).loop, run) for run in (4, 7, 4, 2**40)]
     together = simulate(plant_of("servo", "equations"), laws, [0.1, 0.2], threads=3, **options)
     for run, one in enumerate(laws):
         alone = simulate(plant_of("servo", "equations"), one, [0.1, 0.2], **options)

@@ -88,12 +88,8 @@ def test_every_run_begins_with_its_own_memory() -> None:
     ("memory", "says"),
     [
         ({"v": 0.0}, "'v' cannot be the name"),
-        ({"s": 0.0}, "'s' cannot be"),
         ({"for": 0.0}, "'for' cannot be"),
-        ({3: 0.0}, "3 must be a valid string"),
         ({"past": [0.0, np.nan]}, "past = .* must be finite"),
-        ({"past": "long ago"}, "must be"),
-        (3.0, "memory"),
     ],
 )
 def test_what_cannot_be_remembered_is_refused(memory: Any, says: str) -> None:
@@ -139,8 +135,6 @@ def test_a_case_file_says_what_its_law_remembers(tmp_path: Path) -> None:
     [
         ("lqr", "{ integral = 0 }", "memory is of a law"),
         ("mine:pid", '{ integral = "0" }', "memory: integral = "),
-        ("mine:pid", "{ workspace = 0 }", "'workspace' cannot be the name"),
-        ("mine:pid", "3", "memory"),
     ],
 )
 def test_wrong_memory_in_a_file_is_one_line(
