@@ -67,7 +67,9 @@ class RunCommand(Command):
         from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.experiments.catalogue import find_experiments
 
-        experiments = [one.with_laws(self.laws) for one in find_experiments(self.target)]
+        experiments = find_experiments(self.target)
+        if self.laws:
+            experiments = [one.with_laws(self.laws) for one in experiments]
         for experiment in experiments:
             _check_uncertain(experiment)
             _refuse_unjudgeable(experiment)
