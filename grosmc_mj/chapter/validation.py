@@ -10,7 +10,7 @@ from grosmc_mj.chapter import expected_results
 from grosmc_mj.chapter.claims.claim import Finding, Kind, Verdict, verdicts_of
 from grosmc_mj.chapter.claims.judging import verdict_differences
 from grosmc_mj.chapter.claims.results import (
-    claims_numbers,
+    claim_numbers,
     claims_sheets,
     claims_values,
     counts_words,
@@ -83,7 +83,6 @@ class Validation:
         """The content of validation.json."""
         compared = self.differing is not None
         kept = not self.differences
-        claims = claims_numbers(self.findings, lab) if self.complete else {}
         tables = [systems_table(self), results_table(self.results)]
         if self.agreements:
             tables.append(agreement_table(self.agreements))
@@ -105,7 +104,7 @@ class Validation:
             differences=self.differences,
             runs=[run_document(run) for run in self.results],
             agreement=[agreement._asdict() for agreement in self.agreements],
-            **claims,
+            claims=[claim_numbers(finding, lab) for finding in self.findings],
         )
 
     @property

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field
@@ -15,6 +17,10 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 
 _CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+# The limits that words of the statements mean, and why: one for one word, wherever it is said.
+WORDS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
+)
 
 
 class Verdict(Enum):
@@ -33,28 +39,15 @@ class Verdict(Enum):
 
 
 class Kind(Enum):
-    """Sort of a statement; each sort has a table of its own.
+    """Sort of a statement; each sort has a table of its own, with this title.
 
     Claims are counted by the sentence of the chapter that they rest on, the others one by one.
     """
 
-    CLAIM = "claim"
-    MISPRINT = "misprint"
-    PROOF = "proof"
-    QUESTION = "question"
-
-    @property
-    def plural(self) -> str:
-        """Title of its table."""
-        return _PLURALS[self]
-
-
-_PLURALS = {
-    Kind.CLAIM: "sentences of the chapter",
-    Kind.MISPRINT: "equations as printed",
-    Kind.PROOF: "assumptions and proofs",
-    Kind.QUESTION: "questions of this project",
-}
+    CLAIM = "sentences of the chapter"
+    MISPRINT = "equations as printed"
+    PROOF = "assumptions and proofs"
+    QUESTION = "questions of this project"
 
 
 class NeedsSlidingModeError(GrosmcError):
@@ -101,11 +94,10 @@ class Choice:
 
     def written(self, value: Any) -> str:
         """A value with name and unit."""
-        return f"{self.name} = {_short(value)}{' ' if self.unit else ''}{self.unit}"
-
-
-def _short(value: Any) -> str:
-    return f"[{', '.join(map(_short, value))}]" if isinstance(value, list) else shown(value, str)
+        numbers = value if isinstance(value, list) else [value]
+        words = ", ".join(shown(number, str) for number in numbers)
+        listed = f"[{words}]" if isinstance(value, list) else words
+        return f"{self.name} = {listed} {self.unit}".rstrip()
 
 
 @checked_dataclass(frozen=True, config=_CHECKED)
@@ -173,15 +165,11 @@ class Claim:
     @property
     def quantifier(self) -> str:
         """The choices for which it is meant."""
-        if self.every or self.some:
-            meant = [each.name for each in self.choices if each.name in (*self.every, *self.some)]
-            how = "every value" if self.every else "at least one value"
-            return f"for {how} tried of: {', '.join(meant)}"
-        if self.kind is Kind.QUESTION and not self.choices:
-            return "for the numbers declared here"
+        if meant := ", ".join(self.every or self.some):
+            return f"for {'every' if self.every else 'at least one'} value tried of: {meant}"
         if self.kind in (Kind.PROOF, Kind.MISPRINT) and not self.choices:
             return "for all that it allows: one counterexample refutes it"
-        if all(choice.printed for choice in self.choices):
+        if self.kind is not Kind.QUESTION and all(choice.printed for choice in self.choices):
             return "for the printed numbers"
         return "for the printed numbers, and those declared here where none is printed"
 
@@ -255,12 +243,12 @@ class Finding:
         nearest to the criterion; of one that holds for every one of them the worst.
         """
         measured = self.decisive.measured
-        valued = [each for each in (measured, *self.trials.values()) if each.value is not None]
+        valued = [one for one in (measured, *self.trials.values()) if one.value is not None]
         if not self.trials or self.verdict is Verdict.UNDETERMINED or not valued:
             return measured
         worst = bool(self.claim.every) and self.verdict is Verdict.SUPPORTED
         least = (self.claim.sense == "at most") is not worst
-        return (min if least else max)(valued, key=lambda each: each.value or 0.0)
+        return (min if least else max)(valued, key=lambda one: one.value or 0.0)
 
     @property
     def near(self) -> bool:
@@ -275,20 +263,19 @@ class Finding:
         """The value of a choice with which alone the statement holds; empty if as declared."""
         if self.verdict is not Verdict.SUPPORTED or self.claim.holds(self.decisive.measured):
             return ""
-        holding = [each for each in self.trials.items() if self.claim.holds(each[1])]
-        return "; ".join(f"{name}: {each.note}" if each.note else name for name, each in holding)
+        holding = [trial for trial in self.trials.items() if self.claim.holds(trial[1])]
+        return "; ".join(f"{name}: {at.note}" if at.note else name for name, at in holding)
 
     @property
     def turns(self) -> str:
         """With which of the choices the statement is true, and with which not; empty if on none."""
         if self.verdict is not Verdict.UNDETERMINED:
             return ""
-        trials = [each for each in self.trials.items() if each[1].value is not None]
-        sides = [
-            [f"{name} ({at.value:.3g})" for name, at in trials if self.claim.holds(at) is answer]
-            for answer in (True, False)
-        ]
-        return f"true with {', '.join(sides[0])}; false with {', '.join(sides[1])}"
+        sides: dict[bool, list[str]] = {True: [], False: []}
+        for name, at in self.trials.items():
+            if at.value is not None:
+                sides[self.claim.holds(at)].append(f"{name} ({at.value:.3g})")
+        return f"true with {', '.join(sides[True])}; false with {', '.join(sides[False])}"
 
 
 # The first of these that a claim has is its sentence's verdict.
@@ -336,4 +323,4 @@ def sentences_of(findings: Iterable[Finding]) -> list[Sentence]:
 def verdicts_of(findings: Iterable[Finding], kind: Kind) -> list[Verdict]:
     """The verdicts of a kind that are counted: one a sentence, or one a statement."""
     own = [finding for finding in findings if finding.claim.kind is kind]
-    return [each.verdict for each in (sentences_of(own) if kind is Kind.CLAIM else own)]
+    return [one.verdict for one in (sentences_of(own) if kind is Kind.CLAIM else own)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -34,98 +34,52 @@ _PART = 8
 def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
     """Measure a claim on every plant, at the laboratory's settings and at half the time steps.
 
-    Where physics gives the value of the equations, half the time steps are tried on the equations
-    alone: they are integrated by the same method and cost a twentieth.
+    What a choice turns it turns on every plant: it is tried on the one that decides.
 
     Args:
         lab: Where it is measured.
         claim: The claim.
         refine: Whether to look at half the time steps too.
     """
+    trials = {
+        choice.written(value): tried(lab, claim, claim.plants[-1], choice, value)
+        for choice in claim.choices
+        if choice.name in (*claim.every, *claim.some)
+        for value in choice.values
+    }
     plants: dict[PlantName, PlantFinding] = {}
     for name in claim.plants:
-        equations = plants.get("corrected") if name == "physics" else None
-        plants[name] = _on_plant(lab, claim, name, equations, refine=refine and not claim.exact)
-    # What a choice turns it turns on every plant: it is tried on the one that decides.
-    trials = _trials(lab, claim, plants)
-    plants = {name: _with_trials(claim, finding, trials) for name, finding in plants.items()}
+        measured, refined, finer = claim.measure(lab, name), None, name
+        if refine and not claim.exact:
+            equations = plants.get("corrected") if name == "physics" else None
+            # The same value: the equations stand in, which cost a twentieth.
+            if equations is not None and _same(measured, equations.measured):
+                refined, finer = equations.refined, "corrected"
+            else:
+                refined = claim.measure(lab.refined, name)
+        verdict = _verdict(claim, measured, refined, trials.values())
+        plants[name] = PlantFinding(measured, refined, verdict, finer)
     finding = Finding(claim, plants, trials=trials)
     failed = finding.verdict in (Verdict.REFUTED, Verdict.UNDETERMINED)
     because = claim.premise(lab) if failed and claim.premise is not None else ""
-    if because:
-        for name, on_plant in plants.items():
-            if on_plant.verdict is Verdict.REFUTED:
-                plants[name] = replace(on_plant, verdict=Verdict.PREMISE_NOT_MET)
+    for name, on_plant in plants.items():
+        if because and on_plant.verdict is Verdict.REFUTED:
+            plants[name] = replace(on_plant, verdict=Verdict.PREMISE_NOT_MET)
     return replace(finding, because=because)
 
 
-def _on_plant(
-    lab: Laboratory,
-    claim: Claim,
-    plant: PlantName,
-    equations: PlantFinding | None,
-    *,
-    refine: bool,
-) -> PlantFinding:
-    """The finding on one plant, beside that on the equations if they may stand in for it."""
-    measured, refined, finer = claim.measure(lab, plant), None, plant
-    if refine and equations is not None and _same(measured, equations.measured):
-        refined, finer = equations.refined, "corrected"
-    elif refine:
-        refined = claim.measure(lab.refined, plant)
+def _verdict(
+    claim: Claim, measured: Measured, refined: Measured | None, trials: Iterable[Measured]
+) -> Verdict:
+    """The verdict on one plant by its values at both time steps and what the choices turn."""
     both = [measured] if refined is None else [measured, refined]
-    answers = {claim.holds(each) for each in both}
-    strange = any(each.broken or not math.isfinite(each.value or 0.0) for each in both)
-    verdict = Verdict.SUPPORTED if True in answers else Verdict.REFUTED
+    answers = {claim.holds(one) for one in both}
+    strange = any(one.broken or not math.isfinite(one.value or 0.0) for one in both)
     if strange or len(answers) > 1:
-        verdict = Verdict.INCONCLUSIVE
-    return PlantFinding(measured, refined, verdict, finer)
-
-
-def _trials(
-    lab: Laboratory, claim: Claim, plants: Mapping[PlantName, PlantFinding]
-) -> dict[str, Measured]:
-    """Measurements at the values of the choices that the claim is meant for.
-
-    Where physics gives the value of the equations, it confirms only those that are nearest to the
-    threshold on either side.
-    """
-    meant = [choice for choice in claim.choices if choice.name in (*claim.every, *claim.some)]
-    tries = {choice.written(value): (choice, value) for choice in meant for value in choice.values}
-    deciding = claim.plants[-1]
-    twins = not claim.exact and deciding == "physics" and "corrected" in plants
-    if twins and _same(plants["physics"].measured, plants["corrected"].measured):
-        screened = {name: tried(lab, claim, "corrected", *each) for name, each in tries.items()}
-        nearest = _nearest(claim, screened)
-        confirmed = {name: tried(lab, claim, deciding, *tries[name]) for name in nearest}
-        if all(_same(each, screened[name]) for name, each in confirmed.items()):
-            return screened | confirmed
-    return {name: tried(lab, claim, deciding, *each) for name, each in tries.items()}
-
-
-def _nearest(claim: Claim, trials: Mapping[str, Measured]) -> list[str]:
-    """Of those that hold and of those that don't, the one nearest to the threshold."""
-    distance = {
-        name: math.inf if each.value is None else abs(each.value - claim.threshold)
-        for name, each in trials.items()
-        if not each.broken
-    }
-    sides = [
-        [name for name in distance if claim.holds(trials[name]) is answer]
-        for answer in (True, False)
-    ]
-    return [min(side, key=distance.__getitem__) for side in sides if side]
-
-
-def _with_trials(
-    claim: Claim, finding: PlantFinding, trials: Mapping[str, Measured]
-) -> PlantFinding:
-    """The finding on one plant, with what the choices turn."""
-    measured = [each for each in (finding.measured, *trials.values()) if not each.broken]
-    turns = len({claim.holds(each) for each in measured}) > 1
-    if finding.verdict is Verdict.INCONCLUSIVE or not turns:
-        return finding
-    return replace(finding, verdict=Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED)
+        return Verdict.INCONCLUSIVE
+    if len(answers | {claim.holds(trial) for trial in trials if not trial.broken}) > 1:
+        return Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
+    return Verdict.SUPPORTED if True in answers else Verdict.REFUTED
 
 
 def _same(one: Measured, other: Measured) -> bool:

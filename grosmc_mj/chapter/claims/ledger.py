@@ -5,41 +5,18 @@ from __future__ import annotations
 import inspect
 import itertools
 import tomllib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ValidationError
-
 from grosmc_mj.arguments import require_known
-from grosmc_mj.chapter.claims.claim import Choice, Claim, Measured, NoValueError
-from grosmc_mj.chapter.claims.measurements import (
-    arm,
-    cart,
-    cart_pendulum,
-    measures,
-    servo,
-    theory,
-    two_link_arm,
-)
-from grosmc_mj.chapter.claims.words import WORDS
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.chapter.claims.claim import WORDS, Choice, Claim, Kind, Measured, NoValueError
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.fields import translated
 from grosmc_mj.plants import SYSTEMS
-
-# A claim may name these modules' public functions that take a laboratory.
-FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    f"{module.__name__.rpartition('.')[2]}.{name}": function
-    for module in (servo, cart_pendulum, cart, arm, two_link_arm, theory, measures)
-    for name, function in inspect.getmembers(module, inspect.isfunction)
-    if function.__module__ == module.__name__
-    and not name.startswith("_")
-    and "lab" in inspect.signature(function).parameters
-}
 
 
 @dataclass(frozen=True)
@@ -60,32 +37,27 @@ class Measurement:
 
     def __call__(self, lab: Laboratory, plant: PlantName, **changed: Any) -> Measured:
         """The value on a plant; broken where a run that it rests on is."""
-        arguments = {**self.arguments, **changed}
+        arguments, points = {**self.arguments, **changed}, list[Measured]()
         if "epsilon" in arguments:
             lab = lab.varied("laws.grosmc.epsilon", arguments.pop("epsilon"))
-        try:
-            if not self.take:
-                return self._at(lab, plant, arguments)
-            return self._extreme(lab, plant, arguments)
-        except NoValueError as error:
-            return Measured(None, str(error), broken=True)
-
-    def _extreme(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
-        lists = [name for name, value in arguments.items() if isinstance(value, list)]
-        found: list[Measured] = []
+        lists = [name for name in arguments if self.take and isinstance(arguments[name], list)]
         for values in itertools.product(*(arguments[name] for name in lists)):
-            point = dict(zip(lists, values, strict=True))
-            value, note, broken = self._at(lab, plant, {**arguments, **point})
-            where = " ".join(map(str, values))
-            if value is None or broken:
-                return Measured(value, f"{where}: {note}", broken)
-            words = f"{where} {value:.3g}" + (f" ({note})" if note else "")
-            found.append(Measured(value, words))
+            try:
+                point = self._at(lab, plant, arguments | dict(zip(lists, values, strict=True)))
+            except NoValueError as error:
+                return Measured(None, str(error), broken=True)
+            if not self.take:
+                return point
+            where, note = " ".join(map(str, values)), f" ({point.note})" if point.note else ""
+            if point.value is None or point.broken:
+                return point._replace(note=f"{where}: {point.note}")
+            points.append(Measured(point.value, f"{where} {point.value:.3g}{note}"))
         pick = max if self.take == "largest" else min
-        extreme = pick(found, key=lambda measured: measured.value or 0.0)
-        return extreme._replace(note="; ".join(measured.note for measured in found))
+        extreme = pick(points, key=lambda point: point.value or 0.0)
+        return extreme._replace(note="; ".join(point.note for point in points))
 
     def _at(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
+        """The value at T, or 2 v(T/2) - v(T): what is left of an error that is linear in T."""
         first = self.function(lab, plant, **arguments)
         if not self.extrapolated or first.value is None or first.broken:
             return first
@@ -97,71 +69,36 @@ class Measurement:
 
 
 def read_claims(path: Path) -> list[Claim]:
-    """The claims of a system's file, in its order.
-
-    Args:
-        path: It has the system's name.
-
-    Raises:
-        SetupError: If a claim is not as it must be.
-    """
+    """The claims of a system's file, in its order; the file has the system's name."""
     content = tomllib.loads(path.read_text(encoding="utf-8"))
-    shared, causes = content.pop("choices", {}), content.pop("causes", {})
+    causes = content.pop("causes", {})
+    choices = {key: Choice(**value) for key, value in content.pop("choices", {}).items()}
     claims = []
     for name, table in content.items():
-        try:
-            choices = {key: Choice(**value) for key, value in shared.items()}
-            values = _values(table, path.stem, choices, causes)
-            claims.append(Claim(id=name, system=path.stem, **values))
-        except ValidationError as error:
-            mistake: Exception = translated(error, [], ArgumentError)
-            raise SetupError(f"{path}: claim {name}: {mistake}") from None
-        except (ArgumentError, TypeError) as error:
-            raise SetupError(f"{path}: claim {name}: {error}") from None
+        values = {**WORDS.get(table.get("word", ""), {}), **table, "id": name, "system": path.stem}
+        values["choices"] = [choices[key] for key in table.get("choices", ())]
+        for quantified in ("every", "some"):
+            values[quantified] = [choices[key].name for key in table.get(quantified, ())]
+        values["kind"] = Kind[table.get("kind", "claim").upper()]
+        values["cause"] = causes[table["cause"]] if "cause" in table else ""
+        take, extrapolated = (table["measure"].pop(key, "") for key in ("take", "extrapolated"))
+        function, arguments = _function(table["measure"], path.stem)
+        values["measure"] = Measurement(function, arguments, take, bool(extrapolated))
+        if "premise" in table:
+            function, arguments = _function(table["premise"], path.stem)
+            values["premise"] = partial(function, **arguments)
+        claims.append(Claim(**values))
     return claims
 
 
-def _values(
-    table: Mapping[str, Any], system: str, choices: Mapping[str, Choice], causes: Mapping[str, str]
-) -> dict[str, Any]:
-    """The fields of a claim by its table in the file.
-
-    Raises:
-        ArgumentError: If it names something that does not exist.
-        TypeError: If arguments are not the function's own.
-    """
-    values = dict(table)
-    if "word" in table:
-        values = {**WORDS[_known("word", table["word"], WORDS)], **values}
-    for key in ("choices", "every", "some"):
-        own = [choices[_known("choice", name, choices)] for name in table.get(key, ())]
-        values[key] = own if key == "choices" else [choice.name for choice in own]
-    if "cause" in table:
-        values["cause"] = causes[_known("cause", table["cause"], causes)]
-    for key, called_with in (("measure", (0, 0)), ("premise", (0,))):
-        if key not in table:
-            continue
-        arguments = dict(table[key])
-        function = FUNCTIONS[_known("function", arguments.pop("function", ""), FUNCTIONS)]
-        options = {name: arguments.pop(name) for name in _OPTIONS if name in arguments}
-        if "system" in inspect.signature(function).parameters:
-            arguments["system"] = system
-        own = {name: value for name, value in arguments.items() if name != "epsilon"}
-        inspect.signature(function).bind(*called_with, **own)
-        values[key] = (
-            Measurement(function, arguments, **options)
-            if key == "measure"
-            else partial(function, **arguments)
-        )
-    return values
-
-
-_OPTIONS = ("take", "extrapolated")
-
-
-def _known(kind: str, name: str, valid: Collection[str]) -> str:
-    require_known(kind, name, valid)
-    return name
+def _function(table: Mapping[str, Any], system: str) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """What a table names of the measurements, as MODULE.FUNCTION, and its arguments."""
+    arguments = dict(table)
+    module, _, name = arguments.pop("function").partition(".")
+    function = getattr(import_module(f"grosmc_mj.chapter.claims.measurements.{module}"), name)
+    if "system" in inspect.signature(function).parameters:
+        arguments["system"] = system
+    return function, arguments
 
 
 # A system that the chapter says nothing of has no file.
@@ -180,7 +117,8 @@ def select_claims(target: str | None = None) -> list[Claim]:
         ArgumentError: If there is no such system with claims, and no such claim.
     """
     if target is not None:
-        _known("claim", target, [*dict.fromkeys(c.system for c in CLAIMS), *(c.id for c in CLAIMS)])
+        systems = dict.fromkeys(claim.system for claim in CLAIMS)
+        require_known("claim", target, [*systems, *(claim.id for claim in CLAIMS)])
     return [claim for claim in CLAIMS if target in (None, claim.system, claim.id)]
 
 
@@ -190,5 +128,5 @@ def find_claim(name: str) -> Claim:
     Raises:
         ArgumentError: If there is none of that name.
     """
-    claims = {claim.id: claim for claim in CLAIMS}
-    return claims[_known("claim", name, claims)]
+    require_known("claim", name, [claim.id for claim in CLAIMS])
+    return next(claim for claim in CLAIMS if claim.id == name)

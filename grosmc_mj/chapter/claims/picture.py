@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.claims.claim import Finding
@@ -26,12 +25,12 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
         SetupError: If it cannot be written.
     """
     claim = finding.claim
-    above = 1.6 + _ROW * len(finding.trials)
-    with figure_written(path, (7.2, above + (3.6 if claim.drawing else 0.6)), (".png",)) as figure:
+    above, below = 1.6 + _ROW * len(finding.trials), 3.6 if claim.drawing else 0.6
+    with figure_written(path, (7.2, above + below), (".png",)) as figure:
         if claim.drawing is None:
             values = figure.subplots()
         else:
-            values, curves = figure.subplots(2, 1, height_ratios=(above, 3.6))
+            values, curves = figure.subplots(2, 1, height_ratios=(above, below))
             panel, runs = claim_panel(lab, claim.system, **claim.drawing)
             panel.draw(curves, runs)
             curves.set_xlabel("time t [s]")
@@ -46,22 +45,23 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
 
     Then one for each value of the choices that the claim is meant for, on the plant that decides.
     """
-    claim, rows = finding.claim, [*finding.plants, *finding.trials]
-    points = []
-    for row, found in enumerate(finding.plants.values()):
+    claim, points, drawn = finding.claim, [], [finding.claim.threshold]
+    for name, found in finding.plants.items():
         colour = VERDICT_COLOURS[found.verdict.value]
-        points += [(found.measured, row, colour, colour), (found.refined, row, colour, "none")]
-    for row, trial in enumerate(finding.trials.values(), start=len(finding.plants)):
+        points += [(name, found.measured, colour, colour), (name, found.refined, colour, "none")]
+    for name, trial in finding.trials.items():
         colour = KEPT if claim.holds(trial) else FAILED
-        points.append((trial, row, colour, colour))
-    shown = [(each.value, *rest) for each, *rest in points if each and each.value is not None]
-    for value, row, colour, face in shown:
-        axes.plot(value, row, "o", ms=7, mec=colour, mfc=face, mew=1.6, clip_on=False)
+        points.append((name, trial, colour, colour))
+    rows = list(dict.fromkeys(name for name, *_ in points))
+    for name, at, edge, face in points:
+        if at is not None and at.value is not None:
+            row = rows.index(name)
+            axes.plot(at.value, row, "o", ms=7, mec=edge, mfc=face, mew=1.6, clip_on=False)
+            drawn.append(at.value)
     axes.axvline(claim.threshold, color=OPTIMUM, ls="--", lw=1.2)
     axes.set_yticks(range(len(rows)), rows)
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    values = np.array([claim.threshold, *(value for value, *_ in shown)])
-    if values.min() > 0 and values.max() > _WIDE * values.min():
+    if min(drawn) > 0 and max(drawn) > _WIDE * min(drawn):
         axes.set_xscale("log")
     unit = f" [{claim.unit}]" if claim.unit != "1" else ""
     words = f"found{unit}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
 from typing import NamedTuple
@@ -12,9 +12,6 @@ from grosmc_mj.chapter.claims.judging import judge, parts_of
 from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import Settings
-
-# By claim that was tried, whether it noticed.
-_Answers = dict[str, bool]
 
 
 class Caught(NamedTuple):
@@ -55,12 +52,13 @@ def self_test(
         notice: Called when a worker died and was replaced.
         thorough: Whether to try every claim with every fault.
     """
-    answers: dict[str, _Answers] = {fault.name: {} for fault in faults}
+    # By fault and claim that was tried, whether it noticed.
+    answers: dict[str, dict[str, bool]] = {fault.name: {} for fault in faults}
     parts, left = parts_of(claims), list(faults)
-    for again in (thorough, True):
+    for again in (True,) if thorough else (False, True):
         work = partial(_tried, Laboratory(settings), parts, left, again)
         with closing(executor.run(work, range(len(parts)), notice)) as reports:
-            for part in reports:
+            for part in reports if left else ():
                 for name, report in part.report.items():
                     answers[name].update(report)
                 for claim in parts[part.index] if again is thorough else ():
@@ -68,15 +66,9 @@ def self_test(
                 left = [fault for fault in faults if not any(answers[fault.name].values())]
                 if again and not (thorough or left):
                     break
-        if thorough or not left:
-            break
     return [
-        Caught(
-            fault,
-            tuple(claim.id for claim in claims if answers[fault.name].get(claim.id)),
-            len(answers[fault.name]),
-        )
-        for fault in faults
+        Caught(fault, tuple(claim.id for claim in claims if own.get(claim.id)), len(own))
+        for fault, own in zip(faults, answers.values(), strict=True)
     ]
 
 
@@ -86,25 +78,23 @@ def _tried(
     faults: Sequence[Fault],
     again: bool,
     index: int,
-) -> dict[str, _Answers]:
+) -> dict[str, dict[str, bool]]:
     """Try the claims of a part, fault by fault; with ``again`` also those that noticed one."""
     verdicts = {claim.id: _verdicts(sound, claim) for claim in parts[index]}
-    noticed: set[str] = set()
-    report: dict[str, _Answers] = {}
+    report: dict[str, dict[str, bool]] = {}
     for fault in faults:
         faulty = Laboratory(sound.settings, fault)
+        noticed = {name for own in report.values() for name, answer in own.items() if answer}
         left = [claim for claim in parts[index] if again or claim.id not in noticed]
-        answers = {claim.id: _verdicts(faulty, claim) != verdicts[claim.id] for claim in left}
-        noticed |= {name for name, answer in answers.items() if answer}
-        report[fault.name] = answers
+        report[fault.name] = {c.id: _verdicts(faulty, c) != verdicts[c.id] for c in left}
     return report
 
 
-def _verdicts(lab: Laboratory, claim: Claim) -> Mapping[str, object]:
+def _verdicts(lab: Laboratory, claim: Claim) -> object:
     """A claim's verdict on every plant."""
     try:
         finding = judge(lab, claim, refine=False)
     except (ValueError, RuntimeError) as error:
         # A laboratory so wrong that it cannot measure has been noticed as well.
-        return {"error": type(error)}
-    return {name: each.verdict for name, each in finding.plants.items()}
+        return type(error)
+    return {name: on_plant.verdict for name, on_plant in finding.plants.items()}

@@ -16,7 +16,7 @@ from grosmc_mj.chapter.claims.claim import (
     verdicts_of,
 )
 from grosmc_mj.chapter.claims.self_test import Caught
-from grosmc_mj.chapter.claims.sweep import flips_of
+from grosmc_mj.chapter.claims.sweep import stored_flips
 from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.tables import Column, Table, numbers, table, text, verdicts, words
 
@@ -27,7 +27,6 @@ LEGEND = (
 EVIDENCE = [
     *words("plant"), *numbers("at T", "at T/2"), *verdicts("verdict"), *text("note")
 ]  # fmt: skip
-_SIGNS = {"at most": "≤", "at least": "≥"}
 
 
 def number_of(measured: Measured | None) -> str:
@@ -38,26 +37,27 @@ def number_of(measured: Measured | None) -> str:
 def needed(claim: Claim) -> str:
     """The criterion in few characters."""
     unit = "" if claim.unit in ("1", "unit of s/s") else f" {claim.unit}"
-    return f"{_SIGNS[claim.sense]} {claim.threshold:g}{unit}"
+    return f"{'≤' if claim.sense == 'at most' else '≥'} {claim.threshold:g}{unit}"
 
 
 def is_told(finding: Finding) -> bool:
     """Whether the page tells a claim's story: an equation or a proof, or one without support."""
-    told = (Kind.MISPRINT, Kind.PROOF)
-    return finding.claim.kind in told or finding.verdict is not Verdict.SUPPORTED
+    told = finding.claim.kind in (Kind.MISPRINT, Kind.PROOF)
+    return told or finding.verdict is not Verdict.SUPPORTED
 
 
 def turning(finding: Finding) -> list[str]:
     """What the verdict turns on: its threshold, and what is not printed and turns the record."""
-    flips = [where for choice, where in flips_of(finding.claim) if not choice.printed]
+    flips = stored_flips(finding.claim.id)
+    own = [choice.name for choice in finding.claim.choices if not choice.printed]
     near = ["within 50 % of its threshold"] if finding.near else []
-    return [*near, *(f"flips {where}" for where in flips)]
+    return [*near, *(f"flips {flips[name]}" for name in own if name in flips)]
 
 
 def counts_table(findings: Sequence[Finding]) -> Table:
     """How many sentences and statements have which verdict."""
     rows = [
-        (kind.plural, *(str(own.count(verdict)) for verdict in Verdict), str(len(own)))
+        (kind.value, *(str(own.count(verdict)) for verdict in Verdict), str(len(own)))
         for kind in Kind
         if (own := verdicts_of(findings, kind))
     ]
@@ -85,38 +85,31 @@ def sentences_table(findings: Sequence[Finding]) -> Table:
     rows = [
         (
             sentence.quote,
-            "; ".join(f"{each.claim.id}: {each.verdict.value}" for each in sentence.findings),
+            "; ".join(f"{under.claim.id}: {under.verdict.value}" for under in sentence.findings),
             sentence.verdict.value,
         )
         for sentence in sentences_of(findings)
     ]
     columns = [*text("sentence"), *text("claims under it"), *verdicts("verdict")]
-    return table(Kind.CLAIM.plural, columns, rows, legend=RULE)
+    return table(Kind.CLAIM.value, columns, rows, legend=RULE)
 
 
 def statements_tables(findings: Sequence[Finding]) -> list[Table]:
     """For each kind its statements, with the value on the plant that decides."""
-    return [
-        table(
-            "claims under them" if kind is Kind.CLAIM else kind.plural,
-            [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")],
-            map(_statement, own),
-            legend=LEGEND,
+    columns = [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")]
+    rows: dict[Kind, list[tuple[str, ...]]] = {kind: [] for kind in Kind}
+    for finding in findings:
+        claim, needs = finding.claim, f" (with {finding.needs})" if finding.needs else ""
+        rows[claim.kind].append(
+            (
+                claim.id,
+                f"{claim.statement}{needs}: {claim.criterion} [{claim.source}]",
+                f"{number_of(finding.shown)} ({needed(claim)})",
+                finding.verdict.value + (" *" if turning(finding) else ""),
+            )
         )
-        for kind in Kind
-        if (own := [finding for finding in findings if finding.claim.kind is kind])
-    ]
-
-
-def _statement(finding: Finding) -> tuple[str, str, str, str]:
-    claim = finding.claim
-    needs = f" (with {finding.needs})" if finding.needs else ""
-    return (
-        claim.id,
-        f"{claim.statement}{needs}: {claim.criterion} [{claim.source}]",
-        f"{number_of(finding.shown)} ({needed(claim)})",
-        finding.verdict.value + (" *" if turning(finding) else ""),
-    )
+    titles = {kind: kind.value for kind in Kind} | {Kind.CLAIM: "claims under them"}
+    return [table(titles[k], columns, own, legend=LEGEND) for k, own in rows.items() if own]
 
 
 def facts(finding: Finding) -> dict[str, str]:
@@ -141,8 +134,11 @@ def facts(finding: Finding) -> dict[str, str]:
     return {title: words for title, words in story.items() if words}
 
 
-def evidence_table(finding: Finding) -> Table:
-    """The values of a claim on each plant, at T and at half of it."""
+def claim_tables(finding: Finding) -> list[Table]:
+    """The story of one claim; and its values on each plant, at T and at half of it."""
+    story = facts(finding)
+    if "equation" in story:
+        story["equation"] = in_text(story["equation"])
     end = "" if finding.claim.unit == "1" else f" {finding.claim.unit}"
     rows = [
         (
@@ -154,17 +150,8 @@ def evidence_table(finding: Finding) -> Table:
         )
         for plant, found in finding.plants.items()
     ]
-    return table("", EVIDENCE, rows)
-
-
-def claim_tables(finding: Finding) -> list[Table]:
-    """The story of one claim, and its values."""
-    story = {
-        title: in_text(said) if title == "equation" else said
-        for title, said in facts(finding).items()
-    }
     columns = [*words(finding.claim.id), *text(finding.verdict.value.upper())]
-    return [table("", columns, story.items()), evidence_table(finding)]
+    return [table("", columns, story.items()), table("", EVIDENCE, rows)]
 
 
 def claims_tables(findings: Sequence[Finding]) -> list[Table]:
@@ -177,7 +164,7 @@ def turning_table(sweeps: Iterable[Mapping[str, Any]]) -> Table:
     """Where claims change their answer, those that turn on what is not printed first.
 
     Args:
-        sweeps: As ``Swept.document`` has them.
+        sweeps: As ``sweep`` yields them.
     """
     rows = [
         (row["claim"], row["choice"] + (" (printed)" if row["printed"] else ""), row["flips"])
@@ -190,8 +177,8 @@ def turning_table(sweeps: Iterable[Mapping[str, Any]]) -> Table:
 def noticed_table(caught: Sequence[Caught]) -> Table:
     """Which claims noticed each fault, of those that were tried; the least noticed first."""
     rows = [
-        (each.fault.name, f"{len(each.claims)} of {each.tried}", ", ".join(each.claims))
-        for each in sorted(caught, key=lambda each: len(each.claims))
+        (one.fault.name, f"{len(one.claims)} of {one.tried}", ", ".join(one.claims))
+        for one in sorted(caught, key=lambda one: len(one.claims))
     ]
     columns = [*words("fault"), *numbers("noticed by"), Column(header="claims", width=60)]
     return table("Faults that claims notice", columns, rows)

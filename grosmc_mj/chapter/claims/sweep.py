@@ -1,4 +1,4 @@
-"""What each claim turns on: its choices varied one by one, and where its answer changes."""
+"""The choices of each claim varied one by one, and where its answer changes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Choice, Claim
 from grosmc_mj.chapter.claims.judging import tried
@@ -19,50 +19,34 @@ STORED = Path(__file__).resolve().parents[1] / "sweeps.json"
 _HALVINGS = 5
 
 
-class Swept(NamedTuple):
-    """One claim over one of its choices, on the plant that decides.
-
-    Attributes:
-        claim: Its id.
-        choice: The choice.
-        values: The measured value at each of the choice's, and whether the claim holds; None
-            without.
-        flips: Where its answer changes; empty if it does not.
-    """
-
-    claim: str
-    choice: Choice
-    values: tuple[tuple[float | None, bool | None], ...]
-    flips: str
-
-    def document(self) -> dict[str, Any]:
-        """As plain values."""
-        return {
-            "claim": self.claim,
-            "choice": self.choice.name,
-            "printed": self.choice.printed,
-            "values": [
-                {"choice": self.choice.written(value), "measured": measured, "holds": holds}
-                for value, (measured, holds) in zip(self.choice.values, self.values, strict=True)
-            ],
-            "flips": self.flips,
-        }
-
-
 def sweep(
     lab: Laboratory, claims: Sequence[Claim], advance: Callable[[str], object] = lambda _: None
-) -> Iterator[Swept]:
+) -> Iterator[dict[str, Any]]:
     """Vary every choice of every claim; those that share a choice share its runs.
 
     Args:
         lab: Where it is measured.
         claims: Whose choices.
         advance: Called after each claim with its id.
+
+    Yields:
+        Claim and choice as plain values: what is measured at each value of the choice on the plant
+        that decides, whether the claim holds there (None if nothing can be told), and where its
+        answer flips; empty if it does not.
     """
     for claim in claims:
         for choice in claim.choices:
-            values = tuple(_at(lab, claim, choice, value) for value in choice.values)
-            yield Swept(claim.id, choice, values, _flips(lab, claim, choice, values))
+            answers = [_at(lab, claim, choice, value) for value in choice.values]
+            yield {
+                "claim": claim.id,
+                "choice": choice.name,
+                "printed": choice.printed,
+                "values": [
+                    {"choice": choice.written(value), "measured": measured, "holds": holds}
+                    for value, (measured, holds) in zip(choice.values, answers, strict=True)
+                ],
+                "flips": "; ".join(_flips(lab, claim, choice, [holds for _, holds in answers])),
+            }
         advance(claim.id)
 
 
@@ -75,43 +59,30 @@ def _at(
 
 
 def _flips(
-    lab: Laboratory,
-    claim: Claim,
-    choice: Choice,
-    values: Sequence[tuple[float | None, bool | None]],
-) -> str:
-    """Where the answer changes."""
-    answers = [
-        (value, holds)
-        for value, (_, holds) in zip(choice.values, values, strict=True)
-        if holds is not None
-    ]
-    flips = []
-    for (low, before), (high, after) in itertools.pairwise(answers):
+    lab: Laboratory, claim: Claim, choice: Choice, answers: Sequence[bool | None]
+) -> Iterator[str]:
+    """Where the answer changes; of numbers halved down."""
+    known = [pair for pair in zip(choice.values, answers, strict=True) if pair[1] is not None]
+    for (low, before), (high, after) in itertools.pairwise(known):
         if before is after:
             continue
         if not (isinstance(low, float) and isinstance(high, float)):
-            flips.append(f"between {choice.written(low)} and {choice.written(high)}")
+            yield f"between {choice.written(low)} and {choice.written(high)}"
             continue
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
             same = _at(lab, claim, choice, middle)[1] is before
             low, high = (middle, high) if same else (low, middle)
-        flips.append(f"at {choice.written(float(f'{(low + high) / 2:.3g}'))}")
-    return "; ".join(flips)
-
-
-def flips_of(claim: Claim) -> list[tuple[Choice, str]]:
-    """The choices that a claim's answer changes with by the record, and where."""
-    flips = stored_flips().get(claim.id, {})
-    return [(choice, flips[choice.name]) for choice in claim.choices if choice.name in flips]
+        yield f"at {choice.written(float(f'{(low + high) / 2:.3g}'))}"
 
 
 @cache
-def stored_flips() -> dict[str, dict[str, str]]:
-    """By claim, the choices that its answer changes with and where."""
-    flips: dict[str, dict[str, str]] = {}
-    for row in json.loads(STORED.read_text(encoding="utf-8"))["sweeps"]:
-        if row["flips"]:
-            flips.setdefault(row["claim"], {})[row["choice"]] = row["flips"]
-    return flips
+def stored_sweeps() -> list[dict[str, Any]]:
+    """The sweeps of all claims on record."""
+    return json.loads(STORED.read_text(encoding="utf-8"))["sweeps"]
+
+
+def stored_flips(claim: str) -> dict[str, str]:
+    """The choices that a claim's answer changes with by the record, and where."""
+    own = (row for row in stored_sweeps() if row["claim"] == claim)
+    return {row["choice"]: row["flips"] for row in own if row["flips"]}

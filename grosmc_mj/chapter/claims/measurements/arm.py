@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import audit
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import WORDS, Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import (
     Size,
     deviation,
@@ -24,7 +24,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     sliding,
     worst_deviation,
 )
-from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName

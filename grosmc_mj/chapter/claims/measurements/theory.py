@@ -11,7 +11,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import per_second
 from grosmc_mj.assumptions.balance import balances
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import WORDS, Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import (
     from_optimum,
@@ -19,7 +19,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     surface_memory,
     worst_deviation,
 )
-from grosmc_mj.chapter.claims.words import WORDS
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.catalogue import find_experiment
