@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.experiments.metrics import Metric, tolerance_of
+from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.results.document import write_json
 
@@ -40,24 +40,33 @@ def differences(results: Sequence[RunResult], settings: Settings) -> list[str] |
     if other_settings(settings):
         return None
     runs = load_expected()["runs"]
-    return [line for result in results for line in _differences(result, runs.get(result.key))]
+    return [
+        f"{result.key}: {line}".rstrip()
+        for result in results
+        for line in _differences(result, runs.get(result.key))
+    ]
 
 
-def _differences(result: RunResult, recorded: dict[str, Any] | None) -> list[str]:
-    """The same of one run and its record."""
-    if recorded is None:
-        return [f"{result.key}: not recorded"]
+def _differences(result: RunResult, recorded: dict[str, Any] | None) -> Iterator[str]:
+    """The same of one run and its record, within the tolerance of its law."""
     status = result.status.name.lower()
+    if recorded is None:
+        yield "not recorded"
+        return
     if status != recorded["status"]:
-        return [f"{result.key}: {status}, recorded {recorded['status']}"]
+        yield f"{status}, recorded {recorded['status']}"
+        return
     switched = result.trajectory.sliding is not None
-    lines = []
     for name, metric in result.metrics.items():
-        value = recorded["metrics"].get(name)
-        if not _repeats(name, metric, value, switched=switched):
-            words = f"{name} is {_words(metric.value)}, recorded {_words(value)} {metric.unit}"
-            lines.append(f"{result.key}: {words}".rstrip())
-    return lines
+        now, before = metric.value, recorded["metrics"].get(name)
+        relative, absolute = tolerance_of(name, switched=switched)
+        if now is None or before is None:
+            repeats = now is before
+        else:
+            repeats = math.isclose(now, before, rel_tol=relative, abs_tol=absolute)
+        if not repeats:
+            values = ("none" if value is None else f"{value:.6g}" for value in (now, before))
+            yield f"{name} is {', recorded '.join(values)} {metric.unit}"
 
 
 def other_settings(settings: Settings) -> list[str]:
@@ -68,19 +77,6 @@ def other_settings(settings: Settings) -> list[str]:
         for name, value in _comparable(settings).items()
         if value != recorded[name]
     ]
-
-
-def _repeats(name: str, metric: Metric, recorded: float | None, *, switched: bool) -> bool:
-    """Whether a metric is as recorded, within the tolerance of its law."""
-    if metric.value is None or recorded is None:
-        return metric.value is recorded
-    relative, absolute = tolerance_of(name, switched=switched)
-    return math.isclose(metric.value, recorded, rel_tol=relative, abs_tol=absolute)
-
-
-def _words(value: float | None) -> str:
-    """A value, or that there is none."""
-    return "none" if value is None else f"{value:.6g}"
 
 
 def _comparable(settings: Settings) -> dict[str, Any]:

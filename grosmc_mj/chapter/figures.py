@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.tip import true_tip
+from grosmc_mj.chapter.claims.measurements.two_link_arm import true_tip
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves import shade_disturbances
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -37,7 +37,6 @@ _CHATTER: Mapping[str, Mapping[str, Any]] = {
 
 # By plant and controller.
 Runs = Mapping[tuple[str, str], RunResult]
-Curve = Callable[[RunResult], tuple[Array, Array]]
 
 
 class Panel(NamedTuple):
@@ -45,7 +44,7 @@ class Panel(NamedTuple):
 
     Attributes:
         label: Of the second axis.
-        curve: Of a run.
+        curve: Of each run, one of ``_CURVES``.
         laws: Whose runs.
         styles: By plant; those that are not named are not drawn.
         dotted: A curve of GROSMC's run on physics that is drawn dotted, and its label.
@@ -54,10 +53,10 @@ class Panel(NamedTuple):
     """
 
     label: str
-    curve: Curve
+    curve: str
     laws: Sequence[str] = ("lqr", "grosmc")
     styles: Mapping[str, Mapping[str, Any]] = LINES
-    dotted: tuple[Curve, str] | None = None
+    dotted: tuple[str, str] | None = None
     both_scales: bool = False
     limit: float | None = None
 
@@ -68,10 +67,10 @@ class Panel(NamedTuple):
                 if (result := runs.get((plant, law))) is not None:
                     label = f"{label_of(law)}, {PLANTS[plant]}"
                     look: dict[str, Any] = {"color": COLOURS[law], **style}
-                    axes.plot(*self.curve(result), label=label, rasterized=True, **look)
+                    axes.plot(*_curve(self.curve, result), label=label, rasterized=True, **look)
         if self.dotted is not None and ("physics", "grosmc") in runs:
             curve, label = self.dotted
-            axes.plot(*curve(runs["physics", "grosmc"]), label=label, **REFERENCE)
+            axes.plot(*_curve(curve, runs["physics", "grosmc"]), label=label, **REFERENCE)
         if self.both_scales:
             axes.set_yscale("symlog", linthresh=1.0)
             axes.axhline(0, color="#999999", lw=0.6)
@@ -80,51 +79,39 @@ class Panel(NamedTuple):
         axes.set_ylabel(self.label)
 
 
-def _state(result: RunResult, order: int = 0) -> tuple[Array, Array]:
+def _output(result: RunResult, order: int = 0) -> Array:
     """The controlled coordinate or its rate."""
-    run = result.trajectory
-    return run.time, run.state[:, run.system.output + order * run.system.degrees_of_freedom]
+    system = result.trajectory.system
+    return result.trajectory.state[:, system.output + order * system.degrees_of_freedom]
 
 
-def _deviation(result: RunResult) -> tuple[Array, Array]:
-    return result.comparison.time, 1e3 * result.comparison.deviation
-
-
-def _error(result: RunResult) -> tuple[Array, Array]:
-    return result.comparison.time, 1e3 * result.comparison.error
-
-
-def _optimum(result: RunResult) -> tuple[Array, Array]:
-    return result.comparison.time, result.comparison.optimum[:, 0]
-
-
-def _sliding(result: RunResult) -> tuple[Array, Array]:
-    run = result.trajectory
-    assert run.sliding is not None
-    return run.time[:-1], 1e3 * run.sliding
-
-
-def _input(result: RunResult) -> tuple[Array, Array]:
-    run = result.trajectory
-    return run.time[:-1], run.input
-
-
-def _error_state(result: RunResult, order: int = 0) -> tuple[Array, Array]:
-    """The error of the controlled coordinate or of its rate."""
-    return result.comparison.time, result.comparison.z[:, order]
-
-
-def _reference(result: RunResult, order: int = 0) -> tuple[Array, Array]:
+def _reference(result: RunResult, order: int = 0) -> Array:
     """Its reference or that of its rate."""
-    time, y = _state(result, order)
-    return time, y - result.comparison.z[:, order]
+    return _output(result, order) - result.comparison.z[:, order]
 
 
-def _cart(result: RunResult) -> tuple[Array, Array]:
-    return result.trajectory.time, result.trajectory.state[:, 0]
+# By name, what is drawn over the instants that it has a value at; with 1e3 in thousandths.
+_CURVES: Mapping[str, Callable[[RunResult], Array | None]] = {
+    "output": _output,
+    "rate": partial(_output, order=1),
+    "reference": _reference,
+    "reference rate": partial(_reference, order=1),
+    "e1": lambda run: run.comparison.z[:, 0],
+    "e2": lambda run: run.comparison.z[:, 1],
+    "error": lambda run: 1e3 * run.comparison.error,
+    "deviation": lambda run: 1e3 * run.comparison.deviation,
+    "optimum": lambda run: run.comparison.optimum[:, 0],
+    "s": lambda run: None if run.trajectory.sliding is None else 1e3 * run.trajectory.sliding,
+    "input": lambda run: run.trajectory.input,
+    "cart": lambda run: run.trajectory.state[:, 0],
+}
 
 
-_rate, _reference_rate = partial(_state, order=1), partial(_reference, order=1)
+def _curve(name: str, result: RunResult) -> tuple[Array, Array]:
+    """A curve of a run over time; its law has what is asked for."""
+    values = _CURVES[name](result)
+    assert values is not None
+    return result.trajectory.time[: len(values)], values
 
 
 def claim_panel(
@@ -141,12 +128,12 @@ def claim_panel(
     """
     output = find_system(system).positions[find_system(system).output]
     panels = {
-        "output": Panel(f"{output.name} {output.symbol} [{output.unit}]", _state),
-        "close-up": Panel("error, in thousandths", _error, limit=0.6),
-        "deviation": Panel("distance from the optimum, in thousandths", _deviation),
-        "cart": Panel("cart position p [m]", _cart),
-        "s": Panel("s, in thousandths", _sliding, ("grosmc",), _CHATTER),
-        "u": Panel("input", _input, ("grosmc",), _CHATTER),
+        "output": Panel(f"{output.name} {output.symbol} [{output.unit}]", "output"),
+        "close-up": Panel("error, in thousandths", "error", limit=0.6),
+        "deviation": Panel("distance from the optimum, in thousandths", "deviation"),
+        "cart": Panel("cart position p [m]", "cart"),
+        "s": Panel("s, in thousandths", "s", ("grosmc",), _CHATTER),
+        "u": Panel("input", "input", ("grosmc",), _CHATTER),
     }
     chosen = panels[panel]._replace(laws=tuple(laws) or panels[panel].laws)
     plants: Sequence[PlantName] = ("physics", "corrected")
@@ -178,7 +165,7 @@ def _tracking(figure: Figure, runs: Runs) -> None:
             style: dict[str, Any] = {"color": colour_of(law, index), "label": label_of(law)}
             style |= {"lw": 2.2 if law == "grosmc" else 1.2, "rasterized": True}
             plane.plot(*true_tip(result).T, **style)
-            distance.plot(*_deviation(result), **style)
+            distance.plot(*_curve("deviation", result), **style)
     result = runs["physics", "grosmc"]
     last = result.comparison
     plane.plot(*last.reference[last.time <= 2.0].T, label="reference", **REFERENCE)
@@ -210,11 +197,11 @@ class Picture(NamedTuple):
 
 
 _SERVO = _stacked(
-    Panel("rotor angle θ [rad]", _state, dotted=(_optimum, "nominal optimum x*")),
-    Panel("x₁ − x₁* [mrad]", _deviation, both_scales=True),
+    Panel("rotor angle θ [rad]", "output", dotted=("optimum", "nominal optimum x*")),
+    Panel("x₁ − x₁* [mrad]", "deviation", both_scales=True),
 )
 _VARIATION_LAWS = ("lqr", "fl-lqr", "grosmc")
-_PENDULUM_OPTIMUM = (_optimum, "nominal optimum of GROSMC")
+_PENDULUM_OPTIMUM = ("optimum", "nominal optimum of GROSMC")
 _PLANTS: Sequence[PlantName] = ("physics", "corrected")
 
 PICTURES = (
@@ -231,8 +218,8 @@ PICTURES = (
         "Fig. 3  Cart-pendulum, case 1: four times the mass and the length",
         "cart_pendulum", "case1",
         _stacked(
-            Panel("pole angle θ [rad]", _state, _VARIATION_LAWS, dotted=_PENDULUM_OPTIMUM),
-            Panel("θ − θ* of each law [mrad]", _deviation, _VARIATION_LAWS, both_scales=True),
+            Panel("pole angle θ [rad]", "output", _VARIATION_LAWS, dotted=_PENDULUM_OPTIMUM),
+            Panel("θ − θ* of each law [mrad]", "deviation", _VARIATION_LAWS, both_scales=True),
         ),
     ),
     Picture(
@@ -240,8 +227,8 @@ PICTURES = (
         "Fig. 4  Cart-pendulum, case 2: d(t) = 0.01 sin 2t rad/s² from t = 9 s",
         "cart_pendulum", "case2",
         _stacked(
-            Panel("pole angle θ [rad]", _state),
-            Panel("close-up: θ [mrad]", _error, limit=0.6),
+            Panel("pole angle θ [rad]", "output"),
+            Panel("close-up: θ [mrad]", "error", limit=0.6),
         ),
     ),
     Picture(
@@ -249,7 +236,7 @@ PICTURES = (
         "cart_pendulum", "case1",
         _stacked(
             *(
-                Panel("s [mrad/s]", _sliding, ("grosmc",), {plant: _CHATTER[plant]})
+                Panel("s [mrad/s]", "s", ("grosmc",), {plant: _CHATTER[plant]})
                 for plant in _PLANTS
             )
         ),
@@ -257,22 +244,22 @@ PICTURES = (
     Picture(
         "fig6_arm_position", "Fig. 6  Arm, case 1: tracking of the joint angle", "arm", "case1",
         _stacked(
-            Panel("joint angle q [rad]", _state, dotted=(_reference, "reference")),
-            Panel("error [rad]", _error_state),
+            Panel("joint angle q [rad]", "output", dotted=("reference", "reference")),
+            Panel("error [rad]", "e1"),
         ),
     ),
     Picture(
         "fig7_arm_rate", "Fig. 7  Arm, case 1: tracking of the joint rate", "arm", "case1",
         _stacked(
-            Panel("joint rate q̇ [rad/s]", _rate, dotted=(_reference_rate, "reference")),
-            Panel("error [rad/s]", partial(_error_state, order=1)),
+            Panel("joint rate q̇ [rad/s]", "rate", dotted=("reference rate", "reference")),
+            Panel("error [rad/s]", "e2"),
         ),
     ),
     Picture(
         "fig8_arm_torque", "Fig. 8  Arm, case 1: the control input", "arm", "case1",
         _stacked(
-            Panel("torque τ [N m]", _input, ("grosmc",), _CHATTER),
-            Panel("torque τ [N m]", _input, ("lqr",)),
+            Panel("torque τ [N m]", "input", ("grosmc",), _CHATTER),
+            Panel("torque τ [N m]", "input", ("lqr",)),
         ),
     ),
     Picture(

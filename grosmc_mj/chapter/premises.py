@@ -15,26 +15,29 @@ from grosmc_mj.results.tables import Column, Table, number, numbers, table, text
 
 def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, Any]:
     """The content of premises_SYSTEM.json."""
-    values, cells = [], {}
+    values, cells, law = list[Value](), {}, audits[0].controller
     for audit in audits:
         for premise in audit.premises:
             name = f"{audit.case.system}/{audit.case.name} {audit.controller}: {premise.name}"
             values.append(Value(name=name, value="holds" if premise.holds else "fails"))
             values += [
                 Value(name=f"{name}, margin {where}", value=plain(reading.margin),
-                      unit=premise.unit,
-                      better=1, relative=0.1)
+                      unit=premise.unit, better=1, relative=0.1)
                 for where, reading in _readings(premise)
             ]  # fmt: skip
             cell = "✓" if premise.holds else f"✗ {number(_worst(premise).margin)}"
-            key = (f"{audit.case.name}, {audit.controller}", premise.name)
             why = premise.restores and f"restored by {premise.restores}"
-            cells[key] = (-1.0 if premise.holds else 1.0, cell, why or premise.requirement)
-    failing = any(audit.failed() for audit in audits)
+            cells[f"{audit.case.name}, {audit.controller}", premise.name] = (
+                -1.0 if premise.holds else 1.0, cell, why or premise.requirement
+            )  # fmt: skip
+    failed = sum(len(audit.failed()) for audit in audits)
+    all_of_them = sum(len(audit.premises) for audit in audits)
     answer = Answer(
-        question=f"Premises of {audits[0].controller} on {audits[0].case.system}",
-        verdict=NOT_KEPT if failing else KEPT,
-        words=premises_words(audits),
+        question=f"Premises of {law} on {audits[0].case.system}",
+        verdict=NOT_KEPT if failed else KEPT,
+        words=f"{failed} of {all_of_them} premises of {law} fail"
+        if failed
+        else f"All {all_of_them} premises of {law} hold",
     )
     return result(
         "premises", asdict(settings), answers=[answer], values=values,
@@ -46,46 +49,36 @@ def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, An
     )  # fmt: skip
 
 
-def premises_words(audits: Sequence[Audit]) -> str:
-    """How many premises hold, in a sentence."""
-    failed = sum(len(audit.failed()) for audit in audits)
-    premises, law = sum(len(audit.premises) for audit in audits), audits[0].controller
-    if failed:
-        return f"{failed} of {premises} premises of {law} fail"
-    return f"All {premises} premises of {law} hold"
-
-
 def audit_document(audit: Audit) -> dict[str, Any]:
     """The premises of one law in one case, as plain values."""
-    return {
-        "system": audit.case.system,
-        "case": audit.case.name,
-        "controller": audit.controller,
-        "premises": [
+    premises = []
+    for premise in audit.premises:
+        own = {
+            where: {
+                "margin": at.margin,
+                "violated": at.violated,
+                "worst": {"t": at.worst.t, "x": list(at.worst.x)},
+            }
+            for where, at in _readings(premise)
+        }
+        premises.append(
             {
                 "name": premise.name,
                 "source": premise.source,
                 "requirement": premise.requirement,
                 "unit": premise.unit,
                 "holds": premise.holds,
-                "region": _reading(premise.region),
-                "along_run": _reading(premise.along),
+                "region": own.get("in the region"),
+                "along_run": own.get("in the run"),
                 "restored_by": premise.restores,
                 "note": premise.note,
             }
-            for premise in audit.premises
-        ],
-    }
-
-
-def _reading(reading: Reading | None) -> dict[str, Any] | None:
-    """A premise at its worst point."""
-    if reading is None:
-        return None
+        )
     return {
-        "margin": reading.margin,
-        "violated": reading.violated,
-        "worst": {"t": reading.worst.t, "x": list(reading.worst.x)},
+        "system": audit.case.system,
+        "case": audit.case.name,
+        "controller": audit.controller,
+        "premises": premises,
     }
 
 
@@ -95,19 +88,18 @@ def _readings(premise: Premise) -> list[tuple[str, Reading]]:
 
 
 def _worst(premise: Premise) -> Reading:
-    return min((reading for _, reading in _readings(premise)), key=lambda each: each.margin)
+    return min((reading for _, reading in _readings(premise)), key=lambda at: at.margin)
 
 
 def audit_table(audit: Audit) -> Table:
     """The premises of one law in one case."""
     rows = []
     for premise in audit.premises:
-        story = [f"{premise.requirement} [{premise.source}]"]
-        story += [premise.note] if premise.note else []
-        story += [f"restored by {premise.restores}"] if premise.restores else []
-        margins = (_margin(each, premise.unit) for each in (premise.region, premise.along))
+        restored = premise.restores and f"restored by {premise.restores}"
+        story = [f"{premise.requirement} [{premise.source}]", premise.note, restored]
+        margins = (_margin(at, premise.unit) for at in (premise.region, premise.along))
         holds = "holds" if premise.holds else "FAILS"
-        rows.append((premise.name, *margins, holds, "; ".join(story)))
+        rows.append((premise.name, *margins, holds, "; ".join(filter(None, story))))
     return table(
         f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}",
         [
@@ -120,18 +112,20 @@ def audit_table(audit: Audit) -> Table:
 
 def failures_table(audits: Sequence[Audit]) -> Table:
     """The premises that fail, a line each, the largest shortfall first."""
-    failed = [(audit, premise) for audit in audits for premise in audit.failed()]
+    failed = [(audit.case.name, premise) for audit in audits for premise in audit.failed()]
     rows = [
-        (audit.case.name, premise.name, _margin(_worst(premise), premise.unit), premise.restores)
-        for audit, premise in sorted(failed, key=lambda each: _worst(each[1]).margin)
+        (case, premise.name, _margin(_worst(premise), premise.unit), premise.restores)
+        for case, premise in sorted(failed, key=lambda own: _worst(own[1]).margin)
     ]
-    columns = [*words("case", "FAILS"), *numbers("least margin")]
     return table(
         "Premises of the theorems",
-        [*columns, Column(header="restored by", width=45)],
+        [
+            *words("case", "FAILS"), *numbers("least margin"),
+            Column(header="restored by", width=45),
+        ],
         rows,
         legend="Margins are positive where a premise holds, in the declared region and the run.",
-    )
+    )  # fmt: skip
 
 
 def _margin(reading: Reading | None, unit: str) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import groupby
 from typing import Any
 
 from grosmc_mj.chapter import expected_results
@@ -16,13 +18,13 @@ from grosmc_mj.chapter.claims.results import (
     counts_words,
 )
 from grosmc_mj.experiments.case import Case, case_document
-from grosmc_mj.experiments.document import run_document
+from grosmc_mj.experiments.document import run_document, standings
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.metrics import Metric
+from grosmc_mj.experiments.metrics import Metric, tolerance_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Value, result
+from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Standing, Value, result
 from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.sweep.agreement import Agreement, agreement_table, disagreements
 
@@ -68,21 +70,19 @@ class Validation:
         self.complete = True
 
     @property
-    def failed(self) -> list[str]:
-        """Equations that differ from MuJoCo, and verdicts that are not the expected ones."""
+    def differences(self) -> list[str]:
+        """All that is not as the repository has it, a line each.
+
+        Results, equations that differ from MuJoCo, and verdicts that are not the expected ones.
+        """
         if not self.complete:
             return []
-        return [*disagreements(self.agreements), *verdict_differences(self.findings)]
-
-    @property
-    def differences(self) -> list[str]:
-        """All that is not as the repository has it, a line each."""
-        return [*(self.differing or ()), *self.failed]
+        judged = [*disagreements(self.agreements), *verdict_differences(self.findings)]
+        return [*(self.differing or ()), *judged]
 
     def document(self, lab: Laboratory) -> dict[str, Any]:
         """The content of validation.json."""
-        compared = self.differing is not None
-        kept = not self.differences
+        compared, kept = self.differing is not None, not self.differences
         tables = [systems_table(self), results_table(self.results)]
         if self.agreements:
             tables.append(agreement_table(self.agreements))
@@ -98,7 +98,8 @@ class Validation:
             seed=self.seed,
             complete=self.complete,
             answers=[answer],
-            sheets=[*(Sheet(table=each) for each in tables), *claims_sheets(self.findings)],
+            standings=self._standings(),
+            sheets=[*(Sheet(table=one) for one in tables), *claims_sheets(self.findings)],
             values=[*self._values(), *claims_values(self.findings)],
             as_recorded=kept if compared else None,
             differences=self.differences,
@@ -124,6 +125,32 @@ class Validation:
             words += f" All {len(self.findings)} verdicts of the claims are as expected."
         return words
 
+    def _standings(self) -> Iterator[Standing]:
+        """How each law stands in each case: by what is required of it, else by its run on record.
+
+        On record is the run in MuJoCo; its number is how far the law strays from its optimum.
+        """
+        recorded = expected_results.load_expected()["runs"]
+        other = {line.partition(": ")[0] for line in self.differing or ()}
+        for target, group in groupby(self.results, lambda run: run.key.rsplit("/", 2)[0]):
+            runs = list(group)
+            judged = [item for run in runs for item in run.requirements]
+            yield from standings(target, runs, judged, complete=self.complete)
+            required = {item.controller for item in judged}
+            for run in runs:
+                if run.plant != "physics" or run.controller.name in required:
+                    continue
+                before = recorded.get(run.key, {"metrics": {}})["metrics"].get("deviation")
+                now = _cell(run.metrics["deviation"])
+                yield Standing(
+                    case=target,
+                    law=run.controller.name,
+                    breaks_at="record" if run.key in other else "",
+                    words=f"deviation: {now}, recorded {number(before)}",
+                    complete=self.differing is not None,
+                    required=False,
+                )
+
     def _values(self) -> Iterator[Value]:
         """How each run ended, and its metrics."""
         if self.differing is not None:
@@ -134,7 +161,7 @@ class Validation:
             yield Value(name=f"{name}: status", value=run.status.name.lower())
             switched = run.trajectory.sliding is not None
             for key, metric in run.metrics.items():
-                relative, absolute = expected_results.tolerance_of(key, switched=switched)
+                relative, absolute = tolerance_of(key, switched=switched)
                 yield Value(
                     name=f"{name}: {key}", value=plain(metric.value), unit=metric.unit,
                     relative=relative, absolute=absolute,
@@ -146,21 +173,15 @@ def systems_table(done: Validation) -> Table:
     rows = []
     for system in dict.fromkeys(case.system for case in done.selected):
         runs = [run for run in done.results if run.case.system == system]
-        worst = max(
-            (
-                row.acceleration
-                for row in done.agreements
-                if row.system == system and row.variant == "corrected"
-            ),
-            default=None,
-        )
+        ended = sum(bool(run.ended) for run in runs)
+        corrected = [row for row in done.agreements if row.variant == "corrected"]
+        errors = [row.acceleration for row in corrected if row.system == system]
         own = [finding for finding in done.findings if finding.claim.system == system]
         kinds = [kind for kind in Kind if kind is not Kind.QUESTION]
-        verdicts = [verdict for kind in kinds for verdict in verdicts_of(own, kind)]
-        counts = [str(verdicts.count(verdict)) if verdicts else "-" for verdict in Verdict]
-        ended = sum(bool(run.ended) for run in runs)
+        counts = Counter(verdict for kind in kinds for verdict in verdicts_of(own, kind))
+        cells = [str(counts[verdict]) if counts else "-" for verdict in Verdict]
         count = f"{len(runs)}" + (f" ({ended} early)" if ended else "")
-        rows.append((system, count, number(worst), *counts))
+        rows.append((system, count, number(max(errors, default=None)), *cells))
     headers = ("runs", "to MuJoCo", *(verdict.value for verdict in Verdict))
     legend = "Verdicts of the chapter's sentences, equations and proofs: grosmc-mj claims has all."
     return table("Systems", [*words("system"), *numbers(*headers)], rows, legend=legend)
@@ -185,19 +206,18 @@ def deviations_table(results: Sequence[RunResult]) -> Table:
 def results_table(results: Sequence[RunResult]) -> Table:
     """The runs on physics."""
     rows = []
-    for run in results:
-        if run.plant == "physics":
-            shares = dict(zip(("continuous", "rest"), run.cost_shares, strict=True))
-            metrics = {**run.metrics, **shares}
-            cells = (_cell(metrics.get(name)) for name in _COLUMNS.values())
-            rows.append((run.case.system, run.case.name, run.controller.name, *cells))
+    for run in (run for run in results if run.plant == "physics"):
+        shares = dict(zip(("continuous", "rest"), run.cost_shares, strict=True))
+        metrics = {**run.metrics, **shares}
+        cells = (_cell(metrics.get(name)) for name in _COLUMNS.values())
+        rows.append((run.case.system, run.case.name, run.controller.name, *cells))
     return table(_TITLE, [*words("system", "case", "law"), *numbers(*_COLUMNS)], rows)
 
 
 def results_markdown(document: Mapping[str, Any]) -> str:
     """The table of the runs on physics in a validation.json, in Markdown."""
     tables = (Table.model_validate(sheet["table"]) for sheet in document["sheets"])
-    return "\n".join(next(each for each in tables if each.title == _TITLE).markdown())
+    return "\n".join(next(one for one in tables if one.title == _TITLE).markdown())
 
 
 def _cell(metric: Metric | None) -> str:

@@ -65,7 +65,7 @@ def experiment_document(
         seed=seed_of(experiment.case),
         complete=complete,
         answers=[_answer(target, results, judgements, complete=complete)],
-        standings=_standings(target, results, judgements, complete=complete),
+        standings=standings(target, results, judgements, complete=complete),
         sheets=[Sheet(table=table) for table in tables],
         values=[*_judged_values(target, results, judgements), *run_values(results)],
         kept=complete and all(item.kept for item in judgements),
@@ -98,7 +98,7 @@ def _answer(
     )
 
 
-def _standings(
+def standings(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
 ) -> Iterator[Standing]:
     """Of each law the plant where it is furthest beyond a limit, or the limit it is nearest to.

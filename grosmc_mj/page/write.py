@@ -30,6 +30,8 @@ from grosmc_mj.versions import __version__
 
 # Bytes of a page, and of its text around the films; letters of a configuration.
 LARGEST, _AROUND, _CONFIGURATION = 8_000_000, 20_000, 20_000
+# Results that stand in the table of every law in every case.
+_OF_CASES = ("run", "validation")
 # A film in at most so many bytes; None if that cannot be.
 Shrink = Callable[[Path, int], bytes | None]
 
@@ -78,7 +80,7 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shri
         "standings": [
             (each.kind, standing)
             for each in results
-            if each.kind != "run"
+            if each.kind not in _OF_CASES
             for standing in _result(each).standings
         ],
         "curves": _cases(documents, figures),
@@ -107,10 +109,10 @@ def _result(document: Document) -> Result:
 
 
 def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str, Standing]]]:
-    """The laws, and how each stands in each case of a run."""
+    """The laws, and how each stands in each case."""
     cases: dict[str, dict[str, Standing]] = {}
     for each in results:
-        if each.kind == "run":
+        if each.kind in _OF_CASES:
             for standing in _result(each).standings:
                 cases.setdefault(standing.case, {})[standing.law] = standing
     laws = dict.fromkeys(law for case in cases.values() for law in case)
@@ -130,9 +132,9 @@ def _summary(
     if cases:
         scores = []
         for law in laws:
-            own = [case[law] for case in cases.values() if law in case]
+            own = [case[law] for case in cases.values() if law in case and case[law].required]
             kept = sum(not each.breaks_at for each in own)
-            scores.append(f"{label_of(law)} in {kept} of {len(own)}")
+            scores += [f"{label_of(law)} in {kept} of {len(own)}"] if own else []
         sentences.append(
             f"{len(laws)} control laws were run in {len(cases)} cases and judged by the "
             f"requirements of each. All requirements are kept by {', '.join(scores)}."

@@ -61,6 +61,7 @@ class Standing(Part):
         breaks_at: Where it breaks first: rung, plant or imperfection; empty if it stands.
         words: The number that decides with its limit, or how far it stands.
         complete: Whether nothing was interrupted that may break it still.
+        required: Whether it stands by a requirement; else its run is compared with the record.
     """
 
     case: Text
@@ -68,6 +69,7 @@ class Standing(Part):
     breaks_at: Text = ""
     words: Text = ""
     complete: bool = True
+    required: bool = True
 
 
 class Value(Part):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -18,6 +19,7 @@ from grosmc_mj.physics.edits import BodyEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.disturbances import Disturbance
 
 
 @cache
@@ -31,10 +33,6 @@ def _negated(law: Law) -> Law:
             u[i] = -u[i]
 
     return negated
-
-
-def _wrong_sign(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    return replace(law, law=_negated(law.law))
 
 
 def _with(law: Controller, **factors: float) -> Controller:
@@ -52,14 +50,6 @@ def _no_switching(law: Controller, _experiment: Experiment, _plant: PlantName) -
     return replace(silent, parameters=replace(silent.parameters, switching=off))
 
 
-def _no_integral(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    return _with(law, S=0.0)
-
-
-def _small_g(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-    return _with(law, G=0.01, S=0.01, GB=0.01, GB_inverse=100.0, size_of_GB=0.01)
-
-
 def _printed_a(law: Controller, experiment: Experiment, _plant: PlantName) -> Controller:
     if experiment.case.system != "cart_pendulum":
         return law
@@ -73,9 +63,7 @@ def _knows_the_plant(law: Controller, experiment: Experiment, plant: PlantName) 
     return experiment.law_for(experiment.plant("corrected").analytic(), law.name)
 
 
-def _no_inertia(plant: Plant, experiment: Experiment, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant) or not experiment.case.edits:
-        return plant
+def _no_inertia(plant: MujocoPlant, experiment: Experiment) -> Plant:
     nominal, edited = compile_spec(plant.spec), apply_edits(plant.spec, experiment.case.edits)
     for edit in experiment.case.edits:
         if isinstance(edit, BodyEdit):
@@ -84,45 +72,62 @@ def _no_inertia(plant: Plant, experiment: Experiment, _name: PlantName) -> Plant
     return replace(plant, spec=edited, edits=())
 
 
-def _no_edit(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
-    return plant.changed()
-
-
-def _edit_twice(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant) or not plant.edits:
-        return plant
-    return replace(plant, spec=apply_edits(plant.spec, plant.edits))
-
-
-def _gravity_up(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
-    if not isinstance(plant, MujocoPlant):
-        return plant
+def _gravity_up(plant: MujocoPlant, _experiment: Experiment) -> Plant:
     spec: mujoco.MjSpec = plant.spec.copy()
     spec.option.gravity = -spec.option.gravity
     return replace(plant, spec=spec)
 
 
-def _printed_physics(plant: Plant, _experiment: Experiment, _name: PlantName) -> Plant:
-    return plant.analytic(plant.system.variants[0])
+def _in_physics(
+    change: Callable[[MujocoPlant, Experiment], Plant],
+) -> Callable[[Plant, Experiment, PlantName], Plant]:
+    """A change of MuJoCo's plants alone."""
+    return lambda plant, experiment, _name: (
+        change(plant, experiment) if isinstance(plant, MujocoPlant) else plant
+    )
 
 
-def _tenfold(experiment: Experiment) -> Experiment:
-    pushes = [
-        replace(push, wrench=tuple(10 * entry for entry in push.wrench))
-        for push in experiment.case.disturbances
-    ]
-    return experiment.varied(disturbances=tuple(pushes))
+def _tenfold(push: Disturbance) -> Disturbance:
+    return replace(push, wrench=tuple(10 * entry for entry in push.wrench))
 
 
 FAULTS = (
-    Fault("wrong sign of u", "every law pushes the other way", controller=_wrong_sign),
+    Fault(
+        "wrong sign of u",
+        "every law pushes the other way",
+        controller=lambda law, *_: replace(law, law=_negated(law.law)),
+    ),
     Fault("zero switching gain", "η, γ0, γ1, k and ε are zero", controller=_no_switching),
-    Fault("integral left out", "s = G [z - z(0)]", controller=_no_integral),
-    Fault("G too small", "G is a hundredth of B+", controller=_small_g),
+    Fault(
+        "integral left out",
+        "s = G [z - z(0)]",
+        controller=lambda law, *_: _with(law, S=0.0),
+    ),
+    Fault(
+        "G too small",
+        "G is a hundredth of B+",
+        controller=lambda law, *_: _with(
+            law, G=0.01, S=0.01, GB=0.01, GB_inverse=100.0, size_of_GB=0.01
+        ),
+    ),
     Fault("printed a in the law", "the pendulum's laws believe eq. (40)", controller=_printed_a),
-    Fault("mass without inertia", "an edit forgets inertia and centre of mass", plant=_no_inertia),
-    Fault("edit dropped", "MuJoCo runs the nominal model", plant=_no_edit),
-    Fault("edit done twice", "MuJoCo's model is edited once more", plant=_edit_twice),
+    Fault(
+        "mass without inertia",
+        "an edit forgets inertia and centre of mass",
+        plant=_in_physics(_no_inertia),
+    ),
+    Fault(
+        "edit dropped",
+        "MuJoCo runs the nominal model",
+        plant=lambda plant, *_: plant.changed(),
+    ),
+    Fault(
+        "edit done twice",
+        "MuJoCo's model is edited once more",
+        plant=_in_physics(
+            lambda plant, _: replace(plant, spec=apply_edits(plant.spec, plant.edits))
+        ),
+    ),
     Fault(
         "disturbance dropped",
         "no wrench reaches the plant",
@@ -131,9 +136,11 @@ FAULTS = (
     Fault(
         "decimal point misplaced",
         "every wrench is ten times as large",
-        experiment=lambda experiment: _tenfold(experiment),
+        experiment=lambda experiment: experiment.varied(
+            disturbances=tuple(map(_tenfold, experiment.case.disturbances))
+        ),
     ),
-    Fault("gravity upside down", "gravity points up in MuJoCo", plant=_gravity_up),
+    Fault("gravity upside down", "gravity points up in MuJoCo", plant=_in_physics(_gravity_up)),
     Fault(
         "slow sampling",
         "the law runs every 10 ms",
@@ -147,6 +154,6 @@ FAULTS = (
     Fault(
         "printed physics",
         "MuJoCo is replaced by the printed equations",
-        plant=_printed_physics,
+        plant=lambda plant, *_: plant.analytic(plant.system.variants[0]),
     ),
 )
